@@ -1,4 +1,7 @@
-"""Outputs that appear together, whole, or not at all; and never in the place of an input."""
+"""Outputs that appear together, whole, or not at all; and never in the place of an input.
+
+Each file is written beside its place and moved there as the command ends.
+"""
 
 from __future__ import annotations
 
@@ -8,98 +11,74 @@ import secrets
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.files.yaml.scalars import shorten
 
+#: Of report pages.
+PAGE_SUFFIXES = (".html", ".htm")
 #: What ends a run from outside; it waits while files are moved into their places.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Device and inode of a file, whatever its name.
 Identity = tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class _Staged:
-    """A file that waits beside its place. name : of the place, as it was given."""
-
-    beside: Path
-    target: Path
-    name: Path
-
-    @property
-    def direct(self) -> bool:
-        """The place is a device or a pipe, which is written into."""
-        return self.target.exists() and not self.target.is_file()
-
-
 @dataclass(slots=True)
 class Outputs:
     """Files of one command, on their way.
 
-    removed : files that go as these appear. folders : made for them. protected : files that the
-    command reads. appeared : they are in their places, and stay there.
+    staged : by place, where the file is written until then. removed : files that go as these
+    appear. folders : made for them. protected : files that the command reads. appeared : they are
+    in their places, and stay there.
     """
 
-    staged: list[_Staged] = field(default_factory=list)
+    staged: dict[Path, Path] = field(default_factory=dict)
     removed: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
     appeared: bool = False
 
-    def stage(self, path: Path) -> _Staged:
+    def stage(self, path: Path) -> Path:
         """Return where to write what shall appear at `path`. Raises UsageError."""
-        try:
-            check_target(path)
-            target = Path(os.path.realpath(path))
-            if identity(target) in self.protected:
-                raise replaces_input(path)
-            if any(other.target == target for other in self.staged):
+        with writing(path):
+            place = checked_place(path, self.protected)
+            if place in self.staged:
                 raise UsageError(
                     "two outputs go to one file", where=str(path), hint="choose another name"
                 )
-            staged = _Staged(_beside(target), target, path)
-        except (OSError, ValueError) as fault:
-            raise unwritable(path, fault) from fault
-        self.staged.append(staged)
-        return staged
+            self.staged[place] = beside = _beside(place)
+        return beside
 
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError; then nothing has changed."""
-        for staged in self.staged:
-            try:
-                check_target(staged.target)
-                with staged.beside.open("rb+") as written:
-                    os.fsync(written.fileno())
-                if staged.direct:
-                    with staged.target.open("wb") as sink, staged.beside.open("rb") as source:
+        files = {p: beside for p, beside in self.staged.items() if not _is_device(p)}
+        for place, beside in self.staged.items():
+            with writing(place):
+                checked_place(place, self.protected)
+                if place not in files:
+                    with place.open("wb") as sink, beside.open("rb") as source:
                         shutil.copyfileobj(source, sink)
-                elif staged.target.exists():
-                    staged.beside.chmod(staged.target.stat().st_mode & 0o7777)
-            except OSError as fault:
-                raise unwritable(staged.name, fault) from fault
+                elif place.exists():
+                    beside.chmod(place.stat().st_mode & 0o7777)
         with _undisturbed():
-            for staged in self.staged:
-                try:
-                    if not staged.direct:
-                        staged.beside.replace(staged.target)
-                except OSError as fault:
-                    raise unwritable(staged.name, fault) from fault
+            for place, beside in files.items():
+                with writing(place):
+                    beside.replace(place)
             for path in self.removed:
-                with contextlib.suppress(OSError):
-                    path.unlink()
+                path.unlink(missing_ok=True)
             self.appeared = bool(self.staged)
             self.folders.clear()
             self.vanish()
 
     def vanish(self) -> None:
         """Remove what has not appeared."""
-        for staged in self.staged:
-            with contextlib.suppress(OSError):
-                staged.beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            for beside in self.staged.values():
+                beside.unlink(missing_ok=True)
         self.staged.clear()
         for folder in self.folders:
             with contextlib.suppress(OSError):  # there are files in it
@@ -144,12 +123,12 @@ def replacing(path: Path) -> Iterator[Path]:
     was and no trace is left. Raises UsageError where the folder is missing or cannot be written.
     """
     with together() as outputs:
-        staged = outputs.stage(path)
+        beside = outputs.stage(path)
         try:
-            yield staged.beside
+            yield beside
         except BaseException:
-            outputs.staged.remove(staged)
-            staged.beside.unlink(missing_ok=True)
+            outputs.staged = {p: other for p, other in outputs.staged.items() if other != beside}
+            beside.unlink(missing_ok=True)
             raise
 
 
@@ -159,12 +138,9 @@ def make_folder(path: Path) -> Path:
     Raises UsageError.
     """
     outputs = _current.get()
-    try:
-        check_link(path)
+    with writing(path):
         missing = [p for p in (path, *path.parents) if not p.exists()]
         path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as fault:
-        raise unwritable(path, fault) from fault
     if outputs is not None:
         outputs.folders += missing
     return path
@@ -174,61 +150,122 @@ def protect(inputs: Iterable[Path]) -> None:
     """Let none of these files be replaced by the outputs that are under way."""
     outputs = _current.get()
     if outputs is not None:
-        outputs.protected |= {one for one in map(identity, inputs) if one is not None}
+        outputs.protected |= _identities(inputs)
 
 
-def identity(path: Path) -> Identity | None:
-    """Return which file a path leads to, through links; None where there is none."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError):
-        return None
-    return found.st_dev, found.st_ino
+def check_outputs(
+    outputs: Mapping[str, tuple[Path | None, Sequence[str]]], inputs: Sequence[Path]
+) -> None:
+    """Refuse places of output before the work, and keep the inputs from any that follows.
+
+    outputs : by option, the file, None where it is not asked for; and what its name may end in,
+    nothing where that is free. inputs : every file that the command reads or would read.
+
+    Raises UsageError where a place cannot be written, is that of an input, is named twice, or the
+    name ends in what another kind of file has.
+    """
+    protect(inputs)
+    protected, options = _identities(inputs), dict[Path, str]()
+    for option, (path, suffixes) in outputs.items():
+        if path is None:
+            continue
+        if suffixes:
+            check_suffix(path, suffixes)
+        with writing(path):
+            place = checked_place(path, protected)
+        other = options.setdefault(place, option)
+        if other != option and path.name != "null":
+            raise UsageError(
+                f"{other} and {option} name one file",
+                where=str(path),
+                hint="give each a name of its own",
+            )
 
 
-def check_link(path: Path) -> None:
-    """Raise UsageError for a link that leads to itself."""
-    if Path(os.path.realpath(path)).is_symlink():
-        raise UsageError("is a link that leads to itself", where=str(path), hint="remove the link")
-
-
-def check_target(path: Path) -> None:
-    """Raise UsageError for what no file can replace; its mode protects a file also from root."""
-    check_link(path)
-    if path.is_dir():
-        raise UsageError("is a folder", where=str(path), hint="name a file in it")
-    if path.is_file() and not path.stat().st_mode & 0o222:
+def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
+    """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
+    if path.suffix.lower() not in suffixes and not _is_device(path):
+        *others, last = suffixes
         raise UsageError(
-            "is write-protected",
+            f"the name of this file ends in {', '.join(others)}{' or ' if others else ''}{last}",
             where=str(path),
-            hint="choose another name for the result, or allow writing with `chmod u+w`",
+            hint="choose such a name",
         )
 
 
-def replaces_input(path: Path) -> UsageError:
-    """Return the error of an output in the place of an input."""
-    return UsageError(
-        "would replace an input", where=str(path), hint="choose another name for the result"
-    )
+def check_folder(path: Path) -> None:
+    """Raise UsageError where a folder for results is not there and cannot be made."""
+    there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise UsageError(
+            "no folder for the results can be made here",
+            where=str(there),
+            hint="choose another folder",
+        )
 
 
-def unwritable(path: Path, fault: OSError | ValueError) -> TdfscalError:
-    """Return the error of a place that cannot be written."""
-    reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else "no file's name"
-    return UsageError(
-        f"cannot be written: {reason}",
-        where=shorten(str(path), 300),
-        hint="check that the folder exists, may be written to and has room",
-    )
+def checked_place(path: Path, protected: set[Identity]) -> Path:
+    """Return the file itself that a path leads to, through links.
+
+    Raises UsageError for what no file can replace: an input, a folder, a file whose mode protects
+    it (also from root), a place in a folder that is not there or cannot be written.
+    """
+    try:
+        place = Path(path) if _is_device(path) else Path(os.path.realpath(path))
+    except ValueError as fault:
+        raise UsageError("is no file's name", where=shorten(str(path))) from fault
+    if place.is_symlink():
+        what, hint = "is a link that leads to itself", "remove the link"
+    elif _identities([place]) & protected:
+        what, hint = "would replace an input", "choose another name for the result"
+    elif place.is_dir():
+        what, hint = "is a folder", "name a file in it"
+    elif place.is_file() and not place.stat().st_mode & 0o222:
+        what = "is write-protected"
+        hint = "choose another name for the result, or allow writing with `chmod u+w`"
+    elif not (_is_device(place) or os.access(place.parent, os.W_OK)):
+        what = "cannot be written: its folder is not there or may not be written to"
+        hint = "create the folder first, or choose another"
+    else:
+        return place
+    raise UsageError(what, where=shorten(str(path), 300), hint=hint)
 
 
-def _beside(target: Path) -> Path:
-    """Create a file to write to: beside its target, or elsewhere for a device's content."""
-    if target.exists() and not target.is_file():
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the system says against writing a file into a UsageError."""
+    try:
+        yield
+    except OSError as fault:
+        raise UsageError(
+            f"cannot be written: {fault.strerror or fault}",
+            where=shorten(str(path), 300),
+            hint="check that the folder exists, may be written to and has room",
+        ) from fault
+
+
+def _identities(paths: Iterable[Path]) -> set[Identity]:
+    """Which files these paths lead to, through links; those that are not there have none."""
+    found = set()
+    for path in paths:
+        with contextlib.suppress(OSError, ValueError):
+            at = path.stat()
+            found.add((at.st_dev, at.st_ino))
+    return found
+
+
+def _is_device(place: Path) -> bool:
+    """The place is a device or a pipe, which is written into."""
+    return place.exists() and not place.is_file() and not place.is_dir()
+
+
+def _beside(place: Path) -> Path:
+    """Create a file to write to: beside its place, or elsewhere for a device's content."""
+    if _is_device(place):
         handle, name = tempfile.mkstemp(suffix=".part")
         beside = Path(name)
     else:
-        beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
+        beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(6)}.part")
         # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
         handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     os.close(handle)

@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from tdfscal.files.outputs import replacing, unwritable
+from tdfscal.files.outputs import replacing, writing
 from tdfscal.files.yaml.scalars import plain_scalar
 
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, whole or not at all. Raises UsageError where that is not possible."""
-    with replacing(path) as beside:
-        try:
-            beside.write_text(text, encoding="utf-8", newline="\n")
-        except OSError as fault:
-            raise unwritable(path, fault) from fault
+    with replacing(path) as beside, writing(path):
+        beside.write_text(text, encoding="utf-8", newline="\n")
 
 
 def to_json(content: Any) -> str:

@@ -12,7 +12,7 @@ from tdfscal.catalogue import told_of
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
-from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import check_outputs
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
     SUFFIXES,

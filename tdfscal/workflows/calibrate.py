@@ -18,8 +18,7 @@ from tdfscal.errors import NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import from_joint, from_tracker
-from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import appear_now
+from tdfscal.files.outputs import PAGE_SUFFIXES, appear_now, check_outputs
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding, Value

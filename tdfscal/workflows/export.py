@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from tdfscal.catalogue import told
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS
-from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.dwells import no_dwell
 from tdfscal.errors import DataError
-from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text

@@ -19,7 +19,7 @@ from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
 from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, of_load, same_load

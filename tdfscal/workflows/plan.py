@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.errors import UsageError
-from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
 from tdfscal.workflows.arguments import PathLike, one

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.errors import UsageError
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect
+from tdfscal.files.outputs import check_folder, protect
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing

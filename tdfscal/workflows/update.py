@@ -16,7 +16,7 @@ from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
-from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding, Value
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import placed, starting_state

@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.errors import TdfscalError
-from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.outputs import make_folder, replacing, together
+from tdfscal.files.outputs import make_folder, replacing, together, writing
 from tdfscal.files.writers import documents, point_files, recordings, table_log
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.records import Log, Rig, Rows
@@ -147,32 +147,26 @@ def write_run(
     story = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
     block: dict[str, Any] = {}
     tracker = None
-    try:
-        with together() as outputs:
-            make_folder(folder)
-            if recorded is not None:
-                block = _write_log(folder / f"log.{format}", recorded.log, format)
-            if played.moving is not None:
-                block["delay"] = STATED_DELAY
-            if survey is not None:
-                point_files.write_session(folder / "tracker", survey.session)
-                tracker = documents.tracker_block(survey)
-            rig_file = documents.rig_document(rig, block or None, tracker)
-            documents.write_yaml(folder / "rig.yaml", rig_file)
-            beside = {staged.target: staged.beside for staged in outputs.staged}
-            files = {}
-            for name in _OURS:
-                place = Path(os.path.realpath(folder / name))
-                if place in beside:
-                    files[name] = _sha256(beside[place])
-                else:
-                    outputs.removed.append(folder / name)
-            truth = documents.truth_document(played, rig, story)
-            documents.write_yaml(folder / _TRUTH, truth | {"files": files})
-    except OSError as error:
-        raise UsageError(
-            f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
-        ) from error
+    with writing(folder), together() as outputs:
+        make_folder(folder)
+        if recorded is not None:
+            block = _write_log(folder / f"log.{format}", recorded.log, format)
+        if played.moving is not None:
+            block["delay"] = STATED_DELAY
+        if survey is not None:
+            point_files.write_session(folder / "tracker", survey.session)
+            tracker = documents.tracker_block(survey)
+        rig_file = documents.rig_document(rig, block or None, tracker)
+        documents.write_yaml(folder / "rig.yaml", rig_file)
+        files = {}
+        for name in _OURS:
+            place = Path(os.path.realpath(folder / name))
+            if place in outputs.staged:
+                files[name] = _sha256(outputs.staged[place])
+            else:
+                outputs.removed.append(folder / name)
+        truth = documents.truth_document(played, rig, story)
+        documents.write_yaml(folder / _TRUTH, truth | {"files": files})
     return tuple(folder / name for name in (*files, _TRUTH))
 
 

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.errors import DataError, UsageError
-from tdfscal.files.output_places import check_suffix
-from tdfscal.files.outputs import replacing
+from tdfscal.errors import DataError
+from tdfscal.files.outputs import check_suffix, replacing, writing
 from tdfscal.files.writers.recordings import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
@@ -60,21 +59,13 @@ def write_wrenches(
     """
     check_suffix(path, SUFFIXES)
     rows = 0
-    with replacing(path) as beside:
-        try:
-            text = path.suffix.lower() == ".csv"
-            mcap = path.suffix.lower() == ".mcap"
-            sink = recording(beside, about, frame) if mcap else _table(beside, about, text=text)
-            with sink as append:
-                for piece in numbers_only(pieces):
-                    append(piece)
-                    rows += piece.time.size
-        except OSError as fault:
-            raise UsageError(
-                f"cannot be written: {fault.strerror or fault}",
-                where=str(path),
-                hint="check that there is room",
-            ) from fault
+    text, mcap = path.suffix.lower() == ".csv", path.suffix.lower() == ".mcap"
+    with replacing(path) as beside, writing(path):
+        sink = recording(beside, about, frame) if mcap else _table(beside, about, text=text)
+        with sink as append:
+            for piece in numbers_only(pieces):
+                append(piece)
+                rows += piece.time.size
     return rows
 
 
