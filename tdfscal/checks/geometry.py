@@ -25,12 +25,15 @@ from tdfscal.checks.hinge_distances import (
     without_jolts,
 )
 from tdfscal.findings import Finding, Value
+from tdfscal.model.pose import register
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, FRAME_MISFIT, GEOMETRY_MISFIT
 
 #: What every support gives, m/N, whatever is stated: at 2 N/µm nothing is harmed (theory, 11).
 _GIVES: Final = 5e-7
+#: Share of the size beyond which positions are of another machine, or misnamed.
+_SHAPE: Final = 2e-3
 #: A standard uncertainty of a place above this is none, m.
 _UNKNOWN: Final = 1.0
 #: Code of a finding by the cause's kind, and the unit of its size.
@@ -47,6 +50,30 @@ CODES: Final = {
 _SECOND_ORDER: Final = 0.05
 #: Equations that are left when all constant errors are known, for a frame to be judged.
 _FEWEST: Final = 3
+
+
+def gross_limit(rig: Rig, force: FloatArray | None = None) -> float:
+    """Rms distance from the rig file's pattern, m, above which no fit can be trusted.
+
+    force : (K, n, 3), N, readings, under which declared supports give; None where none do.
+    """
+    stated, give = rig.declared, 0.0
+    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+    if force is not None:
+        load = float(np.median(np.linalg.norm(force, axis=2), axis=0).max())
+        # What is not measured carries a part of the weight at most.
+        load = max(load, float(rig.mass.value) * rig.gravity)
+        give = load * max(stated.compliance_lateral, stated.compliance_vertical)
+    own = np.sqrt(stated.hinge**2 + stated.datum**2 + stated.positioner**2)
+    return _SHAPE * radius + 6 * (float(own) + give)
+
+
+def misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
+    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
+    R, T = register(hinge, position)
+    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
+    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
+    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +128,7 @@ def examine(
     common : m, standard uncertainty of a coordinate that all postures share, beside the datum's.
     frames : whether a positioner's frame may be blamed, where distances agree on average.
     """
-    n, stated = rig.n, rig.declared
+    n, size = rig.n, 15 * rig.n + 2
     keep = without_jolts(rig.hinge, position, variance)
     force = np.zeros_like(position) if force is None else force
     sums = equations(rig.hinge, position[keep], force[keep], variance[keep])
@@ -109,18 +136,13 @@ def examine(
     varying, known = sums.apart_from(nuisances)
     dof = sums.rows - known
     scatter = max(1.0, varying.chi2 / dof) if dof > 0 else 1.0
-    prior = np.zeros(len(sums.score))
-    prior[: 3 * n] = min(stated.hinge, _UNKNOWN)
-    prior[3 * n : 6 * n] = min(float(np.hypot(stated.datum, common)), _UNKNOWN)
-    prior[6 * n] = max(stated.compliance_lateral, _GIVES)
-    prior[6 * n + 1] = max(stated.compliance_vertical, _GIVES)
-    pattern = sums.scaled(scatter).given(prior)
-    tried = [pattern.ask(*suspect) for suspect in _suspects(rig.hinge, len(prior))]
+    pattern = sums.scaled(scatter).given(stated_errors(rig, common))
+    tried = [pattern.ask(*suspect) for suspect in _suspects(rig.hinge, size)]
     best = max(tried, key=lambda cause: cause.weight)
     if frames and dof > _FEWEST:
-        wrong = [pattern.ask(*suspect) for suspect in _frames(n, len(prior))]
+        wrong = [pattern.ask(*suspect) for suspect in _frames(n, size)]
         likely = max(wrong, key=lambda cause: cause.weight)
-        p_value, rest = _varies(varying, dof, _frames(n, len(prior)), likely)
+        p_value, rest = _varies(varying, dof, _frames(n, size), likely)
         if likely.weight > best.weight and p_value < FRAME_MISFIT:
             return Geometry(p_value, _alike([*tried, *wrong], likely), True, rest)
     chi2 = max(0.0, pattern.chi2 - varying.chi2 / scatter)
@@ -136,6 +158,17 @@ def examine(
         chi2_sf(left, max(known - best.unknowns, 1)) > CAUSE_EXPLAINS
     )
     return Geometry(p_value, _alike(tried, best), explained, scatter)
+
+
+def stated_errors(rig: Rig, common: float = 0.0) -> FloatArray:
+    """Standard uncertainty (P,) of every column of `equations` by the rig file; as in `examine`."""
+    n, stated = rig.n, rig.declared
+    out = np.zeros(15 * n + 2)
+    out[: 3 * n] = min(stated.hinge, _UNKNOWN)
+    out[3 * n : 6 * n] = min(float(np.hypot(stated.datum, common)), _UNKNOWN)
+    out[6 * n] = max(stated.compliance_lateral, _GIVES)
+    out[6 * n + 1] = max(stated.compliance_vertical, _GIVES)
+    return out
 
 
 def _varies(

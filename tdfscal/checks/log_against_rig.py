@@ -21,9 +21,8 @@ from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 
-#: Positions and rig file must agree in size within this share, and in shape within the next.
+#: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
-_SHAPE = 2e-3
 #: Forces and weight must agree within this share; the fit judges the rest far more sharply.
 _WEIGHT = 0.2
 #: Forces a thousand times too small may be rounded by up to this factor.
@@ -62,8 +61,8 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         head while gravity points along −Z: a unit, swapped or mirrored axes, swapped supports, a
         hinge or a positioner's offset, or another rig.
     """
-    limit = _shape_limit(rig) + 6 * _given_way(rig, force)
-    off, up = _misfit(rig.hinge, position)
+    limit = geometry.gross_limit(rig, force)
+    off, up = geometry.misfit(rig.hinge, position)
     if off <= limit and up > 0:
         check_size(rig, position)
         return
@@ -171,9 +170,9 @@ def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
     values: dict[str, Value] = {"always": always}
     if clear:
         values["axis"] = f"{sign}{'XYZ'[axis]}"
-    limit, upright = _shape_limit(rig), []
+    limit, upright = geometry.gross_limit(rig), []
     for order in orders(rig.n):
-        off, up = _misfit(rig.hinge, position[:, order])
+        off, up = geometry.misfit(rig.hinge, position[:, order])
         left = float(np.linalg.norm(_turn(rig, position[:, order])))
         if off <= limit and up > 0 and left <= _TURNED:
             upright.append((left, renamed(rig, order)))
@@ -192,33 +191,11 @@ def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
     """Words for the rearrangement that fits upright with the terminal least turned."""
     fitting = []
     for text, candidate in _rearranged(rig, position):
-        off, up = _misfit(rig.hinge, candidate)
+        off, up = geometry.misfit(rig.hinge, candidate)
         if off <= limit and up > 0:
             R, _ = register(rig.hinge, candidate)
             fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), text))
     return min(fitting)[1] if fitting else None
-
-
-def _shape_limit(rig: Rig) -> float:
-    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
-    stated = np.sqrt(rig.declared.hinge**2 + rig.declared.datum**2 + rig.declared.positioner**2)
-    return _SHAPE * radius + 6 * float(stated)
-
-
-def _given_way(rig: Rig, force: FloatArray) -> float:
-    """How far declared supports may give, m, standard uncertainty, under readings (K, n, 3)."""
-    load = float(np.median(np.linalg.norm(force, axis=2), axis=0).max())
-    # What is not measured carries a part of the weight at most.
-    load = max(load, float(rig.mass.value) * rig.gravity)
-    return load * max(rig.declared.compliance_lateral, rig.declared.compliance_vertical)
-
-
-def _misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
-    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
-    R, T = register(hinge, position)
-    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
-    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
-    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
 
 
 def _rearranged(rig: Rig, position: FloatArray) -> Iterator[tuple[str, FloatArray]]:

@@ -18,6 +18,7 @@ from tdfscal.numerics.least_squares import Spectrum, block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import (
     PRIORS,
+    UNDECLARED,
     Quality,
     Uncertainty,
     of_shares,
@@ -26,7 +27,7 @@ from tdfscal.selfcal.covariance import (
 )
 
 #: Names in the budget of what only motion has.
-SPECTRUM, MOTION, UNDECLARED = "noise spectrum", "motion", "undeclared error"
+SPECTRUM, MOTION = "noise spectrum", "motion"
 #: Length over which the positioners' errors change, m: of leads of screws, of joints of guides.
 FIELD = 0.015
 #: Places of a block at most between which they are compared.

@@ -24,6 +24,8 @@ from tdfscal.significance import INTERVAL_COVERAGE
 
 #: What earlier campaigns contribute; their covariance is not scaled yet.
 EARLIER = "earlier campaigns"
+#: What the rig file lacks, where it is suspected and the result accepted.
+UNDECLARED = "undeclared error"
 #: Sources of the budget that average out over postures; the Birge ratio scales these.
 NOISE = ("noise", "positioner", "hinge friction", EARLIER)
 #: Parameter groups by their name in the budget.
@@ -145,12 +147,18 @@ def quality(fit: Fit, parts: Spectrum) -> Quality:
 
 
 def evaluate(
-    fit: Fit, parts: Spectrum, birge: float, *, noise_from_residuals: bool = False
+    fit: Fit,
+    parts: Spectrum,
+    birge: float,
+    *,
+    noise_from_residuals: bool = False,
+    undeclared: FloatArray | None = None,
 ) -> Uncertainty:
     """Posterior covariance, budget and coverage factors.
 
     birge : its excess over 1 scales the standard deviation of the noise; it never shrinks any.
     noise_from_residuals : the noise level itself comes from this fit, with its few degrees.
+    undeclared : (p,), by which the active parameters move with what the rig file may lack.
     """
     posterior = parts.root @ parts.root.T  # pseudo-inverse of the information
     inflate = max(1.0, birge) ** 2
@@ -158,6 +166,9 @@ def evaluate(
         name: share * (inflate if name in NOISE else 1.0)
         for name, share in _shares(fit, posterior).items()
     }
+    if undeclared is not None:
+        shares[UNDECLARED] = np.outer(undeclared, undeclared)
+        posterior = posterior + shares[UNDECLARED]
     dof = np.inf
     if birge > 1 or noise_from_residuals:
         dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))

@@ -167,11 +167,16 @@ def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatA
 
 
 def simulate(
-    of: Estimate, rng: np.random.Generator, max_trials: int, known: BoolArray
+    of: Estimate,
+    rng: np.random.Generator,
+    max_trials: int,
+    known: BoolArray,
+    undeclared: FloatArray | None = None,
 ) -> MonteCarlo:
     """Perturb and solve until the averages are stable or the trials run out.
 
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
+    undeclared : (p,), one standard deviation of the active parameters by what is not declared.
     """
     linear, base, followed = of.uncertainty, of.fit.state.rotation, known[:, None].astype(float)
     sampler = Sampler(of.fit, of.parts, of.quality.birge)
@@ -183,6 +188,9 @@ def simulate(
         for start in range(0, size, CHUNK):
             rotation, settled = sampler.solve(sampler.draw(rng, min(CHUNK, size - start)))
             unsettled += int(np.sum(~settled))
+            if undeclared is not None:
+                turn = undeclared[: 3 * len(base)].reshape(-1, 3)
+                rotation = so3.exp(rng.standard_normal((len(rotation), 1, 1)) * turn) @ rotation
             chunks.append(followed * so3.deviations(rotation, base))
         return np.concatenate(chunks)
 

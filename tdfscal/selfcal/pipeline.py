@@ -20,6 +20,7 @@ from tdfscal.selfcal.closure import misplaced
 from tdfscal.selfcal.covariance import (
     Estimate,
     estimate,
+    evaluate,
     information_root,
     joint_posterior,
     quality,
@@ -102,6 +103,7 @@ def self_calibrate(
         check_readings(rig, usable.postures, present, usable.index + 1, held)
         raise
     doubts = misplaced(known)
+    move = doubts[0].move if doubts and not doubts[0].harmful else None
     set_aside: tuple[Suspicion, ...] = ()
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
@@ -116,11 +118,17 @@ def self_calibrate(
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts, set_aside = _slip_or(doubts, known, usable, held)
         doubts = (*placed, *doubts)
+    if move is not None:  # till it is mended, the stated uncertainty holds that move
+        noise = usable.measured_noise
+        uncertainty = evaluate(
+            result, known.parts, stats.birge, noise_from_residuals=noise, undeclared=move
+        )
+        known = replace(known, uncertainty=uncertainty)
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
-        trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined)
+        trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined, move)
     calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,

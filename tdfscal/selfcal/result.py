@@ -120,7 +120,7 @@ def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[F
     found += _of_the_noise(of.quality, measured_noise=measured_noise)
     for doubt in of.suspicions:
         if not doubt.harmful:
-            found += doubt.findings(rejects=False)
+            found += doubt.findings(rejects=False, held=doubt.move is not None)
     for doubt in of.set_aside:
         found += doubt.findings(rejects=False, slip=True)
     if trials is not None and trials.unsettled:

@@ -69,3 +69,27 @@ def test_the_harm_that_is_told_is_the_shift_of_the_angles() -> None:
     moved = so3.log(result.fit.state.rotation @ np.swapaxes(sound.fit.state.rotation, 1, 2)).ravel()
     std = np.sqrt(np.diagonal(result.uncertainty.covariance))
     assert doubt.shift == pytest.approx(np.max(np.abs(moved) / std), rel=0.1)
+
+
+def test_a_warned_geometry_widens_the_angles_by_the_move_that_it_names() -> None:
+    """And the trials agree: intervals by 20,000 of them hold the same move."""
+    rig = simulation.make_rig(3, radius=2.0)
+    dwells, truth = recorded(rig, 3)
+    hinge = rig.hinge.copy()
+    hinge[0] += 1e-3 * np.array([0.0, 0.6, 0.0])
+    result = self_calibrate(
+        replace(rig, hinge=hinge), dwells, rng=np.random.default_rng(0), max_trials=20_000
+    )
+    (doubt,) = result.suspicions
+    assert not doubt.harmful
+    assert doubt.move is not None
+    move = doubt.move[:9]
+    own = result.uncertainty.covariance - np.outer(move, move)
+    plain = calibrated(rig, dwells).uncertainty.covariance
+    np.testing.assert_allclose(np.diagonal(own), np.diagonal(plain), rtol=0.02)
+    share = result.uncertainty.contributions["undeclared error"]
+    assert np.max(np.sqrt(share)) == pytest.approx(doubt.harm, rel=0.05)
+    assert result.monte_carlo is not None
+    assert result.monte_carlo.validated
+    d = so3.log(truth @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
+    assert d @ np.linalg.solve(result.uncertainty.covariance, d) < 27.9
