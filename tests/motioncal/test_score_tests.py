@@ -9,11 +9,12 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import layout
-from tdfscal.motioncal.covariance import UNDECLARED, evaluate
+from tdfscal.motioncal.covariance import evaluate
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
+from tdfscal.selfcal.covariance import UNDECLARED
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.simulation.moving_options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, turn_error
