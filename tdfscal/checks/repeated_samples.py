@@ -22,8 +22,9 @@ from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, LeftOut, Lo
 from tdfscal.significance import REPEATED_BY_CHANCE
 
 _Hashes = npt.NDArray[np.uint64]
-#: Samples of a window, and windows that are kept of each sensor.
-_WINDOW, _KEPT = 8, 1 << 13
+#: Samples of a window, and windows that are kept of each sensor: while its log passes, so many that
+#: four seconds of ten hours have eight; and after it, to be held against other logs.
+_WINDOW, _KEPT, _AFTERWARDS = 8, 1 << 17, 1 << 13
 #: Least information of a value that differs from the others of its window, bits: such a window has
 #: more than four values to choose from.
 _BITS = 2.0
@@ -67,10 +68,18 @@ class RepeatedSamples:
             sensor.add(series.time, series.value)
 
     def found(self) -> tuple[Repeat, ...]:
-        """Return the stretches that repeat earlier ones."""
-        return tuple(
+        """Return the stretches that repeat earlier ones; fewer windows are kept from now on."""
+        found = tuple(
             repeat for i, sensor in enumerate(self._sensors) for repeat in sensor.repeats(i)
         )
+        for sensor in self._sensors:
+            sensor.thin(_AFTERWARDS)
+        return found
+
+    def shared(self, other: RepeatedSamples) -> tuple[Repeat, ...]:
+        """Return the stretches of another log, by its clock, that repeat some of this one."""
+        pairs = enumerate(zip(self._sensors, other._sensors, strict=True))
+        return tuple(repeat for i, (own, its) in pairs for repeat in own.shared(its, i))
 
 
 def counted_once(dwells: Dwells, repeats: Sequence[Repeat]) -> Dwells:
@@ -192,9 +201,25 @@ class _Sensor:
 
     def repeats(self, sensor: int) -> Iterator[Repeat]:
         """Return the stretches that repeat earlier ones."""
-        w = self.windows
-        share = np.diff(w.place, append=np.iinfo(np.int64).max).clip(max=_WINDOW) / _WINDOW
-        return _runs(sensor, w, _BITS * w.new * share, self._passed)
+        return _runs(sensor, self.windows, self._passed)
+
+    def shared(self, other: _Sensor, sensor: int) -> Iterator[Repeat]:
+        """Return the stretches of another log that repeat some of this one."""
+        w, later = self.windows, other.windows
+        if not len(w.key) or not len(later.key):
+            return
+        apart = float(w.time[-1] - later.time[0]) + 2 * _VIBRATION
+        place = later.place + self._passed + _WINDOW
+        both = w.and_(replace(later, time=later.time + apart, place=place))
+        for repeat in _runs(sensor, both, self._passed + other._passed):
+            if repeat.original <= w.time[-1] < repeat.begin:
+                yield replace(repeat, begin=repeat.begin - apart, end=repeat.end - apart)
+
+    def thin(self, most: int) -> None:
+        """Keep at most so many windows."""
+        while len(self.windows.key) > most and self._every < _RAREST:
+            self._every *= np.uint64(2)
+            self.windows = self.windows.take(self._chosen(self.windows.choice))
 
     def _whole(self) -> _Windows:
         """Windows that are whole by now, of those that are kept."""
@@ -240,11 +265,13 @@ def _steps(value: FloatArray, quantum: FloatArray) -> _Hashes:
     return (value / quantum + 0.2360679).astype(np.int64).view(np.uint64)
 
 
-def _runs(sensor: int, windows: _Windows, bits: FloatArray, count: int) -> Iterator[Repeat]:
+def _runs(sensor: int, windows: _Windows, count: int) -> Iterator[Repeat]:
     """Windows that recur one after the other at one distance, and could not by chance.
 
-    bits : (W,), information of each beside its neighbours. count : windows that passed.
+    count : windows that passed.
     """
+    share = np.diff(windows.place, append=np.iinfo(np.int64).max).clip(max=_WINDOW) / _WINDOW
+    bits = _BITS * windows.new * share  # of each beside its neighbours
     order = np.lexsort((windows.place, windows.key))
     a, b = order[:-1], order[1:]
     same = windows.key[a] == windows.key[b]

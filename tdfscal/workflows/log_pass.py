@@ -56,7 +56,8 @@ class LogPass:
 
     inputs : files that were read. messages : what the logs say of themselves, each once. stops :
     what became of most of them, where few are dwells. begin, end : s, the first and the last time
-    in the logs, by their clock. repeats : samples that the logs hold twice.
+    in the logs, by their clock. samples : what tells a copy of them; repeats : those that the logs
+    hold twice.
     """
 
     campaign: Campaign
@@ -66,6 +67,7 @@ class LogPass:
     begin: float = float("inf")
     end: float = float("-inf")
     stops: Finding | None = None
+    samples: RepeatedSamples | None = None
     repeats: tuple[Repeat, ...] = ()
 
     @property
@@ -108,7 +110,7 @@ class LogPass:
         for piece in self.pieces():
             looking.add(piece)
             yield piece
-        self.repeats = looking.found()
+        self.repeats, self.samples = looking.found(), looking
 
     def noted(self, dwells: Dwells) -> Dwells:
         """Keep what the dwells say of the log; samples that are there twice count once."""

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from tdfscal.checks.repeated_samples import RepeatedSamples
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.records import Dwells, InputFile, Measured, Rig
 from tdfscal.workflows.log_pass import LogPass
@@ -74,13 +75,14 @@ def day(moment: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What tells one recording from another. dwells : None where they are not at hand."""
+    """What tells one recording from another. dwells, samples : None where not at hand."""
 
     name: str
     inputs: Sequence[InputFile]
     measured: Measured | None
     rig: Rig | None = None
     dwells: Dwells | None = None
+    samples: RepeatedSamples | None = None
 
 
 def refuse_repeated(recordings: Sequence[Recording]) -> None:
@@ -92,6 +94,8 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
             what = "their clocks say so, for no rig is recorded twice at a time"
         if what is None and _alike(first, second):
             what = "the mean forces of their dwells agree far below their uncertainty"
+        if what is None and _copied(first, second):
+            what = "the readings of every sensor are the same, noise included"
         if what is not None:
             raise UsageError(
                 f"holds the same recording as {first.name}: {what}",
@@ -122,3 +126,13 @@ def _alike(a: Recording, b: Recording) -> bool:
         for force, limit in zip(few.force, within, strict=True)
     )
     return 2 * same >= len(few)
+
+
+def _copied(a: Recording, b: Recording) -> bool:
+    """Whether samples of every sensor that measures are in both."""
+    if a.samples is None or b.samples is None or a.rig is None or b.rig is None:
+        return False
+    if a.rig.supports != b.rig.supports:
+        return False
+    copied = {repeat.sensor for repeat in a.samples.shared(b.samples)}
+    return copied >= set(np.flatnonzero(a.rig.axes.any(axis=1)).tolist())

@@ -61,6 +61,7 @@ def read_campaign(paths: Sequence[Path], settings: Settings, rig: Path | None = 
         measured=measured(log),
         rig=log.rig,
         dwells=dwells,
+        samples=log.samples,
         log=log,
         survey=survey,
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -294,6 +295,14 @@ def test_a_moving_log_updates_and_is_pooled(
     own = simulated_zero(moving)
     for ours, theirs in zip(content["supports"], own, strict=True):
         assert np.all(np.abs(np.array(ours["zero"]) - theirs) < 4 * np.array(ours["zero_std"]))
+    copy = edited(moving, tmp_path / "copy")
+    (log,) = copy.glob("*.parquet")
+    table = pd.read_parquet(log)
+    table["time"] += 86400.0
+    table.to_parquet(log)
+    done = run(capsys, "calibrate", still, moving, copy, *plain, tmp_path / "none.yaml")
+    assert done.status == 2
+    assert "the readings of every sensor are the same" in done.err
 
 
 def simulated_zero(folder: Path) -> list[list[float]]:
