@@ -36,7 +36,7 @@ from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.reference_rig import make_rig
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.several_campaigns import read_campaign, recorded
+from tdfscal.workflows.several_campaigns import read_campaigns, recorded
 from tests.comparison.histories import history
 
 RIG = reference_rig()
@@ -288,9 +288,8 @@ def hundred() -> str:
             recorder=Recorder(),
         )  # fmt: skip
         start = time.perf_counter()
-        reads = [
-            read_campaign([path], Settings()) for path in sorted(months.iterdir()) if path.is_dir()
-        ]
+        groups = [[path] for path in sorted(months.iterdir()) if path.is_dir()]
+        reads = read_campaigns(groups, Settings())
         read = time.perf_counter() - start
         start = time.perf_counter()
         pool([recorded(item) for item in reads])

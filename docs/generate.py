@@ -14,7 +14,6 @@ from typing import Any
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, described
 from tdfscal.files.schema import schemas
-from tdfscal.workflows.options import sentence
 
 PAGE = Path(__file__).with_name("reference.md")
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -23,7 +22,7 @@ _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL
 def commands() -> Iterator[str]:
     """Yield every command with a table of its options."""
     for name, (_, text) in COMMANDS.items():
-        parameters = list(described(name).parameters)
+        parameters = described(name).parameters
         given = "".join(f" {p.option.metavar}" for p in parameters if p.positional)
         options = [p for p in parameters if not p.positional]
         needed = "".join(f" {p.flags[-1]} {p.values}" for p in options if p.default is ...)
@@ -34,7 +33,7 @@ def commands() -> Iterator[str]:
             value = "`{}`".format(p.values.replace("|", "`, `")) if p.values else ""
             default = p.default if isinstance(p.default, str | int | float) else ""
             shown = "" if isinstance(default, bool) else default
-            yield f"| {names} | {value} | {shown} | {sentence(p.option)} |\n"
+            yield f"| {names} | {value} | {shown} | {p.option.sentence} |\n"
     yield "\n"
 
 

@@ -18,7 +18,7 @@ from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.records import Rig
 from tdfscal.workflows.calibration import Calibration
 from tdfscal.workflows.campaign import rig_named
-from tdfscal.workflows.survey import survey_of
+from tdfscal.workflows.simulate import survey_of
 
 #: What each study does, and its runs where none are asked for; in the order of the paper.
 STUDIES = {

@@ -9,10 +9,10 @@ def main() -> None:
     status = 130
     try:
         # All imports of weight lie inside, so that an interruption among them ends quietly too.
-        from tdfscal.cli.ending import ending
+        from tdfscal.cli.process import ending
 
         with ending() as end:
-            from tdfscal.cli.program import run
+            from tdfscal.cli.app import run
 
             end.status = run()
         status = end.status

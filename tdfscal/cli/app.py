@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
+import sys
+import warnings
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, Signature
@@ -12,13 +16,16 @@ import typer
 import typer.core
 import typer.main
 
-from tdfscal import __version__
+from tdfscal import __version__, memory
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CALIBRATE, CHECK, PLAN, PURPOSES, USE
+from tdfscal.cli.process import say
+from tdfscal.errors import TdfscalError
 
 if TYPE_CHECKING:
     from tdfscal.workflows.options import Command, Described
 
+#: Purposes of commands, in the order of the help.
+PURPOSES = CALIBRATE, CHECK, USE, PLAN = "Calibrate", "Check", "Put to work", "Plan and try"
 #: Every command: its purpose, and what it does, so that the help need not load it.
 COMMANDS = {
     "apply": (USE, "Work out the contact force and torque over a whole log."),
@@ -77,6 +84,24 @@ _PRINTED = {
 }
 _DETAILED = ("calibrate",)
 _HELP = {"help_option_names": ["-h", "--help"]}
+#: What typer raises for a faulty command line, whichever click it carries.
+_MISUSE: type[Exception] = typer.BadParameter.__bases__[0]
+#: What typer makes of an interruption.
+_INTERRUPTED = 130
+#: What pydantic-like messages of the option parser mean, in words.
+_PLAIN = (
+    (r"Input should be a valid integer.*", "this is no whole number"),
+    (r"Input should be a valid number.*", "this is no number"),
+    (r"Input should be (.*)", r"it must be \1"),
+    (r"Value error, ", ""),
+    (r"^Missing argument '([^']*)'", r"\1 is missing"),
+    (r"^Missing option (.*)", r"the option \1 is missing"),
+    (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
+    (r"^(No such command '[^']*')\. Did you mean '([^']*)'.*", r"\1 (did you mean \2?)"),
+    (r"^No such option: ", "there is no option "),
+    (r"^No such command ", "there is no command "),
+    (r" \(Possible options: .*", ""),
+)
 
 
 class Commands(typer.core.TyperGroup):
@@ -168,14 +193,12 @@ def made(name: str) -> Any:
 
 def _parameter(one: Described) -> Parameter:
     """Return a parameter as typer wants it."""
-    from tdfscal.workflows.options import sentence
-
-    option, text = one.option, sentence(one.option)
+    option, text = one.option, one.option.sentence
     if one.positional:
         told = typer.Argument(one.default, metavar=option.metavar, help=text)
-        return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=one.kind, default=told)
+        return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=one.shown, default=told)
     default = None if one.default == () else one.default
-    kind = one.kind | None if default is None and get_origin(one.kind) is list else one.kind
+    kind = one.shown | None if default is None and get_origin(one.shown) is list else one.shown
     more: dict[str, Any] = {}
     if "|" in one.values:
         more["case_sensitive"] = False
@@ -194,3 +217,43 @@ def _plainly_typed(command: Any) -> None:
             param.display_type_rich = lambda ctx: None
         elif param.metavar is None and not param.is_flag and not param.type_descriptor.is_choice:
             param.display_type_rich = lambda ctx: "N"
+
+
+def run() -> int:
+    """Run the command that the command line asks for; return the exit status."""
+    if not sys.warnoptions:  # what concerns a user is in the result
+        warnings.simplefilter("ignore")
+    if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
+        del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
+    try:
+        status: int = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
+    except TdfscalError as error:
+        if memory.is_short(error):  # what else it says was judged without a look at that
+            error = memory.shortage()
+        say(f"tdfscal: {error}")
+        return error.exit_status
+    except _MISUSE as error:
+        say(f"tdfscal: {_mistake(error)}")
+        return 2
+    except typer.Abort:
+        status = _INTERRUPTED
+    if status == _INTERRUPTED:
+        raise KeyboardInterrupt
+    return status
+
+
+def _mistake(error: Any) -> str:
+    """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
+    said = str(error.format_message())
+    if said.startswith("Usage:"):
+        return f"no command is given\n\n{said}"
+    said = " ".join(said.split()).rstrip(".")
+    for pattern, plain in _PLAIN:
+        said = re.sub(pattern, plain, said)
+    if near := getattr(error, "possibilities", None):  # the nearest option first
+        said = f"{said} (did you mean {near[0]}?)"
+    context = getattr(error, "ctx", None)
+    path = getattr(context, "command_path", "tdfscal")
+    epilog = getattr(getattr(context, "command", None), "epilog", None) or ""
+    shown = f" {epilog.rstrip('.')}." if "is missing" in said and epilog else ""
+    return f"{said}.{shown} '{path} --help' lists what it takes."

@@ -11,7 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdfscal.cli.streams import Signalled, hand_over, leave_stdout, reporting, say
+from tdfscal.cli.process import Signalled, hand_over, leave_stdout, reporting, say
 from tdfscal.errors import UsageError, visible
 from tdfscal.memory import limit_threads
 

@@ -2,67 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
-from tdfscal.catalogue import told
-from tdfscal.catalogue.survey import point_remark
-from tdfscal.comparison.joint import combine
-from tdfscal.errors import NotConvergedError, NotIdentifiableError, UsageError
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import from_joint, from_tracker
-from tdfscal.files.outputs import PAGE_SUFFIXES, appear_now, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.rig.draft import unconfirmed_in
-from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding, Value
-from tdfscal.model.calibrated import independent
-from tdfscal.motioncal.pipeline import MotionCalibration
-from tdfscal.records import InputFile, Rig, Rotations
-from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.result import Estimator, SelfCalibration
-from tdfscal.trackercal import TrackerCalibration
-from tdfscal.workflows.arguments import (
-    PathLike,
-    check_trials,
-    listed,
-    one,
-    window,
-)
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import PathLike, check_trials, listed, one, window
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
 from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import (
-    AllowRejected,
-    Begin,
-    CommandLine,
-    End,
-    Option,
-    Page,
-    Paths,
-    RigFile,
-    Telling,
-    Trials,
-    command,
-)
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import measured
-from tdfscal.workflows.samples import Own, Samples, calibrate_samples
+from tdfscal.workflows.samples import Samples, calibrate_samples
+
+if TYPE_CHECKING:
+    from tdfscal.trackercal import TrackerCalibration
 
 Method = Literal["self", "tracker", "joint"]
 
 
-@command("calibrate campaign -o calibration.yaml --html report.html", output="content")
+@options.command("calibrate campaign -o calibration.yaml --html report.html", output="content")
 def calibrate(
-    paths: Paths,
+    paths: options.Paths,
     *,
-    rig: RigFile = None,
+    rig: options.RigFile = None,
     method: Annotated[
         Method | None, Option("default: self where there is a log, else tracker")
     ] = None,
@@ -73,24 +50,21 @@ def calibrate(
     estimator: Annotated[
         Estimator, Option("maximum likelihood, or the paper's linear method")
     ] = "ml",
-    from_: Begin = None,
-    to: End = None,
-    trials: Trials = None,
+    from_: options.Begin = None,
+    to: options.End = None,
+    trials: options.Trials = None,
     output: Annotated[
         PathLike | None,
-        Option(
+        options.written(
             "file to write; default calibration.yaml here; - for stdout",
-            Path,
-            "FILE",
-            ("--output", "-o"),
             default=Path("calibration.yaml"),
             python="by default none",
         ),
     ] = None,
-    html: Page = None,
-    allow_rejected: AllowRejected = False,
-    command: CommandLine = "tdfscal.calibrate",
-    progress: Telling = SILENT,
+    html: options.Page = None,
+    allow_rejected: options.AllowRejected = False,
+    command: options.CommandLine = "tdfscal.calibrate",
+    progress: options.Telling = SILENT,
 ) -> Calibration:
     """Calibrate the sensors of a rig from a recorded campaign.
 
@@ -100,30 +74,26 @@ def calibrate(
     ------
     UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError
     """
-    target, files = one(output), listed(paths)
-    page, rig_file = one(html), one(rig)
-    _check_samples(samples, method, estimator)
+    target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
+    groups = campaign_folders(files, rig_file)
+    _check(method, samples, estimator, several=len(groups) > 1)
     check_trials(trials)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
         inputs_read(files, rig_file),
     )
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
-    groups = campaign_folders(files, rig_file)
-    if len(groups) > 1:
-        _check_several(method, samples, estimator)
     campaign = resolve(groups[-1], rig_file)
     # A joint result has intervals of its own; trials of its parts would be thrown away.
     log = LogPass(campaign, replace(settings, trials=0) if method == "joint" else settings)
     try:
         if len(groups) > 1:
-            from tdfscal.workflows.several_campaigns import calibrate_several  # seldom needed
+            from tdfscal.workflows.several_campaigns import calibrate_several
 
             result = calibrate_several(groups, settings)
         else:
-            result = _calibrated(
-                log, method or ("self" if campaign.logs else "tracker"), samples, estimator
-            )
+            method = method or ("self" if campaign.logs else "tracker")
+            result = _calibrated(log, method, samples, estimator)
     except (NotIdentifiableError, NotConvergedError) as error:
         if page is None or error.exit_status != 4:
             raise
@@ -137,50 +107,50 @@ def calibrate(
     return result
 
 
-def _check_samples(samples: Samples | None, method: Method | None, estimator: Estimator) -> None:
-    """Raise UsageError where other options need dwells."""
-    if samples not in ("moving", "all"):
-        return
-    if method in ("tracker", "joint") or estimator == "linear":
-        other = f"--method {method}" if method in ("tracker", "joint") else "--estimator linear"
-        raise UsageError(
-            f"{other} does not go with --samples {samples}: it needs static dwells alone",
-            hint="leave one of the two out",
-        )
-
-
-def _check_several(method: Method | None, samples: Samples | None, estimator: Estimator) -> None:
-    """Raise UsageError for what several campaigns together cannot be asked for."""
-    if samples is not None:
-        raise UsageError(
-            "of several campaigns each gives its dwells, or its motion where these are few",
-            where="--samples",
-            hint="leave it out, or calibrate the campaigns one by one",
-        )
-    if estimator != "ml":
-        raise UsageError(
-            "the paper's linear method takes one campaign",
-            where="--estimator",
-            hint="calibrate the campaigns one by one, or use ml",
-        )
-    if method == "tracker":
-        raise UsageError(
-            "several surveys are not pooled without a log",
-            where="--method",
-            hint="calibrate the surveys one by one, and compare them",
-        )
+def _check(
+    method: Method | None, samples: Samples | None, estimator: Estimator, *, several: bool
+) -> None:
+    """Raise UsageError for what cannot be asked for together."""
+    dwells = f"--method {method}" if method in ("tracker", "joint") else ""
+    dwells = dwells or ("--estimator linear" if estimator == "linear" else "")
+    refusals = (
+        (
+            samples in ("moving", "all") and dwells,
+            f"{dwells} does not go with --samples {samples}: it needs static dwells alone",
+            "leave one of the two out",
+        ),
+        (
+            several and samples,
+            "--samples: of several campaigns each gives its dwells, or its motion where these "
+            "are few",
+            "leave it out, or calibrate the campaigns one by one",
+        ),
+        (
+            several and estimator != "ml",
+            "--estimator: the paper's linear method takes one campaign",
+            "calibrate the campaigns one by one, or use ml",
+        ),
+        (
+            several and method == "tracker",
+            "--method: several surveys are not pooled without a log",
+            "calibrate the surveys one by one, and compare them",
+        ),
+    )
+    for refused, what, hint in refusals:
+        if refused:
+            raise UsageError(what, hint=hint)
 
 
 def _calibrated(
     log: LogPass, method: Method, samples: Samples | None, estimator: Estimator
 ) -> Calibration:
+    """Calibrate from one campaign: its log, its survey, or both."""
     campaign, settings = log.campaign, log.settings
     own_rng, tracker_rng = np.random.default_rng(settings.seed).spawn(2)
-    inputs: list[InputFile] = []
-    notes = _confirmations(campaign)
-    own: Own | None = None
-    tracker = None
-    if method in ("self", "joint"):
+    lines = tuple(unconfirmed_in(campaign.rig.path))
+    notes = [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
+    own = None
+    if method != "tracker":
         if not campaign.logs:
             raise UsageError(
                 "there is no log for a self-calibration",
@@ -191,58 +161,97 @@ def _calibrated(
             samples = "static"
         with log.explaining():
             own = calibrate_samples(log, samples, estimator, own_rng)
-        inputs += log.inputs
-    if method in ("tracker", "joint"):
-        from tdfscal.workflows.survey import surveyed  # seldom needed
-
-        log.progress.stage("calibrating from the tracker's survey")
-        tracker, files, doubts = surveyed(campaign, settings.trials, tracker_rng)
-        notes += map(point_remark, doubts)
-        inputs += files
-
-    origin = Provenance(campaign.rig, tuple(inputs), settings.command, settings.seed, measured(log))
-    if tracker is None:
-        assert own is not None
-        if isinstance(own, MotionCalibration) and own.reasons and log.stops:
-            notes.append(log.stops)  # it may have been meant to rest
-        return as_calibration(own, origin, notes)
-    if own is not None:
-        assert isinstance(own, SelfCalibration)
-        return _both(log.rig, own, tracker, origin, notes)
-    given = independent(log.rig, tracker.rotations.rotation, tracker.rotations.covariance)
-    reasons = judge(log.rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
-    file = from_tracker(tracker, origin, (*reasons, *notes))
-    return Calibration.of(file, Records(tracker=tracker))
+        if method == "self":
+            if log.stops and own.reasons and not isinstance(own, SelfCalibration):
+                notes.append(log.stops)  # it may have been meant to rest
+            return as_calibration(own, origin_of(log, log.inputs), notes)
+    log.progress.stage("calibrating from the tracker's survey")
+    tracker, files, remarks = surveyed(campaign, settings.trials, tracker_rng)
+    assert own is None or isinstance(own, SelfCalibration)
+    inputs = [*log.inputs, *files]
+    return _with_survey(log.rig, own, tracker, origin_of(log, inputs), [*notes, *remarks])
 
 
-def _confirmations(campaign: Campaign) -> list[Finding]:
-    """Which lines of a drafted rig file are still to be confirmed."""
-    keys = tuple(unconfirmed_in(campaign.rig.path))
-    return [Finding("draft-unconfirmed", keys, len(keys))] if keys else []
+def origin_of(
+    log: LogPass, inputs: Iterable[InputFile], when: Measured | None = None, **more: Any
+) -> Provenance:
+    """Where a calibration comes from, by its campaign; when it was measured, if that is not it."""
+    rig, settings = log.campaign.rig, log.settings
+    when = when or measured(log)
+    return Provenance(rig, tuple(inputs), settings.command, settings.seed, when, **more)
 
 
-def _both(
+def surveyed(
+    campaign: Campaign, trials: int | None, rng: np.random.Generator
+) -> tuple[TrackerCalibration, list[InputFile], list[Finding]]:
+    """Calibrate from a survey; also return its files, and what is found of them.
+
+    Raises UsageError where the rig file declares none, DataError where its files are unusable.
+    """
+    from tdfscal.catalogue.survey import point_remark
+    from tdfscal.files.hashing import input_file, note_outside
+    from tdfscal.files.points.reading import read_tracker_session
+    from tdfscal.trackercal import calibrate_tracker
+
+    files, rig = campaign.rig.tracker, campaign.rig.path
+    if files is None:
+        raise UsageError(
+            "the rig file declares no tracker survey",
+            where=str(rig),
+            hint="add its tracker block, or use --method self",
+        )
+    missing = next((path for path in files.paths if not path.is_file()), None)
+    if missing is not None:
+        raise DataError(
+            "the point file is not there",
+            where=str(missing),
+            hint="correct the paths of the tracker block in rig.yaml",
+        )
+    session, notes = read_tracker_session(files)
+    options = {} if trials is None else {"trials": trials}
+    result = calibrate_tracker(
+        campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
+    )
+    inputs = [
+        input_file(path, "verified", note_outside(path, rig.parent, rig.name))
+        for path in files.paths
+    ]
+    return result, inputs, [point_remark(note) for note in notes]
+
+
+def _with_survey(
     rig: Rig,
-    own: SelfCalibration,
+    own: SelfCalibration | None,
     tracker: TrackerCalibration,
     origin: Provenance,
     notes: Sequence[Finding],
 ) -> Calibration:
-    """Combine two calibrations; the contact wrench is judged with both, not with either."""
+    """The survey's calibration, or both together, by which the contact wrench is judged."""
+    from tdfscal.comparison.joint import combine
+    from tdfscal.files.calibration.from_results import from_joint, from_tracker
+    from tdfscal.model.calibrated import independent
+    from tdfscal.records import Rotations
+    from tdfscal.selfcal.covariance import joint_posterior
+
+    if own is None:
+        given = independent(rig, tracker.rotations.rotation, tracker.rotations.covariance)
+        reasons = judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
+        file = from_tracker(tracker, origin, (*reasons, *notes))
+        return Calibration.of(file, Records(tracker=tracker))
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
     given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
     mine_alone = [f for f in own.findings if f.code != "contact-uncertain"]
-    reasons = [f for f in mine_alone if f.rejects]
-    reasons += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
+    found = [f for f in mine_alone if f.rejects]
+    found += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.test.verified:
         verdict: dict[str, Value] = {"verdict": both.test.verdict}
         p_value = both.test.p_value
-        reasons.append(Finding("methods-disagree", p_value=p_value, values=verdict, rejects=True))
-    others = [f for f in mine_alone if not f.rejects]
-    found = (*reasons, *notes, *others, *tracker.findings)
-    file = from_joint(both, own, tracker, origin, found)
-    return Calibration.of(file, Records(own, tracker, both))
+        found.append(Finding("methods-disagree", p_value=p_value, values=verdict, rejects=True))
+    found += [*notes, *(f for f in mine_alone if not f.rejects), *tracker.findings]
+    return Calibration.of(
+        from_joint(both, own, tracker, origin, found), Records(own, tracker, both)
+    )
 
 
 def _write_attempt(
@@ -255,6 +264,9 @@ def _write_attempt(
 
     log : as far as it was read; not at all where there are several campaigns.
     """
+    from tdfscal.catalogue import told
+    from tdfscal.files.outputs import appear_now
+    from tdfscal.files.saving import write_text
     from tdfscal.reporting.html import render
     from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Self
 from pydantic import PrivateAttr
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.joint import Joint
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.consistency import UNCONFIRMED
@@ -27,15 +26,17 @@ from tdfscal.files.calibration.document import (
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.findings import Finding
-from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.result import Result, by_column
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from tdfscal.comparison.joint import Joint
+    from tdfscal.motioncal.pipeline import MotionCalibration
+    from tdfscal.trackercal import TrackerCalibration
 
 #: What a command takes as a calibration: a file, `-` for standard input, or one in memory.
 CalibrationSource = str | PathLike[str] | CalibrationFile
@@ -127,7 +128,7 @@ def as_calibration(
     own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding]
 ) -> Calibration:
     """Return a self-calibration, at rest or in motion, with the content of its file."""
-    records = Records(motion=own) if isinstance(own, MotionCalibration) else Records(own)
+    records = Records(own) if isinstance(own, SelfCalibration) else Records(motion=own)
     return Calibration.of(from_self(own, origin, notes), records)
 
 

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdfscal.errors import TdfscalError, UsageError
-from tdfscal.files import RIG_NAME
+from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.rig.reading import LoadedRig, load_rig
-from tdfscal.files.writers.wrenches import LIBRARY
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
@@ -251,7 +250,7 @@ def is_own_result(path: Path) -> bool:
             if head.replace(b'"', b"").startswith(_FIRST_LINES) or _SAID.search(head):
                 return True
             if path.suffix.lower() == ".mcap":
-                return LIBRARY.encode() in head[:256]  # who wrote it
+                return WRENCH_WRITER.encode() in head[:256]  # who wrote it
             if path.suffix.lower() != ".parquet":
                 return False
             size = file.seek(0, 2)

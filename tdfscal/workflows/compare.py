@@ -14,8 +14,9 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
+from tdfscal.workflows import options
 from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
-from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
@@ -77,7 +78,7 @@ class CompareResult(Result):
         return tuple(comparison(pair, k + 1) for k, pair in enumerate(self.pairs))
 
 
-@command("compare last-month.yaml calibration.yaml")
+@options.command("compare last-month.yaml calibration.yaml")
 def compare(
     *files: Annotated[
         CalibrationSource | Iterable[CalibrationSource],
@@ -87,7 +88,7 @@ def compare(
             "A B…",
         ),
     ],
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> CompareResult:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
 

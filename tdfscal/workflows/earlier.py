@@ -10,51 +10,25 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
-from tdfscal.model.parameters import State, furthest
+from tdfscal.model.earlier import free_constants
+from tdfscal.model.parameters import furthest
 from tdfscal.numerics.information import Information
-from tdfscal.records import BoolArray, FloatArray, InputFile, JointPrior, Measured, Rig
+from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.recordings import Recording
 
 
-@dataclass(frozen=True, slots=True)
-class Earlier:
-    """A calibration with its full covariance, before any scaling by a Birge ratio.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Earlier(EarlierCalibration):
+    """A calibration file as what is known before another campaign."""
 
-    information : on the free constants (C,) of its rig, counted from `state`. chi2, dof : of all
-    the fits behind it. sha256 : of its file.
-    """
-
-    name: str
     file: Calibration
-    rig: Rig
-    state: State
-    information: Information
-    measured: Measured
-    sha256: str
-    chi2: float
-    dof: int
-
-    def prior(self, rig: Rig, month: float) -> JointPrior:
-        """What it says of a rig's constants at a time in months, its walk since included.
-
-        Of the terminal only where the rig file states it alike.
-        """
-        known = self.information.walked(self.walk(rig, month))
-        other = of_load(self.rig) & (not same_load(self.rig, rig))
-        free = free_constants(self.rig)
-        return joint_prior(rig, self.state, known, self.chi2, self.dof, free=free, but=other)
-
-    def walk(self, rig: Rig, month: float) -> FloatArray:
-        """Variance by which a rig's angles may have walked since, at a time in months."""
-        gap = max(month - self.measured.month, 0.0)
-        return turned(rig, rig.drift.angle * float(np.sqrt(gap)), len(self.information.score))
 
     @property
     def inputs(self) -> list[InputFile]:
@@ -110,16 +84,20 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     fits = file.campaigns or alone
     in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
     content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
+    last = file.history[-1] if file.history else None
     return Earlier(
         name=name,
         file=file,
         rig=known.rig,
         state=known.state,
         information=Information(matrix, np.zeros(len(own))),
+        determined=file.determined,
         measured=_measured(file),
         sha256=sha256(content).hexdigest(),
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
+        base=None if last is None else (last.sha256, last.created),
+        pooled=bool(file.campaigns),
     )
 
 

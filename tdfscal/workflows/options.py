@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, signature
+from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from reprlib import repr as shortly
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from tdfscal.errors import inaccessible
+from tdfscal.errors import UsageError, inaccessible
 from tdfscal.files.outputs import together
 from tdfscal.memory import is_short
-from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes, check_argument
+from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes
 from tdfscal.workflows.calibration import CalibrationSource
 from tdfscal.workflows.progress import Progress
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+#: What a scalar is in Python, and to a user.
+_SCALARS: Mapping[Any, tuple[type, str]] = {
+    bool: (bool, "True or False"),
+    int: (Integral, "a whole number"),
+    float: (Real, "a number"),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
     """What a parameter says of itself.
 
-    help : a clause that begins small and has no full stop. python : what Python takes besides.
-    kind : its type on the command line, where that is not the annotation's; None there for what
-    only Python has. metavar : what the help shows in its place. names : of the option, where they
-    are not that of the parameter. default : on the command line, where it is another; `...` must
-    be given. least : smallest number.
+    help : a clause that begins small and has no full stop. kind : its type on the command line,
+    where that is not the annotation's; None there for what only Python has. metavar : what the
+    help shows in its place. names : of the option, where they are not that of the parameter.
+    default : on the command line, where it is another; `...` must be given. least : smallest
+    number. python : what Python takes besides.
     """
 
     help: str
@@ -38,34 +47,84 @@ class Option:
     least: float | None = None
     python: str = ""
 
+    @property
+    def sentence(self) -> str:
+        """Its help as the command line and the reference print it."""
+        return f"{self.help[0].upper()}{self.help[1:]}."
+
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """A parameter of a command as the command line has it.
+    """A parameter of a command.
 
-    kind : its type there. default : `...` where it must be given. positional : it stands without
-    a name.
+    kind : its type in Python. default : on the command line; `...` where it must be given.
+    positional : it stands without a name. flags : names of the option.
     """
 
     name: str
     kind: Any
     default: Any
     positional: bool
+    flags: tuple[str, ...]
     option: Option
 
+    @classmethod
+    def of(cls, parameter: Parameter, annotation: Any) -> Described:
+        """Read it off a function's annotation."""
+        kind, option = get_args(annotation)
+        name, positional = parameter.name, parameter.kind is not Parameter.KEYWORD_ONLY
+        given = positional and not option.names
+        required = given and parameter.default is Parameter.empty
+        default = ... if required else parameter.default
+        if option.default is not None:
+            default = option.default
+        flags = option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
+        return cls(name, kind, default, given, (name,) if given else flags, option)
+
     @property
-    def flags(self) -> tuple[str, ...]:
-        """Names of the option."""
-        return _flags(self.name, self.option)
+    def shown(self) -> Any:
+        """Its type on the command line; None where only Python has it."""
+        return self.kind if self.option.kind is ... else self.option.kind
 
     @property
     def values(self) -> str:
         """What it takes, in a word; nothing where it is on or off."""
-        members = self.kind, *getattr(self.kind, "__args__", ())
-        for one in members:
-            if get_origin(one) is Literal:
-                return "|".join(get_args(one))
-        return self.option.metavar or ("" if self.kind is bool else "N")
+        words = _words(self.shown)
+        return "|".join(words) or self.option.metavar or ("" if self.shown is bool else "N")
+
+    def check(self, value: Any) -> None:
+        """Raise UsageError for a word that is no choice, no number, or one that is too small."""
+        members = [kind for kind in _members(self.kind) if kind is not NoneType]
+        if value is None and NoneType in _members(self.kind):
+            return
+        wanted, sound = ", ".join(_words(self.kind)), True
+        if wanted:
+            sound = isinstance(value, str) and value in _words(self.kind)
+        elif len(members) == 1 and members[0] in _SCALARS:
+            type_, wanted = _SCALARS[members[0]]
+            sound = isinstance(value, type_) and (type_ is bool or not isinstance(value, bool))
+            sound = sound and value == value  # no NaN
+        if not sound:
+            raise UsageError(
+                f"{shortly(value)} is none of what this takes",
+                where=self.flags[0],
+                hint=f"give {wanted}",
+            )
+        least = self.option.least
+        if least is not None and not value >= least:
+            raise UsageError(
+                f"{value} is too small", where=self.flags[0], hint=f"give {least:g} or more"
+            )
+
+
+def _members(kind: Any) -> tuple[Any, ...]:
+    """Types of a union, or the one."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
+def _words(kind: Any) -> tuple[str, ...]:
+    """Words among which a parameter chooses."""
+    return next((get_args(one) for one in _members(kind) if get_origin(one) is Literal), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,28 +132,13 @@ class Command:
     """A function that is a command.
 
     example : a command line. carries : options that take `-` for standard output, and the text of
-    the result that it gets.
+    the result that it gets. parameters : those that the command line has, in their order.
     """
 
     function: Callable[..., Any]
     example: str
     carries: Mapping[str, str]
-
-    @property
-    def parameters(self) -> Iterator[Described]:
-        """Those that the command line has, in the order of the function."""
-        hints = get_type_hints(self.function, include_extras=True)
-        for name, parameter in signature(self.function).parameters.items():
-            kind, option = _of(hints[name])
-            if option.kind is None:
-                continue
-            given = parameter.kind is not Parameter.KEYWORD_ONLY and not option.names
-            required = given and parameter.default is Parameter.empty
-            default = ... if required else parameter.default
-            if option.default is not None:
-                default = option.default
-            shown = kind if option.kind is ... else option.kind
-            yield Described(name, shown, default, given, option)
+    parameters: tuple[Described, ...]
 
 
 #: Commands whose modules were loaded, by name.
@@ -104,81 +148,49 @@ COMMANDS: dict[str, Command] = {}
 def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
     """Make a function a command: outputs together or not at all, parameters in its docstring.
 
+    What the system does not let be read or written is an error of this library too.
+
     example : a command line, which begins with the command's name. carries : as in `Command`.
     """
 
     def make(function: _Function) -> _Function:
-        made = _checked(function)
-        told = "\n".join(_told(name, hint) for name, hint in _hints(function))
+        hints, whole = get_type_hints(function, include_extras=True), signature(function)
+        each = {name: Described.of(p, hints[name]) for name, p in whole.parameters.items()}
+
+        @wraps(function)
+        def call(*positional: Any, **named: Any) -> Any:
+            for name, value in whole.bind(*positional, **named).arguments.items():
+                each[name].check(value)
+            try:
+                with together():
+                    return function(*positional, **named)
+            except OSError as fault:
+                if is_short(fault):
+                    raise
+                raise inaccessible(fault) from fault
+
+        told = (
+            f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
+            for name, p in each.items()
+        )
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        made.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
-        made.__signature__ = _plain(function)
-        COMMANDS[function.__name__] = Command(made, example, carries)
-        return made  # type: ignore[no-any-return]
+        parameters = "\n".join(told)
+        call.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
+        # `help` shows the types alone.
+        bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]
+        call.__signature__ = whole.replace(  # type: ignore[attr-defined]
+            parameters=bare, return_annotation=hints["return"]
+        )
+        named = tuple(p for p in each.values() if p.shown is not None)
+        COMMANDS[function.__name__] = Command(call, example, carries, named)
+        return call  # type: ignore[return-value]
 
     return make
 
 
-def _checked(function: Callable[..., Any]) -> Any:
-    """Let a function refuse arguments of a wrong type, and make its outputs all or none.
-
-    What the system does not let be read or written is an error of this library too.
-    """
-    whole, types = signature(function), dict(_hints(function))
-
-    @wraps(function)
-    def call(*positional: Any, **named: Any) -> Any:
-        for name, value in whole.bind(*positional, **named).arguments.items():
-            kind, option = _of(types[name])
-            of = whole.parameters[name].kind
-            where = _flags(name, option)[0] if of is Parameter.KEYWORD_ONLY else name
-            for one in value if of is Parameter.VAR_POSITIONAL else (value,):
-                check_argument(where, one, kind, option.least)
-        try:
-            with together():
-                return function(*positional, **named)
-        except OSError as fault:
-            if is_short(fault):
-                raise
-            raise inaccessible(fault) from fault
-
-    return call
-
-
-def _flags(name: str, option: Option) -> tuple[str, ...]:
-    """Names of a parameter's option."""
-    return option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
-
-
-def _plain(function: Callable[..., Any]) -> Signature:
-    """Return its signature with the types alone, as `help` shows it."""
-    types, whole = get_type_hints(function), signature(function)
-    bare = [one.replace(annotation=types[name]) for name, one in whole.parameters.items()]
-    return whole.replace(parameters=bare, return_annotation=types["return"])
-
-
-def _hints(function: Callable[..., Any]) -> Iterable[tuple[str, Any]]:
-    hints = get_type_hints(function, include_extras=True)
-    return [(name, hint) for name, hint in hints.items() if name != "return"]
-
-
-def _of(hint: Any) -> tuple[Any, Option]:
-    """Return the type and the option of an annotation."""
-    if get_origin(hint) is not Annotated:
-        raise TypeError(f"{hint} says nothing of itself")
-    kind, option = get_args(hint)
-    return kind, option
-
-
-def _told(name: str, hint: Any) -> str:
-    _, option = _of(hint)
-    more = f"; {option.python}" if option.python else ""
-    return f"    {name} : {option.help}{more}."
-
-
-def sentence(option: Option) -> str:
-    """Return an option's help as the command line and the reference print it."""
-    return f"{option.help[0].upper()}{option.help[1:]}."
+def written(help: str, default: Any = ..., metavar: str = "FILE", python: str = "") -> Option:
+    """Say what the file is that a command writes; by default it must be named."""
+    return Option(help, Path, metavar, ("--output", "-o"), default, python=python)
 
 
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"

@@ -34,6 +34,7 @@ from tdfscal.reporting.planning import (
     plan_report,
 )
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.workflows import options
 from tdfscal.workflows.arguments import (
     Numbers,
     PathLike,
@@ -45,7 +46,7 @@ from tdfscal.workflows.arguments import (
 )
 from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import CommandLine, Option, Telling, command
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.samples import delay_of
@@ -116,19 +117,13 @@ class PlanResult(Result):
         return (planned(self.plan),)
 
 
-@command("plan rig.yaml -o plan.csv --postures 24", output="content")
+@options.command("plan rig.yaml -o plan.csv --postures 24", output="content")
 def plan(
     rig: Annotated[PathLike, Option("a rig.yaml, or its folder", Path, "RIG")],
     *,
     output: Annotated[
         PathLike | None,
-        Option(
-            "postures, or the time table, to drive",
-            Path,
-            "FILE.csv",
-            ("--output", "-o"),
-            default=...,
-        ),
+        options.written("postures, or the time table, to drive", metavar="FILE.csv"),
     ] = None,
     postures: Annotated[
         int | None, Option("postures to drive, returns included; default 24", least=1)
@@ -186,8 +181,8 @@ def plan(
         PathLike | None,
         Option("also write the motion's waypoints for a spline", Path | None, "FILE.csv"),
     ] = None,
-    command: CommandLine = "tdfscal.plan",
-    progress: Telling = SILENT,
+    command: options.CommandLine = "tdfscal.plan",
+    progress: options.Telling = SILENT,
 ) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
 

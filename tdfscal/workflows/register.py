@@ -18,8 +18,9 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
+from tdfscal.workflows import options
 from tdfscal.workflows.arguments import PathLike
-from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
@@ -52,7 +53,7 @@ class RegisterResult(Result):
         return (registered(self.registration),)
 
 
-@command("register measured.csv drawing.csv --unit mm")
+@options.command("register measured.csv drawing.csv --unit mm")
 def register(
     measured: Annotated[PathLike, Option("point file, as measured", Path, "MEASURED")],
     reference: Annotated[PathLike, Option("point file, fitted onto it", Path, "REFERENCE")],
@@ -77,7 +78,7 @@ def register(
         Option("instrument: standard uncertainty of its angles, arcsec", metavar="A"),
     ] = None,
     scale: Annotated[bool, Option("estimate a scale of the reference too")] = False,
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> RegisterResult:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty.
 

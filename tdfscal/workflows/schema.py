@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.files.schema import write_schemas
+from tdfscal.workflows import options
 from tdfscal.workflows.arguments import PathLike
-from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
@@ -33,11 +34,11 @@ class SchemaResult(Result):
         return {"file": [str(path) for path in self.files]}
 
 
-@command("schema schemas")
+@options.command("schema schemas")
 def schema(
     folder: Annotated[PathLike, Option("where to write", Path, "DIR")] = "schemas",
     *,
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> SchemaResult:
     """Write the JSON Schemas of the rig, calibration and point files.
 

@@ -1,4 +1,4 @@
-"""Several campaigns of one rig, each in a folder with a rig.yaml of its own."""
+"""Campaigns of one rig, each in a folder with a rig.yaml of its own: read, and pooled."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from tdfscal.checks.same_rig import different_constants
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
-from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
@@ -23,12 +22,12 @@ from tdfscal.records import Acceptance, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
+from tdfscal.workflows.calibrate import origin_of, surveyed
 from tdfscal.workflows.calibration import Calibration, as_calibration
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.recordings import Recording, measured, refuse_repeated
 from tdfscal.workflows.samples import Own, calibrate_motion
-from tdfscal.workflows.survey import surveyed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +40,30 @@ class Read(Recording):
     survey: Rotations | None = None
 
 
-def read_campaign(paths: Sequence[Path], settings: Settings, rig: Path | None = None) -> Read:
-    """Read one campaign's log, or its tracker's survey where there is none.
+def read_campaigns(
+    groups: Sequence[Sequence[Path]],
+    settings: Settings,
+    rig: Path | None = None,
+    like: tuple[str, Rig] | None = None,
+) -> list[Read]:
+    """Read campaigns of one rig, each by its log, or its survey where it has none.
+
+    like : name and rig whose constants they must state; of the first, if none is given. Returned
+    in the order of time.
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    log = LogPass(resolve(paths, rig), settings)
-    name, dwells, survey = str(paths[0]), None, None
+    logs = [LogPass(resolve(group, rig), settings) for group in groups]
+    names = [str(group[0]) for group in groups]
+    for name, log in zip(names, logs, strict=True):
+        like = like or (name, log.rig)
+        require_one_rig(like, (name, log.rig))
+    reads = [_read(name, log) for name, log in zip(names, logs, strict=True)]
+    return sorted(reads, key=lambda read: read.measured.month)
+
+
+def _read(name: str, log: LogPass) -> Read:
+    dwells, survey = None, None
     inputs: Sequence[InputFile] = log.inputs
     if log.campaign.logs:
         with _naming(name), log.explaining():
@@ -65,6 +81,17 @@ def read_campaign(paths: Sequence[Path], settings: Settings, rig: Path | None = 
         log=log,
         survey=survey,
     )
+
+
+def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> None:
+    """Raise UsageError where two rigs, each with a name to call it by, state other constants."""
+    if found := different_constants(first[1], other[1]):
+        raise UsageError(
+            f"this is another rig than that of {first[0]}: {'; '.join(found)}",
+            where=other[0],
+            hint="campaigns of one rig state the same supports, hinges and uncertainties; correct "
+            "the rig file, or calibrate the rigs one by one",
+        )
 
 
 @contextmanager
@@ -122,86 +149,6 @@ def left_out(campaigns: Mapping[str, Finding], *, rejects: bool = False) -> tupl
     )
 
 
-def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
-    """Raise UsageError where two rigs state different constants."""
-    found = different_constants(first, other)
-    if found:
-        raise UsageError(
-            f"this is another rig than that of {than}: {'; '.join(found)}",
-            where=where,
-            hint="campaigns of one rig state the same supports, hinges and uncertainties; correct "
-            "the rig file, or calibrate the rigs one by one",
-        )
-
-
-def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> Calibration:
-    """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
-
-    The angles are those at the time of the last campaign with a log. One that the gate rejects by
-    itself takes no part, as long as two others do.
-    """
-    rigs = [(str(group[0]), resolve(group).rig.rig) for group in groups]
-    for name, rig in rigs[1:]:
-        require_one_rig(rigs[0][1], rig, name, rigs[0][0])
-    campaigns = [read_campaign(group, settings) for group in groups]
-    refuse_repeated(campaigns)
-    ordered = sorted(campaigns, key=lambda read: read.measured.month)
-    if all(read.dwells is None for read in ordered):
-        raise UsageError(
-            "none of the campaigns has a log",
-            where=", ".join(read.name for read in ordered),
-            hint="calibrate surveys one by one, and compare them",
-        )
-    _require_dates(ordered)
-    settings.progress.stage(f"pooling {len(ordered)} campaigns")
-    rejected = unsound(ordered)
-    sound = [read for read in ordered if read.name not in rejected]
-    enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
-    said = left_out(rejected, rejects=not enough)
-    ordered = sound if enough else ordered
-    last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
-    return _result(ordered, last, pool([recorded(read) for read in ordered]), said)
-
-
-def _require_dates(ordered: Sequence[Read]) -> None:
-    """Where angles walk the order of the campaigns and their distances matter."""
-    if ordered[-1].rig.drift.angle == 0:
-        return
-    for read in ordered:
-        if read.measured.source == "file":
-            raise DataError(
-                "drift.angle is declared, but nothing says when this was recorded",
-                where=read.name,
-                hint="state campaign.date in its rig.yaml, or record with a wall clock",
-            )
-
-
-def _result(
-    ordered: Sequence[Read], last: int, pooled: Pool, said: tuple[Finding, ...]
-) -> Calibration:
-    read = ordered[last]
-    settings = read.log.settings
-    inputs = tuple(entry for item in ordered for entry in item.inputs)
-    informed = replace(read.rig, earlier=pooled.others(read.rig, last))
-    with read.log.explaining():
-        own = calibrate_informed(read, informed, settings.trials, inputs)
-    reasons = [*map(misfit_finding, pooled.misfits), *_lost(ordered, pooled, last)]
-    origin = Provenance(
-        read.log.campaign.rig,
-        inputs,
-        settings.command,
-        settings.seed,
-        measured=Measured(
-            min(item.measured.begin for item in ordered),
-            max(item.measured.end for item in ordered),
-            read.measured.source,
-        ),
-        campaigns=_campaigns(ordered, pooled),
-    )
-    own = replace(own, findings=(*own.findings, *reasons, *said))
-    return as_calibration(own, origin, _notes(ordered, last))
-
-
 def calibrate_informed(
     read: Read, informed: Rig, trials: int | None, inputs: tuple[InputFile, ...]
 ) -> Own:
@@ -210,81 +157,115 @@ def calibrate_informed(
     Of a log with few dwells that which determines the zeros better.
     """
     assert read.dwells is not None
-    moving = calibrate_motion(read.log, read.dwells, informed, inputs)
-    if moving is not None and not len(read.dwells):
-        return moving
-    still = self_calibrate(
-        informed,
-        read.dwells,
-        rng=np.random.default_rng(read.log.settings.seed).spawn(2)[0],
-        max_trials=trials,
-        inputs=inputs,
-        progress=read.log.progress.stage,
-    )
+    settings = read.log.settings
+    with read.log.explaining():
+        moving = calibrate_motion(read.log, read.dwells, informed, inputs)
+        if moving is not None and not len(read.dwells):
+            return moving
+        still = self_calibrate(
+            informed,
+            read.dwells,
+            rng=np.random.default_rng(settings.seed).spawn(2)[0],
+            max_trials=trials,
+            inputs=inputs,
+            progress=settings.progress.stage,
+        )
     if moving is None:
         return still
     zero = layout(informed.n)["zero"]
-    spread = still.uncertainty.parameter_std[zero]
-    surer = np.sum(moving.uncertainty.turns.parameter_std[zero] ** 2) < np.sum(spread**2)
+    moving_std = moving.uncertainty.turns.parameter_std[zero]
+    surer = np.linalg.norm(moving_std) < np.linalg.norm(still.uncertainty.parameter_std[zero])
     return moving if surer else still
 
 
-def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any], ...]:
-    described = []
-    for k, (read, member) in enumerate(zip(ordered, pooled.members, strict=True)):
-        described.append(
-            campaign_document(
-                read.name,
-                read.measured,
-                read.inputs,
-                *pooled.own_state(read.rig, k),
-                read.rig.axes,
-                postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
-                chi2=member.chi2,
-                dof=max(member.dof, 0),
-            )
+def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> Calibration:
+    """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
+
+    The angles are those at the time of the last campaign with a log. One that the gate rejects by
+    itself takes no part, as long as two others do.
+    """
+    reads = read_campaigns(groups, settings)
+    refuse_repeated(reads)
+    if all(read.dwells is None for read in reads):
+        raise UsageError(
+            "none of the campaigns has a log",
+            where=", ".join(read.name for read in reads),
+            hint="calibrate surveys one by one, and compare them",
         )
-    return tuple(described)
+    undated = [read.name for read in reads if read.measured.source == "file"]
+    if undated and reads[-1].rig.drift.angle > 0:
+        # Where angles walk the order of the campaigns and their distances matter.
+        raise DataError(
+            "drift.angle is declared, but nothing says when this was recorded",
+            where=undated[0],
+            hint="state campaign.date in its rig.yaml, or record with a wall clock",
+        )
+    settings.progress.stage(f"pooling {len(reads)} campaigns")
+    rejected = unsound(reads)
+    sound = [read for read in reads if read.name not in rejected]
+    enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
+    reads = sound if enough else reads
+    pooled = pool([recorded(read) for read in reads])
+    last = max(k for k, read in enumerate(reads) if read.dwells is not None)
+    read = reads[last]
+    inputs = tuple(entry for one in reads for entry in one.inputs)
+    informed = replace(read.rig, earlier=pooled.others(read.rig, last))
+    own = calibrate_informed(read, informed, settings.trials, inputs)
+    reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
+    reasons += left_out(rejected, rejects=not enough)
+    whole = Measured(
+        min(one.measured.begin for one in reads),
+        max(one.measured.end for one in reads),
+        read.measured.source,
+    )
+    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
+    remarks = [
+        Finding("campaign-remark", (one.name,), values={"said": told(found)})
+        for one in reads
+        if one is not read
+        for found in one.log.messages
+    ]
+    return as_calibration(replace(own, findings=(*own.findings, *reasons)), origin, remarks)
+
+
+def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[dict[str, Any], ...]:
+    """What the file says of each campaign."""
+    return tuple(
+        campaign_document(
+            read.name,
+            read.measured,
+            read.inputs,
+            *pooled.own_state(read.rig, k),
+            read.rig.axes,
+            postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
+            chi2=member.chi2,
+            dof=max(member.dof, 0),
+        )
+        for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True))
+    )
+
+
+def _lost(reads: Sequence[Read], pooled: Pool, last: int) -> Iterator[Finding]:
+    """Campaigns of which more postures had to be left out than a faultless one loses."""
+    for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True)):
+        count = 0 if member.fit is None else len(member.fit.weight)
+        lost = len(member.rejected)
+        if k != last and lost > MOST_REJECTED * count:
+            values: dict[str, Value] = {"postures": count, "limit": MOST_REJECTED}
+            code = "campaign-postures-rejected"
+            yield Finding(code, (read.name,), lost, values=values, rejects=True)
 
 
 def misfit_finding(misfit: Misfit, *, since: str | None = None) -> Finding:
     """A campaign that does not fit the others, or an earlier calibration (since)."""
-    code, size = "misfit-unexplained", None
+    code, subject, size = f"misfit-{misfit.cause or 'unexplained'}", misfit.campaign, None
+    if misfit.sensor is not None:
+        code, subject = "misfit-turned", misfit.sensor
+        size = float(np.linalg.norm(misfit.turn))
     values: dict[str, Value] = {
         "campaign": misfit.campaign,
         "than": since or "the other campaigns",
         "updating": since is not None,
     }
-    if misfit.sensor is not None:
-        code, size = "misfit-turned", float(np.linalg.norm(misfit.turn))
-    elif misfit.cause is not None:
-        code = f"misfit-{misfit.cause}"
-    subject = (misfit.campaign,) if misfit.sensor is None else (misfit.sensor,)
     unit = "" if size is None else "rad"
-    return Finding(code, subject, size, unit, misfit.p_value, values=values, rejects=True)
-
-
-def _lost(ordered: Sequence[Read], pooled: Pool, last: int) -> list[Finding]:
-    """Campaigns of which more postures had to be left out than a faultless one loses."""
-    found = []
-    for k, (read, member) in enumerate(zip(ordered, pooled.members, strict=True)):
-        count = 0 if member.fit is None else len(member.fit.weight)
-        if k != last and len(member.rejected) > MOST_REJECTED * count:
-            values: dict[str, Value] = {"postures": count, "limit": MOST_REJECTED}
-            lost = len(member.rejected)
-            found.append(
-                Finding(
-                    "campaign-postures-rejected", (read.name,), lost, values=values, rejects=True
-                )
-            )
-    return found
-
-
-def _notes(ordered: Sequence[Read], last: int) -> tuple[Finding, ...]:
-    """What the logs of the other campaigns say."""
-    return tuple(
-        Finding("campaign-remark", (read.name,), values={"said": told(found)})
-        for k, read in enumerate(ordered)
-        if k != last
-        for found in read.log.messages
-    )
+    return Finding(code, (subject,), size, unit, misfit.p_value, values=values, rejects=True)

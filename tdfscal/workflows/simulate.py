@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.outputs import check_folder, protect
-from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
-from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run
+from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
+from tdfscal.workflows import options
 from tdfscal.workflows.arguments import PathLike
-from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_angle
-from tdfscal.workflows.survey import survey_of
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)
@@ -64,7 +65,7 @@ class SimulateResult(Result):
         return (truth(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
 
 
-@command("simulate campaign --scenario contact")
+@options.command("simulate campaign --scenario contact")
 def simulate(
     folder: Annotated[PathLike, Option("campaign folder to write", Path, "DIR")],
     *,
@@ -80,7 +81,7 @@ def simulate(
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
     seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
     force: Annotated[bool, Option("replace what is in the folder")] = False,
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> SimulateResult:
     """Write a synthetic campaign with its truth.yaml.
 
@@ -114,3 +115,17 @@ def simulate(
         overwrite=force,
     )
     return SimulateResult(Path(folder), played, seed)
+
+
+def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
+    """Take the survey that the rig file declares, or the paper's."""
+    if not 0.0 < distance < math.inf:
+        raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
+    if (files := loaded.tracker) is None:
+        return SurveyOptions(distance=distance)
+    return SurveyOptions(
+        instrument=files.instrument,
+        distance=distance,
+        drawing=files.stated.drawing,
+        body_misalignment=files.stated.misalignment,
+    )

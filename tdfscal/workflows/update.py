@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy as np
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
@@ -20,36 +18,18 @@ from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding, Value
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import placed, starting_state
-from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.information import contrast
 from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
-from tdfscal.workflows.arguments import (
-    PathLike,
-    check_trials,
-    listed,
-    one,
-    window,
-)
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import PathLike, check_trials, listed, one, window
+from tdfscal.workflows.calibrate import origin_of
 from tdfscal.workflows.calibration import Calibration, as_calibration, paths_of
-from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
+from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import (
-    AllowRejected,
-    Begin,
-    CommandLine,
-    End,
-    OneCalibration,
-    Option,
-    Page,
-    Paths,
-    RigFile,
-    Telling,
-    Trials,
-    command,
-)
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import day, refuse_repeated
 from tdfscal.workflows.samples import Own
@@ -58,35 +38,27 @@ from tdfscal.workflows.several_campaigns import (
     calibrate_informed,
     left_out,
     misfit_finding,
-    read_campaign,
-    rejected_alone,
-    require_one_rig,
+    read_campaigns,
+    unsound,
 )
 
 
-@command("update calibration.yaml this-month -o updated.yaml", output="content")
+@options.command("update calibration.yaml this-month -o updated.yaml", output="content")
 def update(
-    calibration: OneCalibration,
-    paths: Paths,
+    calibration: options.OneCalibration,
+    paths: options.Paths,
     *,
-    rig: RigFile = None,
-    from_: Begin = None,
-    to: End = None,
-    trials: Trials = None,
+    rig: options.RigFile = None,
+    from_: options.Begin = None,
+    to: options.End = None,
+    trials: options.Trials = None,
     output: Annotated[
-        PathLike | None,
-        Option(
-            "file to write, .yaml or .json; - for stdout",
-            Path,
-            "FILE",
-            ("--output", "-o"),
-            default=...,
-        ),
+        PathLike | None, options.written("file to write, .yaml or .json; - for stdout")
     ] = None,
-    html: Page = None,
-    allow_rejected: AllowRejected = False,
-    command: CommandLine = "tdfscal.update",
-    progress: Telling = SILENT,
+    html: options.Page = None,
+    allow_rejected: options.AllowRejected = False,
+    command: options.CommandLine = "tdfscal.update",
+    progress: options.Telling = SILENT,
 ) -> Calibration:
     """Bring a calibration up to date with a new campaign: zeros, load, angles.
 
@@ -108,33 +80,29 @@ def update(
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
     earlier = read_earlier(calibration)
     groups = campaign_folders(files, rig_file)
-    for group in groups:
-        new = resolve(group, rig_file).rig.rig
-        require_one_rig(earlier.rig, new, str(group[0]), earlier.name)
-    campaigns = [read_campaign(group, settings, rig_file) for group in groups]
-    campaigns.sort(key=lambda read: read.measured.month)
-    _check(earlier, campaigns)
-    for read in campaigns[:-1]:
+    reads = read_campaigns(groups, settings, rig_file, like=(earlier.name, earlier.rig))
+    _check(earlier, reads)
+    for read in reads[:-1]:
         earlier = read_earlier(_updated(earlier, read, 0))
-    result = _updated(earlier, campaigns[-1], trials)
+    result = _updated(earlier, reads[-1], trials)
     if target is not None and (result.accepted or allow_rejected):
         save_calibration(result, target)
     result.save_page(page, progress)  # whatever the verdict
     return result
 
 
-def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
+def _check(earlier: Earlier, reads: Sequence[Read]) -> None:
     """Refuse what cannot follow the calibration."""
-    refuse_repeated([*earlier.recordings(), *campaigns])
-    for read in campaigns:
+    refuse_repeated([*earlier.recordings(), *reads])
+    for read in reads:
         if read.dwells is None:
             raise UsageError(
                 "there is no log to update from",
                 where=read.name,
                 hint="calibrate the survey on its own, and compare",
             )
-        told = "file" not in (read.measured.source, earlier.measured.source)
-        if told and read.measured.end < earlier.measured.begin:
+        dated = "file" not in (read.measured.source, earlier.measured.source)
+        if dated and read.measured.end < earlier.measured.begin:
             raise UsageError(
                 f"was recorded on {day(read.measured.end)}, before the calibration "
                 f"({day(earlier.measured.end)})",
@@ -144,40 +112,29 @@ def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
 
 
 def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
-    settings, rig = read.log.settings, read.rig
-    informed = replace(rig, earlier=earlier.prior(rig, read.measured.month))
-    with read.log.explaining():
-        own = calibrate_informed(read, informed, trials, tuple(read.inputs))
-    level = float(alarm_level(read.measured.month - earlier.measured.month))
-    found, this = _contribution(informed, own, read, level)
-    if found.p_value <= level:
-        if (unsound := rejected_alone(read)) is not None:
-            said = left_out({read.name: unsound}, rejects=True)
-        else:
-            said = (misfit_finding(found, since=earlier.name),)
-        own = replace(own, findings=(*own.findings, *said))
-    origin = Provenance(
-        read.log.campaign.rig,
-        tuple(read.inputs),
-        settings.command,
-        settings.seed,
-        measured=read.measured,
-        campaigns=(*earlier.campaigns(), this),
-        history=earlier.history(),
-    )
-    notes = [_could_have_missed(found, rig, earlier)]
+    """Calibrate from a campaign with all that was known, and hold the two against each other."""
+    month, since = read.measured.month, earlier.measured.month
+    informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
+    own = calibrate_informed(read, informed, trials, tuple(read.inputs))
+    level = float(alarm_level(month - since))
+    misfit, this = _contribution(informed, own, read, level)
+    if misfit.p_value <= level:
+        found = left_out(unsound([read]), rejects=True)
+        found = found or (misfit_finding(misfit, since=earlier.name),)
+        own = replace(own, findings=(*own.findings, *found))
+    notes = [_could_have_missed(misfit, read.rig, earlier)]
     if not earlier.file.accepted:
         notes.append(Finding("calibration-rejected", (earlier.name,)))
-    return as_calibration(own, origin, tuple(notes))
+    campaigns, history = (*earlier.campaigns(), this), earlier.history()
+    origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
+    return as_calibration(own, origin, notes)
 
 
-def _could_have_missed(found: Misfit, rig: Rig, earlier: Earlier) -> Finding:
+def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
     """Smallest turns that would have been seen, per sensor by its least visible angle."""
-    assert found.detectable is not None
-    seen = [
-        f"{name} {1e3 * least:.2g} mrad" if np.isfinite(least) else f"{name} none"
-        for name, least in zip(rig.supports, found.detectable.max(axis=1), strict=True)
-    ]
+    assert misfit.detectable is not None
+    least = zip(rig.supports, misfit.detectable.max(axis=1), strict=True)
+    seen = [f"{n} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{n} none" for n, x in least]
     values: dict[str, Value] = {"power": DETECTION_POWER, "turns": seen}
     return Finding("turns-visible", (earlier.name,), values=values)
 
@@ -186,27 +143,23 @@ def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit,
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
-    if isinstance(own, MotionCalibration):
+    if isinstance(own, SelfCalibration):
+        part = eliminate(own.fit, reference)
+        chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
+        given, found = joint_posterior(own.fit, own.uncertainty.covariance), own.uncertainty
+        postures = int(sum(own.fit.weight > 0))
+    else:
         known = information_of(rig, rig.earlier)
         part = of_estimate(own.calibrated, known, reference)
         chi2, dof = contrast(known, part.information).chi2()
-        given, std = own.calibrated, own.uncertainty.turns.parameter_std
+        given, found = own.calibrated, own.uncertainty.turns
         postures = own.dwells
-    else:
-        part = eliminate(own.fit, reference)
-        chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
-        given, std = (
-            joint_posterior(own.fit, own.uncertainty.covariance),
-            own.uncertainty.parameter_std,
-        )
-        postures = int(sum(own.fit.weight > 0))
-    published = placed(given.state, published_std(given, std))
     this = campaign_document(
         read.name,
         read.measured,
         read.inputs,
         given.state,
-        published,
+        placed(given.state, published_std(given, found.parameter_std)),
         rig.axes,
         postures=postures,
         chi2=chi2,

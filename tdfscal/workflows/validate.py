@@ -20,23 +20,13 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
+from tdfscal.workflows import options
 from tdfscal.workflows.arguments import listed, one, window
 from tdfscal.workflows.calibration import Calibration, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import (
-    Begin,
-    CommandLine,
-    End,
-    OneCalibration,
-    Option,
-    Page,
-    Paths,
-    RigFile,
-    Telling,
-    command,
-)
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
@@ -126,20 +116,20 @@ class ValidateResult(Result):
         return (validated(self.validation),)
 
 
-@command("validate calibration.yaml check --html check.html")
+@options.command("validate calibration.yaml check --html check.html")
 def validate(
-    calibration: OneCalibration,
-    paths: Paths,
+    calibration: options.OneCalibration,
+    paths: options.Paths,
     *,
-    rig: RigFile = None,
+    rig: options.RigFile = None,
     samples: Annotated[
         Samples | None, Option("default: static where there are three dwells, else moving")
     ] = None,
-    from_: Begin = None,
-    to: End = None,
-    html: Page = None,
-    command: CommandLine = "tdfscal.validate",
-    progress: Telling = SILENT,
+    from_: options.Begin = None,
+    to: options.End = None,
+    html: options.Page = None,
+    command: options.CommandLine = "tdfscal.validate",
+    progress: options.Telling = SILENT,
 ) -> ValidateResult:
     """Check a calibration on postures or on a motion without contact: valid, or what changed.
 

@@ -204,67 +204,15 @@ def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) ->
         call()
 
 
-#: What each command needs at the least.
-LEAST: dict[str, tuple[str, ...]] = {
-    "apply": ("own.yaml", "campaign"),
-    "calibrate": ("campaign",),
-    "compare": ("own.yaml", "survey.json"),
-    "export": ("own.yaml", "urdf"),
-    "info": ("campaign",),
-    "init": ("campaign",),
-    "monitor": ("own.yaml", "survey.json"),
-    "plan": ("campaign",),
-    "register": ("moved.csv", "points.csv"),
-    "report": ("own.yaml",),
-    "schema": ("out/schemas",),
-    "simulate": ("out/odd",),
-    "update": ("own.yaml", "campaign"),
-    "validate": ("own.yaml", "campaign"),
-}
-WRONG: tuple[object, ...] = (object(), 1.5j, b"text", [None], {3: 4})
-NOWHERE = ("a" * 5000, "own\0.yaml", "a" * 300 + ".csv")
-
-
-def called(command: str, name: str, value: object) -> Any:
-    """Call a command with one argument in the place of what it takes."""
-    function = function_of(command)
-    parameters = inspect.signature(function).parameters
-    given: dict[str, object] = dict(zip(parameters, LEAST[command], strict=False))
-    if any(p.kind is p.VAR_POSITIONAL for p in parameters.values()):
-        named = {} if parameters[name].kind is inspect.Parameter.VAR_POSITIONAL else {name: value}
-        return function(*((value,) if not named else LEAST[command]), **named)
-    return function(**{**given, name: value})
-
-
-@pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_wrong_type_is_this_librarys_error(command: str) -> None:
-    for name in inspect.signature(function_of(command)).parameters:
-        for value in WRONG:
-            with pytest.raises(UsageError) as caught:
-                called(command, name, value)
-            assert caught.value.where in (name, "--" + name.rstrip("_").replace("_", "-"))
-
-
-@pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_path_that_no_file_system_has_is_too(command: str) -> None:
-    for name, parameter in inspect.signature(function_of(command)).parameters.items():
-        for path in NOWHERE if "PathLike" in str(parameter.annotation) else ():
-            with pytest.raises(tdfscal.TdfscalError) as caught:
-                called(command, name, path)
-            assert caught.value.exit_status == 2
-
-
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("samples", 3), ("method", 1.5), ("paths", None), ("estimator", "LS"), ("trials", 2.5),
+    [("samples", 3), ("method", 1.5), ("estimator", "LS"), ("trials", 2.5),
      ("trials", "many"), ("trials", True), ("trials", 10**400 * -1), ("allow_rejected", 1)],
 )  # fmt: skip
 def test_one_value_that_is_wrong(name: str, value: object) -> None:
     with pytest.raises(UsageError) as caught:
-        called("calibrate", name, value)
+        function_of("calibrate")("campaign", **{name: value})
     assert str(caught.value.where).endswith(name.replace("_", "-"))
 
 

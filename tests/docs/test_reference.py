@@ -21,7 +21,6 @@ from tdfscal.errors import (
 )
 from tdfscal.logs.common import clock
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tdfscal.workflows.options import sentence
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
@@ -82,7 +81,7 @@ def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
     assert doc.startswith(COMMANDS[name][1])
     shown = {p.name: p.help for p in made(name).params}
     for p in command.parameters:
-        assert shown[p.name] == sentence(p.option)
+        assert shown[p.name] == p.option.sentence
         assert f"    {p.name} : {p.option.help}" in doc
 
 

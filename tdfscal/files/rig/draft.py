@@ -6,14 +6,16 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import yaml
 
-from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.files.saving import represent_text
+
+if TYPE_CHECKING:
+    from tdfscal.checks.rig_from_log import RigSketch
 
 #: What a line says whose value the user has still to confirm.
 CONFIRM: Final = "confirm"

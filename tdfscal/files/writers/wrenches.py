@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.files import WRENCH_WRITER
 from tdfscal.files.outputs import check_suffix, replacing, writing
 from tdfscal.files.writers.recordings import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
@@ -30,8 +31,6 @@ COLUMNS = (
 """time in s; the contact wrench, its standard uncertainties with the sample's noise and by the
 calibration alone, the uncalibrated wrench; N, N·m."""
 
-LIBRARY = "tdfscal contact wrench"
-"""Names the writer in the file's first record; by it the file is known as a result."""
 TOPICS = {
     "/contact_wrench": "",
     "/contact_wrench/std": "u_",
@@ -121,7 +120,7 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
 
     A piece of which a time has no place in a ROS stamp raises DataError.
     """
-    with recorder(path, LIBRARY) as writer:
+    with recorder(path, WRENCH_WRITER) as writer:
         schema = writer.register_schema(WRENCH, "ros2msg", definition(WRENCH))
         # rosbag2 asks for the profiles; empty stands for its defaults.
         qos = {"offered_qos_profiles": ""}
