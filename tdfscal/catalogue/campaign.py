@@ -37,7 +37,9 @@ GATE: dict[str, Entry] = {
     ),
     "methods-disagree": Entry(
         "rejects",
-        "{verdict}",
+        "self-calibration and tracker differ beyond their uncertainties (joint {p}), in {above} "
+        "of {of} angles by themselves (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = "
+        "{en:.2f})",
         "calibrate by each method alone and compare: the tracker sees a sensor's body, "
         "self-calibration its sensing axes (tracker.misalignment states what may lie between)",
     ),

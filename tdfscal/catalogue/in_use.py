@@ -36,6 +36,25 @@ IN_USE: dict[str, Entry] = {
         "{subject} has no `content_sha256`, by which an edited file is known: what stands in it "
         "once only is taken on trust",
     ),
+    "calibrations-compatible": Entry(
+        "notes",
+        "metrologically compatible: {first} and {second} agree within their uncertainties (worst: "
+        "{angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})",
+        clauses=(("above", "; {above} of {of} angles alone exceed E_n = 1, as chance has it"),),
+    ),
+    "calibrations-incompatible": Entry(
+        "rejects",
+        "not compatible: {first} and {second} differ beyond their uncertainties (joint {p}), in "
+        "{above} of {of} angles by themselves (worst: {angle} of {support}: {difference:+.3g} "
+        "mrad, E_n = {en:.2f})",
+    ),
+    "calibrations-incompatible-together": Entry(
+        "rejects",
+        "not compatible: no single angle is beyond its uncertainty (worst: {angle} of {support}: "
+        "{difference:+.3g} mrad, E_n = {en:.2f}), but all differences together are ({p})",
+    ),
+    "compared-rejected": Entry("rejects", "not verified: {names} was rejected by the quality gate"),
+    "compared-other-rig": Entry("rejects", "not of one rig: of that of {subject}, {differences}"),
     "calibration-rejected": Entry("warns", "{subject} is a rejected calibration"),
     "calibration-open": Entry(
         "warns",

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import special
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, inverse, p_value
@@ -29,8 +30,9 @@ class Comparison:
     chi2 of all rotation vectors together, its dof 3n and p_value.
     verified : χ² is plausible; E_n only explains, since of nine angles one exceeds 1 by chance in a
     third of sound comparisons.
-    verdict : the same in words. detectable : (n, 3), rad, the smallest change of each angle alone
-    that the test would have seen with probability `significance.DETECTION_POWER`.
+    detectable : (n, 3), rad, the smallest change of each angle alone that the test would have seen
+    with probability `significance.DETECTION_POWER`. obstacle : what makes of them no pair to be
+    verified, whatever the numbers say.
     """
 
     names: tuple[str, str]
@@ -44,8 +46,28 @@ class Comparison:
     dof: int
     p_value: float
     verified: bool
-    verdict: str
     detectable: FloatArray
+    obstacle: Finding | None = None
+
+    @property
+    def finding(self) -> Finding:
+        """Whether they agree, with the angle that departs most."""
+        i, k = np.unravel_index(int(np.argmax(self.en)), self.en.shape)
+        above = int(np.sum(self.en > 1))
+        code, compatible = "calibrations-compatible", self.p_value >= INCOMPATIBLE
+        if not compatible:
+            code = "calibrations-incompatible" if above else "calibrations-incompatible-together"
+        values: dict[str, Value] = {
+            "first": self.names[0],
+            "second": self.names[1],
+            "angle": ANGLES[k],
+            "support": self.supports[i],
+            "difference": 1e3 * float(self.rpy[i, k]),
+            "en": float(self.en[i, k]),
+            "above": above,
+            "of": self.en.size,
+        }
+        return Finding(code, self.names, p_value=self.p_value, values=values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +144,6 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
         dof=dof,
         p_value=p,
         verified=verified,
-        verdict=_verdict((a[0], b[0]), first.supports, rpy, en, p),
         detectable=smallest_changes(first.rotation, departure, dof, INCOMPATIBLE),
     )
 
@@ -174,31 +195,3 @@ def _require_covariance(name: str, rotations: Rotations) -> None:
             where=name,
             hint="calibrate again; a rotation that the data do not determine cannot be compared",
         )
-
-
-def _verdict(
-    names: tuple[str, str],
-    supports: tuple[str, ...],
-    rpy: FloatArray,
-    en: FloatArray,
-    p: float,
-) -> str:
-    i, k = np.unravel_index(int(np.argmax(en)), en.shape)
-    worst = f"{ANGLES[k]} of {supports[i]}: {rpy[i, k] * 1e3:+.3g} mrad, E_n = {en[i, k]:.2f}"
-    pair = f"{names[0]} and {names[1]}"
-    above = int(np.sum(en > 1))
-    if p < INCOMPATIBLE:
-        if above:
-            return (
-                f"not compatible: {pair} differ beyond their uncertainties (joint p = "
-                f"{p:.2g}), in {above} of {en.size} angles by themselves (worst: {worst})"
-            )
-        return (
-            f"not compatible: no single angle is beyond its uncertainty (worst: {worst}), but all "
-            f"differences together are (p = {p:.2g})"
-        )
-    alone = f"; {above} of {en.size} angles alone exceed E_n = 1, as chance has it" if above else ""
-    return (
-        f"metrologically compatible: {pair} agree within their uncertainties (worst: {worst}; "
-        f"p = {p:.2g}{alone})"
-    )

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
 from tdfscal.files.calibration.parts import Input, RejectedPosture, ResidualWrench
-from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import InputFile
 from tdfscal.reporting.layout import Items, Row, Section, Table
+
+if TYPE_CHECKING:
+    from tdfscal.comparison.compatibility import Comparison
+    from tdfscal.motioncal.blocks import Stretch
 
 METHODS = {
     "self": "self-calibration",
@@ -91,3 +95,9 @@ def probability(p: float) -> str:
 def utc(instant: str) -> str:
     """An ISO 8601 instant as people read it."""
     return instant.replace("T", " ").replace("Z", " UTC")
+
+
+def verdict(c: Comparison) -> str:
+    """Return whether two calibrations agree, in words."""
+    said = sentence(c.finding)
+    return said if c.obstacle is None else f"{sentence(c.obstacle)} ({said})"

@@ -13,7 +13,7 @@ import numpy as np
 from tdfscal.comparison.compatibility import Comparison, History, compare, compare_pair
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
-from tdfscal.reporting.phrases import METHODS, chi_squared, probability, utc
+from tdfscal.reporting.phrases import METHODS, chi_squared, probability, utc, verdict
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 
@@ -62,7 +62,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         subtitle=f"{len(view.names)} calibrations side by side, oldest first",
         verdict="COMPATIBLE" if view.agrees else "NOT COMPATIBLE",
         accepted=view.agrees,
-        reasons=tuple(step.verdict for step in view.history.against_first if not step.verified),
+        reasons=tuple(verdict(step) for step in view.history.against_first if not step.verified),
         sections=(
             Section("Calibrations", (Facts(_files(view)),)),
             *illustrated(drawings, {}),
@@ -108,7 +108,7 @@ def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
         "of": names.get(c.names[0], c.names[0]),
         "against": names.get(c.names[1], c.names[1]),
         "verified": c.verified,
-        "verdict": c.verdict,
+        "verdict": verdict(c),
         "chi2": c.chi2,
         "dof": c.dof,
         "p_value": c.p_value,
@@ -204,10 +204,14 @@ def comparison_report(c: Comparison) -> Report:
         f"its last column would have been seen with {DETECTION_POWER:.0%} probability."
     )
     return Report(
-        title=f"{c.verdict[0].upper()}{c.verdict[1:]}",
+        title=_capital(verdict(c)),
         accepted=c.verified,
         sections=(Section("Differences", (Table(caption, header, rows, left=2), together)),),
     )
+
+
+def _capital(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def _marked(en: float) -> str:
@@ -236,7 +240,7 @@ def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
         ),
     )
     rows = tuple(row for row, known in zip(rows, np.repeat(both, 3), strict=True) if known)
-    said, columns = f"{pair.verdict[0].upper()}{pair.verdict[1:]}.", len(header)
+    said, columns = f"{_capital(verdict(pair))}.", len(header)
     if c.history:  # what stands on an earlier one is not independent of it
         columns -= 2
         said = "This calibration stands on earlier ones: its changes are not independent of them."

@@ -16,7 +16,7 @@ from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.rig.draft import unconfirmed_in
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.workflows import options
@@ -245,9 +245,7 @@ def _with_survey(
     found = [f for f in mine_alone if f.rejects]
     found += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.test.verified:
-        verdict: dict[str, Value] = {"verdict": both.test.verdict}
-        p_value = both.test.p_value
-        found.append(Finding("methods-disagree", p_value=p_value, values=verdict, rejects=True))
+        found.append(replace(both.test.finding, code="methods-disagree", subject=(), rejects=True))
     found += [*notes, *(f for f in mine_alone if not f.rejects), *tracker.findings]
     return Calibration.of(
         from_joint(both, own, tracker, origin, found), Records(own, tracker, both)

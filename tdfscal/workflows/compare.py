@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from tdfscal.checks.same_rig import other_rig
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
@@ -107,27 +108,27 @@ def compare(
     loaded = [(name, c.rotations()) for name, c in read]
     rejected = tuple(name for name, c in read if not c.accepted)
     first, rigs = loaded[0], [c.loaded_rig(name).rig for name, c in read]
-    pairs = tuple(
-        _judged(compare_pair(first, other), rejected, other_rig(rigs[0], rig))
-        for other, rig in zip(loaded[1:], rigs[1:], strict=True)
-    )
+    pairs = []
+    for other, rig in zip(loaded[1:], rigs[1:], strict=True):
+        pair = compare_pair(first, other)
+        found = _obstacle(pair, rejected, other_rig(rigs[0], rig))
+        pairs.append(replace(pair, verified=pair.verified and found is None, obstacle=found))
     renamed = tuple(
         f"{first[0]} is of {rigs[0].name}, {name} of {rig.name}"
         for (name, _), rig in zip(loaded[1:], rigs[1:], strict=True)
         if rig.name != rigs[0].name
     )
-    return CompareResult(pairs, rejected, renamed)
+    return CompareResult(tuple(pairs), rejected, renamed)
 
 
-def _judged(
+def _obstacle(
     pair: Comparison, rejected: tuple[str, ...], differences: tuple[str, ...]
-) -> Comparison:
+) -> Finding | None:
     """A calibration that was rejected, or of another rig, verifies nothing, whatever it says."""
     if differences:
-        verdict = f"not of one rig: of that of {pair.names[1]}, {'; '.join(differences)}"
-        return replace(pair, verified=False, verdict=f"{verdict} ({pair.verdict})")
-    blamed = [name for name in pair.names if name in rejected]
+        found: dict[str, Value] = {"differences": "; ".join(differences)}
+        return Finding("compared-other-rig", pair.names[1:], values=found)
+    blamed = tuple(name for name in pair.names if name in rejected)
     if not blamed:
-        return pair
-    verdict = f"not verified: {' and '.join(blamed)} was rejected by the quality gate"
-    return replace(pair, verified=False, verdict=f"{verdict} ({pair.verdict})")
+        return None
+    return Finding("compared-rejected", blamed, values={"names": " and ".join(blamed)})

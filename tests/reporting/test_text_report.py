@@ -14,7 +14,7 @@ from rich.console import Console
 from tdfscal.catalogue import document
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.log_time import clock
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.history import short
@@ -93,7 +93,8 @@ def test_advice_follows_the_cause() -> None:
     rig["acceptance"]["angle_std"] = 1e-6
     assert "weakest angle" in advise(with_(c, rig=rig))[0]
     joint = surveyed()[1]
-    found_apart = document(Finding("methods-disagree", values={"verdict": "apart"}, rejects=True))
+    worst: dict[str, Value] = {"angle": "yaw", "difference": 9.0, "en": 4.0, "above": 1, "of": 9}
+    found_apart = document(Finding("methods-disagree", p_value=1e-9, values=worst, rejects=True))
     assert "each method alone" in " ".join(
         advise(changed(joint, status="rejected", findings=[found_apart]))
     )

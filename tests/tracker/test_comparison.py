@@ -67,12 +67,13 @@ def test_a_known_difference_in_closed_form() -> None:
     # χ² = 21.67 on 9 at 1 %: 2.328 mrad; E_n alone, 2.3 there, decides nothing.
     more = compare_pair(("a", about(a, 1, [0, 0, 2.34e-3])), ("b", b))
     assert not more.verified
-    assert more.verdict.startswith("not compatible")
-    assert "yaw of ncp2" in more.verdict
+    assert more.finding.code == "calibrations-incompatible"
+    assert more.finding.values["angle"] == "yaw"
+    assert more.finding.values["support"] == "ncp2"
     less = compare_pair(("a", about(a, 1, [0, 0, 2.31e-3])), ("b", b))
     assert less.verified
     assert less.en[1, 2] > 2
-    assert less.verdict.startswith("metrologically compatible")
+    assert less.finding.code == "calibrations-compatible"
 
 
 def test_detectable_is_seen_in_95_of_100() -> None:
@@ -97,7 +98,7 @@ def test_many_small_differences_are_not_verified() -> None:
     pair = compare_pair(("a", Rotations(NAMES, turned, 0.5e-6 * np.eye(9))), ("b", b))
     assert pair.en.max() < 1
     assert not pair.verified
-    assert "all differences together" in " ".join(pair.verdict.split())
+    assert pair.finding.code == "calibrations-incompatible-together"
 
 
 def test_angles_differ_the_short_way_round() -> None:

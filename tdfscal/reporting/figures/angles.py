@@ -19,6 +19,7 @@ from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, legend_above, signed, tip
+from tdfscal.reporting.phrases import verdict
 from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE, INTERVAL_COVERAGE
 
 #: Name, marker, colour and place of each method beside the others.
@@ -141,7 +142,7 @@ def comparison(pair: Comparison, number: int = 1) -> Drawing:
         return fig
 
     title = f"{pair.names[0]} against {pair.names[1]}"
-    return Drawing(f"comparison-{number}", title, f"{pair.verdict}.", paint)
+    return Drawing(f"comparison-{number}", title, f"{verdict(pair)}.", paint)
 
 
 def planned(plan: Plan | MovingPlan) -> Drawing:
