@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
+from tdfscal.catalogue import sentence
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
@@ -19,7 +20,6 @@ from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, legend_above, signed, tip
-from tdfscal.reporting.phrases import verdict
 from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE, INTERVAL_COVERAGE
 
 #: Name, marker, colour and place of each method beside the others.
@@ -142,7 +142,8 @@ def comparison(pair: Comparison, number: int = 1) -> Drawing:
         return fig
 
     title = f"{pair.names[0]} against {pair.names[1]}"
-    return Drawing(f"comparison-{number}", title, f"{verdict(pair)}.", paint)
+    said = sentence(pair.obstacle or pair.finding)
+    return Drawing(f"comparison-{number}", title, f"{said}.", paint)
 
 
 def planned(plan: Plan | MovingPlan) -> Drawing:
