@@ -47,36 +47,68 @@ def findings() -> Iterator[str]:
     yield "\n"
 
 
+def rig() -> Iterator[str]:
+    """Yield the keys of the rig file as a table, with units and defaults; a quantity is one row."""
+    yield "\n| key | | default | unit | meaning |\n|---|---|---|---|---|\n"
+    for path, needed, value in _keys("rig"):
+        if path.endswith((".value", ".std")):
+            continue
+        unit, _, meaning = value["description"].partition(": ")
+        if not meaning or (" " in unit and unit != "kg m²"):
+            unit, meaning = "", value["description"]
+        yield f"| `{path}` | {needed} | {_shown(value.get('default', {}))} | {unit} | {meaning} |\n"
+    yield "\n"
+
+
+def _shown(default: Any) -> str:
+    """Return a default; nothing of a block's."""
+    if isinstance(default, list):
+        return ", ".join("unknown" if one is None else _shown(one) for one in default)
+    if isinstance(default, dict):
+        return ""
+    return "none" if default is None else f"{default:g}" if isinstance(default, float) else default
+
+
 def points() -> Iterator[str]:
     """Yield the keys of a point file in JSON as a table."""
-    return _keys("points")
+    return _meanings("points")
 
 
 def calibration() -> Iterator[str]:
     """Yield the keys of the calibration file as a table; those of its rig have one of their own."""
-    return _keys("calibration", "rig")
+    return _meanings("calibration", "rig")
 
 
-def _keys(name: str, *closed: str) -> Iterator[str]:
-    schema = schemas()[f"{name}.schema.json"]
+def _meanings(name: str, *closed: str) -> Iterator[str]:
     yield "\n| key | | meaning |\n|---|---|---|\n"
+    for path, needed, value in _keys(name, *closed):
+        yield f"| `{path}` | {needed} | {value['description']} |\n"
+    yield "\n"
 
-    def below(node: dict[str, Any], path: str) -> Iterator[str]:
+
+def _keys(name: str, *closed: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield every key of a schema as `a.b[].c`, whether its object requires it (●), and itself.
+
+    closed : keys that are not entered. NAME stands for the free keys of a mapping.
+    """
+    schema = schemas()[f"{name}.schema.json"]
+
+    def below(node: dict[str, Any], path: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
         for member in [node, *node.get("anyOf", ())]:
             here = schema["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
             if isinstance(here.get("items"), dict):
                 yield from below(here["items"], f"{path}[]")
-            if isinstance(here.get("additionalProperties"), dict):
-                yield from below(here["additionalProperties"], f"{path}.NAME")
+            free = [here.get("additionalProperties"), *here.get("patternProperties", {}).values()]
+            for each in free:
+                if isinstance(each, dict):
+                    yield from below(each, f"{path}.NAME")
             for key, value in here.get("properties", {}).items():
                 full = f"{path}.{key}".removeprefix(".")
-                needed = "●" if key in here.get("required", ()) else ""
-                yield f"| `{full}` | {needed} | {value['description']} |\n"
+                yield full, "●" if key in here.get("required", ()) else "", value
                 if full not in closed:
                     yield from below(value, full)
 
-    yield from below(schema, "")
-    yield "\n"
+    return below(schema, "")
 
 
 def _plain(template: str) -> str:

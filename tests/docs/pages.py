@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = (
@@ -68,31 +67,3 @@ def section(page: str, heading: str) -> str:
     assert rank is not None
     after = text(page).split(f"\n{heading}\n", 1)[1]
     return re.split(rf"^#{{1,{len(rank[0])}}} ", after, maxsplit=1, flags=re.MULTILINE)[0]
-
-
-def key_paths(schema: dict[str, Any], stop: frozenset[str] = frozenset()) -> dict[str, bool]:
-    """Every key of a JSON Schema as `a.b[].c`, and whether its own object requires it.
-
-    Keys in `stop` are not entered; NAME stands for the free keys of a mapping.
-    """
-    found: dict[str, bool] = {}
-
-    def enter(node: dict[str, Any], path: str) -> None:
-        for member in [node, *node.get("anyOf", ())]:
-            here = schema["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
-            if "items" in here:
-                enter(here["items"], f"{path}[]")
-            for free in here.get("patternProperties", {}).values():
-                enter(free, f"{path}.NAME")
-            if member is node or "$ref" in member:
-                keys(here, path)
-
-    def keys(node: dict[str, Any], path: str) -> None:
-        for key, value in node.get("properties", {}).items():
-            full = f"{path}.{key}".removeprefix(".")
-            found[full] = key in node.get("required", ())
-            if full not in stop:
-                enter(value, full)
-
-    keys(schema, "")
-    return found

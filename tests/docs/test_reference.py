@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
@@ -21,50 +18,9 @@ from tdfscal.errors import (
 )
 from tdfscal.logs.common import clock
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tests.docs.pages import DOCS, key_paths, section, table, text
+from tests.docs.pages import section, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
-
-
-def schema(name: str) -> dict[str, Any]:
-    path = DOCS.parent / "schemas" / f"{name}.schema.json"
-    content = json.loads(path.read_text(encoding="utf-8"))
-    assert isinstance(content, dict)
-    return content
-
-
-def stated(name: str) -> dict[str, list[str]]:
-    rows = table("reference", f"keys: {name}")
-    keys = [row[0].strip("`") for row in rows]
-    assert len(set(keys)) == len(keys)
-    return dict(zip(keys, (row[1:] for row in rows), strict=True))
-
-
-def test_keys_are_those_of_the_schema() -> None:
-    published = key_paths(schema("rig"))
-    # A quantity is one row.
-    published = {k: v for k, v in published.items() if not k.endswith((".value", ".std"))}
-    assert {key: row[0] == "●" for key, row in stated("rig").items()} == published
-
-
-def defaults(node: dict[str, Any], root: dict[str, Any], path: str) -> Iterator[tuple[str, Any]]:
-    """Every scalar default of a schema, by its key's path."""
-    for member in [node, *node.get("anyOf", ())]:
-        here = root["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
-        for key, value in here.get("properties", {}).items():
-            full = f"{path}.{key}".removeprefix(".")
-            if isinstance(value.get("default"), (str, int, float)):
-                yield full, value["default"]
-            yield from defaults(value, root, full)
-
-
-def test_defaults_are_those_of_the_schema() -> None:
-    rig = schema("rig")
-    published = dict(defaults(rig, rig, ""))
-    assert len(published) >= 15
-    for key, value in published.items():
-        cell = stated("rig")[key][1]
-        assert (cell if isinstance(value, str) else float(cell)) == value, key
 
 
 def test_generated_tables_are_those_of_the_program() -> None:
