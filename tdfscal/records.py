@@ -7,7 +7,7 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
 import numpy as np
@@ -183,10 +183,50 @@ Scale = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
+class ClockPrior:
+    """What is stated of a recorder's clock against the first one's (rig.yaml, `clock`).
+
+    offset : s, its stamps minus the first's for the same instant. rate_std : relative.
+    """
+
+    offset: UncertainValue = field(
+        default_factory=lambda: UncertainValue(np.array(0.0), np.array(np.inf))
+    )
+    rate_std: float = 1e-4
+
+    @property
+    def exact(self) -> bool:
+        """Whether nothing is left to find."""
+        return float(self.offset.std) == 0.0 and self.rate_std == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderClock:
+    """A recorder's clock against the first one's, as found; times in s.
+
+    reference : time of the first clock at which `offset` holds, its first stamp. offset : this
+    clock's stamp of that instant minus the first's. rate : by which the offset grows.
+    """
+
+    recorder: str
+    reference: float
+    offset: float
+    offset_std: float
+    rate: float
+    rate_std: float
+
+    def to_first(self, time: FloatArray) -> FloatArray:
+        """Stamps (N,) of this clock as the first clock would have them."""
+        since = time - (self.reference + self.offset)
+        return np.asarray(self.reference + since / (1.0 + self.rate))
+
+
+@dataclass(frozen=True, slots=True)
 class LogMapping:
     """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
 
-    position, force : per support, three fields, or one field with members x, y, z.
+    position, force : per support, three fields, or one field with members x, y, z; none where
+        another recorder holds them.
     delay : s, force stamps minus position stamps; None where nothing is known of it.
     temperature : fields in °C; none, one for all sensors, or one per support.
     position_scale, force_scale : per support, m and N per unit of the log in x, y, z, in place of
@@ -208,6 +248,9 @@ class LogMapping:
     temperature: tuple[str, ...] = ()
     position_scale: tuple[Scale | None, ...] = ()
     force_scale: tuple[Scale | None, ...] = ()
+    files: str | None = None
+    """Pattern of the names of its files; None where all logs are its."""
+    clock: ClockPrior = ClockPrior()
 
     @classmethod
     def default(cls, supports: tuple[str, ...]) -> Self:
@@ -260,7 +303,7 @@ class Log:
     force : per support, the force the NCP exerts on the terminal, in the sensor's frame, N.
     temperature : of all sensors or one per support, °C, as value[:, 0]; empty where not recorded.
     With rows == "postures" each row is one static posture and time is the row's number
-    where the file has no time.
+    where the file has no time. clocks : of all recorders but the first, whose clock holds.
     """
 
     supports: tuple[str, ...]
@@ -271,6 +314,7 @@ class Log:
     findings: tuple[Finding, ...] = ()
     temperature: tuple[Series, ...] = ()
     truncated: tuple[LogTruncated, ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
 def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
     """Return place, what and hint of one fault."""
     context = fault.get("ctx", {})
-    place = (*fault["loc"], *context.get("place", ()))
+    place = _in_file((*fault["loc"], *context.get("place", ())), content)
     kind = fault["type"]
     if kind == "extra_forbidden":
         return place, *_unknown_key(model, place)
@@ -89,6 +89,17 @@ def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Pl
         what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
     return place, what, context.get("hint") or _HINTS.get(kind, "correct the value")
 
+
+def _in_file(place: Place, content: Any) -> Place:
+    """The place without the names of the forms that a value may have."""
+    for k, part in enumerate(place):
+        if part in _FORMS and not _exists(content, place[: k + 1]):
+            return (*place[:k], *place[k + 1 :])
+    return place
+
+
+#: Names of the forms of a value that is a block or a list of blocks.
+_FORMS = ("one", "several")
 
 _MISSING: dict[str | int, str] = {
     "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown",

@@ -82,8 +82,8 @@ def describe_logs(
 
 def _mapping(guess: Guess, rig: LoadedRig | None) -> tuple[LogMapping | None, Source]:
     """What the logs are read with: the rig's own, or the guess."""
-    if rig is not None and (rig.log is not None or guess.mapping is None):
-        return rig.log or LogMapping.default(rig.rig.supports), "rig"
+    if rig is not None and (rig.log or guess.mapping is None):
+        return (rig.log or (LogMapping.default(rig.rig.supports),))[0], "rig"
     return guess.mapping, "guessed"
 
 

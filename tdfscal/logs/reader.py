@@ -29,6 +29,7 @@ from tdfscal.logs.common.request import (
 )
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.formats import files_of, reader_of
+from tdfscal.logs.recorders import files_by_recorder, on_one_clock
 from tdfscal.records import BoolArray, FloatArray, Log, LogMapping, LogTruncated, Series
 
 Progress = Callable[[float], None]
@@ -37,9 +38,13 @@ _LARGEST = {"position": (1e9, "m"), "force": (1e9, "N"), "temperature": (1e4, "Â
 _NO_TIME, _NO_VALUE = np.empty(0), np.empty((0, 3))
 
 
+#: Mappings of one recorder, of several, or of the default names.
+Recorders = LogMapping | Sequence[LogMapping] | None
+
+
 def read_log(
     paths: Sequence[Path],
-    mapping: LogMapping | None,
+    recorders: Recorders,
     supports: Sequence[str],
     *,
     axes: BoolArray | None = None,
@@ -49,27 +54,29 @@ def read_log(
 
     Parameters
     ----------
-    paths : CSV, Parquet or MCAP files, or rosbag2 folders; several are one campaign in sequence.
-    mapping : how the recorder names things; None for the default names, m and N.
+    paths : CSV, Parquet or MCAP files, or rosbag2 folders; those of one recorder are in sequence.
+    recorders : how each recorder names things; none for the default names, m and N.
     supports : the supports wanted, in the order of the result.
     axes : (n, 3), what their sensors measure; the log need not hold the others, which read 0.
     window : the part of the log that is wanted.
 
     Returns
     -------
-    Log : positions (N, 3) in m, BCS; forces (N, 3) in N on the terminal, sensor frames.
+    Log : positions (N, 3) in m, BCS; forces (N, 3) in N on the terminal, sensor frames; all on the
+        clock of the first recorder.
 
     Raises
     ------
-    UsageError : a file is not there. RigError : the mapping is wrong.
-    DataError : a file is damaged, or is not what the mapping says.
+    UsageError : a file is not there. RigError : a mapping is wrong.
+    DataError : a file is damaged, or is not what the mapping says; recorders do not go together.
+    NotIdentifiableError : recorders go together in two ways.
     """
-    return concatenate(iter_log(paths, mapping, supports, axes=axes, window=window))
+    return concatenate(iter_log(paths, recorders, supports, axes=axes, window=window))
 
 
 def iter_log(
     paths: Sequence[Path],
-    mapping: LogMapping | None,
+    recorders: Recorders,
     supports: Sequence[str],
     *,
     axes: BoolArray | None = None,
@@ -86,14 +93,21 @@ def iter_log(
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
     seen : takes what else is in each file, noted while it is read.
     """
-    request = replace(make_request(mapping, supports, axes), describe=seen is not None)
-    files = files_of(paths)
-    if not files:
+    if not paths:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
-    if axes is not None and not axes.all():
-        _check_silent(files[0][0], make_request(mapping, supports), axes)
-    meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
-    pieces = _campaign(files, request, meter, seen)
+    mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
+    groups: Sequence[tuple[LogMapping | None, Sequence[Path]]] = [(None, paths)]
+    if mappings:
+        groups = files_by_recorder(paths, mappings)
+    sources = [(mapping, files_of(own)) for mapping, own in groups]
+    meter = _Meter(sum(path.stat().st_size for _, files in sources for path, _ in files), progress)
+    streams = []
+    for mapping, files in sources:
+        request = replace(make_request(mapping, supports, axes), describe=seen is not None)
+        if axes is not None and not axes.all():
+            _check_silent(files[0][0], make_request(mapping, supports), axes)
+        streams.append((request.mapping, _campaign(files, request, meter, seen)))
+    pieces = streams[0][1] if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -113,6 +127,7 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         inputs=tuple(i for p in parts for i in p.inputs),
         truncated=tuple(t for p in parts for t in p.truncated),
         findings=tuple(f for p in parts for f in p.findings),
+        clocks=tuple(c for p in parts for c in p.clocks),
     )
 
 
@@ -335,11 +350,11 @@ class _Streams:
 
 def _log(piece: Piece | list[Block], request: Request) -> Log:
     n = len(request.supports)
-    series = [Series(_NO_TIME, _NO_VALUE)] * len(request.signals)
+    series = [Series(_NO_TIME, _NO_VALUE)] * (2 * n + len(request.mapping.temperature))
     for block in piece:
-        for number, value in block.value.items():
-            measured = request.signals[number].measured
-            series[number] = Series(
+        for index, value in block.value.items():
+            measured = request.signals[index].measured
+            series[request.numbers[index]] = Series(
                 block.time, value if all(measured) else np.where(measured, value, 0.0)
             )
     return Log(

@@ -77,7 +77,9 @@ def spread_matrix(r: FloatArray) -> FloatArray:
     return voigt(r @ r * np.eye(3) - np.outer(r, r))
 
 
-def prior(rig: Rig, delay_value: float, delay_std: float) -> tuple[Moving, FloatArray]:
+def prior(
+    rig: Rig, delay_value: float, delay_std: float, rate_std: float = CLOCK_RATE
+) -> tuple[Moving, FloatArray]:
     """Prior value and standard deviation (9,) of the motion's parameters.
 
     What the rig file leaves open gets a prior far wider than any machine, which keeps the
@@ -94,7 +96,7 @@ def prior(rig: Rig, delay_value: float, delay_std: float) -> tuple[Moving, Float
     std[FRICTION] = _FRICTION_LEVER * float(rig.mass.value) * rig.gravity / rig.n
     value[DELAY] = delay_value
     std[DELAY] = delay_std if np.isfinite(delay_std) else UNSTATED_DELAY
-    std[RATE] = CLOCK_RATE if delay_std > 0 else 0.0
+    std[RATE] = rate_std if delay_std > 0 else 0.0
     return Moving.of(value), std
 
 

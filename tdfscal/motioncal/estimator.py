@@ -63,7 +63,8 @@ class MovingPriors:
     """What is stated of a log in motion, as whitened prior rows by the active parameters.
 
     rig, slow : the rig file and the log's streams. motions : G, of the zeros. delay : stated in
-    the rig file, s. active : (P + 9,), statics first.
+    the rig file, s, (); or with the rate of clocks that are apart, (2,).
+    active : (P + 9,), statics first.
     """
 
     def __init__(self, rig: Rig, slow: Slow, delay: UncertainValue) -> None:
@@ -71,7 +72,8 @@ class MovingPriors:
         self.rig, self.slow = rig, slow
         self.motions = 0 if motion is None else len(motion.std)
         self.still = Priors(rig, motion)
-        self.mean, self.std = dynamics.prior(rig, float(delay.value), float(delay.std))
+        value, std = np.atleast_1d(delay.value), np.atleast_1d(delay.std)
+        self.mean, self.std = dynamics.prior(rig, float(value[0]), *map(float, std))
         self.free = self.std > 0
         self.active = np.concatenate([self.still.active, self.free])
 

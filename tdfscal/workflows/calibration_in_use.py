@@ -139,7 +139,7 @@ def zero_epoch(c: CalibrationFile) -> ZeroEpoch:
     told = latest.record() if latest is not None and latest.source != "file" else None
     exact, begin = told is not None and told.source == "log", told.begin if told else None
     span, dwell, temperature = 0.0, 0.0, None
-    averaged = c.rig.log is not None and c.rig.log.rows == "postures"
+    averaged = any(recorder.rows == "postures" for recorder in c.rig.recorders)
     if c.postures is not None and c.postures.start and not averaged:
         start, end = np.array(c.postures.start), np.array(c.postures.end)
         span, dwell = float(end.max() - start.min()), float(np.median(end - start))

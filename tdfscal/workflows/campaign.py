@@ -16,6 +16,8 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
+from tdfscal.logs.recorders import owns
+from tdfscal.records import LogMapping
 from tdfscal.workflows.arguments import PathLike
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.
@@ -54,7 +56,7 @@ class Campaign:
     @property
     def averaged(self) -> bool:
         """Each row of a log is a posture."""
-        return self.rig.log is not None and self.rig.log.rows == "postures"
+        return self.rig.averaged
 
 
 def resolve(
@@ -71,7 +73,8 @@ def resolve(
     _require(paths)
     loaded = _rig_of(paths, rig, fallback)
     surveyed = loaded.tracker is not None and all(p.is_file() for p in loaded.tracker.paths)
-    logs = find_logs(paths, apart=loaded.tracker.paths if loaded.tracker else ())
+    surveys = loaded.tracker.paths if loaded.tracker else ()
+    logs = find_logs(paths, apart=surveys, recorders=loaded.log)
     if not logs and not surveyed:
         raise UsageError(
             "there is no log here, nor a tracker's survey",
@@ -81,8 +84,12 @@ def resolve(
     return Campaign(loaded, logs, surveyed)
 
 
-def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, ...]:
+def find_logs(
+    paths: Sequence[Path], apart: Iterable[Path] = (), recorders: Sequence[LogMapping] = ()
+) -> tuple[Path, ...]:
     """Return the logs that the paths name or hold, each once; `apart` are files that are no logs.
+
+    recorders : whose files are logs, where their blocks say; others in a folder are left alone.
 
     Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
     holds recordings without the metadata that lists them, or may not be looked into.
@@ -94,6 +101,8 @@ def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, 
     for path in paths:
         if path.is_dir() and not is_log(path):
             for entry in sorted(entries_of(path), key=_natural):
+                if recorders and not any(owns(recorder, entry) for recorder in recorders):
+                    continue
                 if _is_recorded(entry) and _real(entry) not in apart_files:
                     found.setdefault(_real(entry), entry)
                 elif _may_be_recording(entry):

@@ -16,7 +16,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.records import Dwells, InputFile, Log, Rig
+from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.progress import SILENT, Progress
 
@@ -56,8 +56,8 @@ class LogPass:
 
     inputs : files that were read. messages : what the logs say of themselves, each once. stops :
     what became of most of them, where few are dwells. begin, end : s, the first and the last time
-    in the logs, by their clock. samples : what tells a copy of them; repeats : those that the logs
-    hold twice.
+    in the logs, by the first recorder's clock. samples : what tells a copy of them; repeats : those
+    that the logs hold twice. clocks : of the other recorders.
     """
 
     campaign: Campaign
@@ -69,6 +69,7 @@ class LogPass:
     stops: Finding | None = None
     samples: RepeatedSamples | None = None
     repeats: tuple[Repeat, ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
 
     @property
     def rig(self) -> Rig:
@@ -93,6 +94,7 @@ class LogPass:
                 progress=share,
             ):
                 self.inputs += piece.inputs
+                self.clocks += piece.clocks
                 self._note(piece.findings)
                 times = [series.time for series in piece.force if len(series.time)]
                 self.begin = min([self.begin, *(float(time[0]) for time in times)])

@@ -31,8 +31,11 @@ def measured(log: LogPass) -> Measured:
 
     Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
     """
-    if by_wall_clock(log.begin, log.end):
-        found = Measured(log.begin, log.end, "log")
+    for offset in (0.0, *(clock.offset for clock in log.clocks)):
+        begin, end = log.begin + offset, log.end + offset
+        if not by_wall_clock(begin, end):
+            continue
+        found = Measured(begin, end, "log")
         if found.end > time.time() + _DAY:
             raise DataError(
                 f"the log's clock says {day(found.end)}, which is in the future",

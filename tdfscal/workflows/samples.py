@@ -180,7 +180,10 @@ def _moving(
 
 def delay_of(rig: LoadedRig) -> UncertainValue:
     """Delay of the force stamps, s, as a rig file states it; unknown where it does not."""
-    stated = rig.log.delay if rig.log is not None else None
+    if len(rig.log) > 1:  # their clocks are apart by as much as the moves leave open
+        rate_std = max(recorder.clock.rate_std for recorder in rig.log[1:])
+        return UncertainValue(np.zeros(2), np.array([np.inf, rate_std]))
+    stated = rig.log[0].delay if rig.log else None
     return stated or UncertainValue(np.array(0.0), np.array(np.inf))
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from tdfscal.files.rig.checks import (
     check_hinges,
     check_inertia,
-    check_mapping,
     check_names,
+    check_recorders,
     check_temperature,
 )
 
@@ -65,6 +68,27 @@ def test_hinges_that_coincide_or_stand_in_a_row() -> None:
             check_hinges(names[:3], size * row + shift)
 
 
+@dataclass(frozen=True)
+class Block:
+    """A recorder's block, with nothing but its fields."""
+
+    fields: Mapping[tuple[str, str], tuple[str, ...]]
+    files: str | None = None
+    rows: str = "timeseries"
+    temperature: tuple[str, ...] | None = None
+
+    @property
+    def supports(self) -> dict[str, None]:
+        return dict.fromkeys(name for name, _ in self.fields)
+
+
+def check_mapping(
+    names: Sequence[str], *fields: Mapping[tuple[str, str], tuple[str, ...]], one: bool = True
+) -> None:
+    blocks = [Block(own, None if one else f"{k}*.csv") for k, own in enumerate(fields)]
+    check_recorders(names, blocks, one=one)
+
+
 FIELDS = {
     (name, what): tuple(f"{name}.{what}.{axis}" for axis in "xyz")
     for name in ("a", "b", "c")
@@ -85,6 +109,20 @@ def test_a_mapping_serves_every_support_with_fields_of_its_own() -> None:
     assert place_of(check_mapping, names, twice) == ("log", "supports", "c", "force")
 
 
+def test_several_recorders_give_each_quantity_once() -> None:
+    names = ["a", "b", "c"]
+    moves = {key: fields for key, fields in FIELDS.items() if key[1] == "position"}
+    loads = {key: fields for key, fields in FIELDS.items() if key[1] == "force"}
+    same_names = {key: moves[key[0], "position"] for key in loads}
+    check_mapping(names, moves, loads, one=False)
+    check_mapping(names, moves, same_names, one=False)  # in other files
+    place = place_of(partial(check_mapping, one=False), names, moves, FIELDS)
+    assert place == ("log", 1, "supports", "a", "position")
+    fewer = {key: fields for key, fields in loads.items() if key[0] != "b"}
+    assert place_of(partial(check_mapping, one=False), names, moves, fewer) == ("log",)
+    assert place_of(check_mapping, names, moves, loads) == ("log",)  # no files named
+
+
 def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
     names = ["ncp1", "ncp2", "arm"]
     fields = {("ncp1", "force"): ("a",), ("ncp3", "force"): ("b",), ("arm", "force"): ("c",)}
@@ -102,12 +140,12 @@ def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
 def test_temperatures_are_one_for_all_or_one_each() -> None:
     names = ["a", "b", "c"]
     for fine in (["T"], ["T1", "T2", "T3"], {"a": "T1", "b": "T2", "c": "T3"}):
-        check_temperature(names, fine)
+        check_temperature(names, fine, ("log",))
     for wrong, odd in (([], None), (["T1", "T2"], None), (["T"] * 4, None),
                        ({"a": "T1", "b": "T2"}, "c"),
                        ({"a": "T1", "b": "T2", "c": "T3", "d": "T4"}, "d")):  # fmt: skip
         with pytest.raises(PydanticCustomError) as refused:
-            check_temperature(names, wrong)
+            check_temperature(names, wrong, ("log",))
         assert refused.value.context is not None
         assert refused.value.context["place"][:2] == ("log", "temperature")
         if odd:

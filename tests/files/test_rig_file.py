@@ -49,7 +49,7 @@ def line_of(text: str, fragment: str) -> int:
 def test_every_key_arrives(tmp_path: Path) -> None:
     (tmp_path / "rig.yaml").write_text(RIG)
     loaded = load_rig(tmp_path / "rig.yaml")
-    rig, log, tracker = loaded.rig, loaded.log, loaded.tracker
+    rig, (log,), tracker = loaded.rig, loaded.log, loaded.tracker
     assert rig.name == "Rotor-hub rig"
     assert rig.supports == ("ncp1", "ncp2", "ncp3")
     assert (rig.gravity, rig.gravity_tilt_std) == (9.80665, 0.0)
@@ -100,7 +100,7 @@ def test_every_key_arrives(tmp_path: Path) -> None:
 def test_defaults_of_the_contract() -> None:
     loaded = parse_rig(MINIMAL.encode(), "rig.yaml")
     rig = loaded.rig
-    assert (loaded.log, loaded.tracker, rig.inertia) == (None, None, None)
+    assert (loaded.log, loaded.tracker, rig.inertia) == ((), None, None)
     assert rig.axes.all()
     assert (rig.drift, rig.serial, rig.campaign, rig.sensors) == (Drift(), None, CampaignInfo(), ())
     assert (rig.gravity, float(rig.mass.std), rig.declared) == (9.80665, 0.0, DeclaredUncertainty())
@@ -132,9 +132,8 @@ def test_numbers_as_people_write_them(word: str) -> None:
 
 def test_log_block_without_supports_keeps_the_default_names() -> None:
     loaded = parse_rig((MINIMAL + "log: {length_unit: mm}\n").encode(), "rig.yaml")
-    assert loaded.log is not None
-    assert loaded.log.length_unit == "mm"
-    assert loaded.log.position == LogMapping.default(loaded.rig.supports).position
+    assert loaded.log[0].length_unit == "mm"
+    assert loaded.log[0].position == LogMapping.default(loaded.rig.supports).position
 
 
 def test_columns_by_number_need_no_quotes() -> None:
@@ -149,11 +148,10 @@ def test_columns_by_number_need_no_quotes() -> None:
         },
     }
     loaded = parse_rig((MINIMAL + f"log: {json.dumps(block)}\n").encode(), "rig.yaml")
-    assert loaded.log is not None
-    assert loaded.log.time_field == "1"
-    assert loaded.log.position == tuple(tuple(map(str, c)) for c in columns)
-    assert loaded.log.force[0] == ("11", "12", "13")
-    assert loaded.log.temperature == ("20",)
+    assert loaded.log[0].time_field == "1"
+    assert loaded.log[0].position == tuple(tuple(map(str, c)) for c in columns)
+    assert loaded.log[0].force[0] == ("11", "12", "13")
+    assert loaded.log[0].temperature == ("20",)
     with pytest.raises(RigError, match="must be text"):
         parse_rig((MINIMAL + "log: {time: {field: true}}\n").encode(), "rig.yaml")
 
@@ -165,8 +163,7 @@ def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None
     again = embedded_rig(EmbeddedRig.model_validate(document), Path("calibration.json"))
     assert again.document == loaded.document
     assert (again.sha256, again.tracker) == (loaded.sha256, None)
-    assert again.log is not None
-    assert again.log.temperature == ("T1", "T2", "T3")
+    assert again.log[0].temperature == ("T1", "T2", "T3")
     for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "axes"):
         assert np.array_equal(getattr(again.rig, name), getattr(loaded.rig, name)), name
     for name in ("mass", "barycentre", "zero", "inertia"):
@@ -417,7 +414,7 @@ def test_field_rigs_load(folder: str, n: int, mapped: bool, surveyed: bool) -> N
         pytest.skip("the field campaigns are not here")
     loaded = load_rig(path)
     assert loaded.rig.n == n
-    assert (loaded.log is not None, loaded.tracker is not None) == (mapped, surveyed)
+    assert (bool(loaded.log), loaded.tracker is not None) == (mapped, surveyed)
     if loaded.tracker is not None:
         assert all(point_file.is_file() for point_file in loaded.tracker.paths)
 

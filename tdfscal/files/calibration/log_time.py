@@ -38,7 +38,7 @@ def log_clock(
     rig: RigFile, table: PostureTable | None, rejected: Sequence[RejectedPosture]
 ) -> Clock:
     """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
-    if rig.log is not None and rig.log.rows == "postures":
+    if any(recorder.rows == "postures" for recorder in rig.recorders):
         return Clock(0.0, "row of the log", "row")
     starts = [r.start for r in rejected if r.start is not None]
     if table is not None:

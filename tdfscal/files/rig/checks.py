@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 
@@ -65,30 +66,85 @@ def check_hinges(names: Sequence[str], hinges: FloatArray) -> None:
         )
 
 
-def check_mapping(names: Sequence[str], fields: Mapping[tuple[str, str], tuple[str, ...]]) -> None:
-    """Refuse a log mapping that lacks a support, has one too many, or uses a field twice.
+class Recorder(Protocol):
+    """What is checked of a recorder's block."""
 
-    fields : by support and quantity (`position` or `force`), the fields of the log.
+    @property
+    def files(self) -> str | None: ...  # noqa: D102
+    @property
+    def rows(self) -> str: ...  # noqa: D102
+    @property
+    def supports(self) -> Mapping[str, object] | None: ...  # noqa: D102
+    @property
+    def fields(self) -> Mapping[tuple[str, str], tuple[str, ...]]: ...  # noqa: D102
+    @property
+    def temperature(self) -> Sequence[str] | Mapping[str, str] | None: ...  # noqa: D102
+
+
+def check_recorders(names: Sequence[str], recorders: Sequence[Recorder], *, one: bool) -> None:
+    """Refuse blocks that do not hold each support's position and force once, all together.
+
+    one : the log is a block, no list of them.
     """
-    place = ("log", "supports")
-    _check_each(names, [name for name, _ in fields], *place)
+    held: dict[tuple[str, str], int] = {}
+    for index, recorder in enumerate(recorders):
+        place = ("log",) if one else ("log", index)
+        _check_block(names, recorder, place, several=len(recorders) > 1)
+        for what in recorder.fields:
+            if what in held:
+                raise fault(
+                    f"the {what[1]} of {what[0]} is recorder {held[what] + 1}'s already",
+                    *(*place, "supports", *what),
+                    hint="let one recorder give each quantity",
+                )
+            held[what] = index
+        if recorder.temperature is not None:
+            check_temperature(names, recorder.temperature, place)
+    if not any(recorder.supports is not None for recorder in recorders):
+        return
+    for name in names:
+        missing = [what for what in ("position", "force") if (name, what) not in held]
+        if len(missing) == 2:
+            raise fault(f"lacks the support `{name}`", "log", "supports", hint=f"add `{name}: ...`")
+        if missing:
+            where = ("log", "supports", name) if one else ("log",)
+            raise fault(
+                f"lacks the {missing[0]} of `{name}`", *where, hint=f"add `{missing[0]}: ...`"
+            )
+
+
+def _check_block(
+    names: Sequence[str], recorder: Recorder, place: tuple[str | int, ...], *, several: bool
+) -> None:
+    """Refuse a block that names other supports than the rig's, or a field twice."""
+    if several and (recorder.files is None or recorder.supports is None):
+        lacking = "files" if recorder.files is None else "supports"
+        raise fault(f"lacks `{lacking}`", *place, hint=f"add `{lacking}: ...` for each recorder")
+    if several and recorder.rows == "postures":
+        raise fault(
+            "averaged postures of several recorders have no time to bring them together",
+            *(*place, "rows"),
+            hint="give the recordings themselves",
+        )
+    for name in recorder.supports or ():
+        _check_known(name, names, list(recorder.supports or ()), *place, "supports")
     taken: dict[str, str] = {}
-    for (name, what), used in fields.items():
+    for (name, what), used in recorder.fields.items():
         for field in used:
             if field in taken:
                 raise fault(
                     f"the field `{field}` already serves {taken[field]}",
-                    *place,
-                    name,
-                    what,
+                    *(*place, "supports", name, what),
                     hint="let each field serve one quantity",
                 )
             taken[field] = f"log.supports.{name}.{what}"
 
 
-def check_temperature(names: Sequence[str], fields: Sequence[str] | Mapping[str, str]) -> None:
+def check_temperature(
+    names: Sequence[str], fields: Sequence[str] | Mapping[str, str], block: tuple[str | int, ...]
+) -> None:
     """Refuse temperature fields that are neither one for all nor one for each support."""
-    place = ("log", "temperature")
+    place = (*block, "temperature")
     if not isinstance(fields, Mapping):
         if len(fields) not in (1, len(names)):
             raise fault(
@@ -100,14 +156,18 @@ def check_temperature(names: Sequence[str], fields: Sequence[str] | Mapping[str,
         _check_each(names, list(fields), *place)
 
 
-def _check_each(names: Sequence[str], given: Sequence[str], *place: str) -> None:
+def _check_each(names: Sequence[str], given: Sequence[str], *place: str | int) -> None:
     """Refuse what is stated for other supports than the rig's, or not for all of them."""
     for name in given:
-        if name not in names:
-            unused = [other for other in names if other not in given]
-            near = nearest(name, unused or list(names), cutoff=0.0)
-            hint = f"write `{near}` perhaps"
-            raise fault(f"`{name}` is no support of this rig", *place, name, hint=hint)
+        _check_known(name, names, given, *place)
     for name in names:
         if name not in given:
             raise fault(f"lacks the support `{name}`", *place, hint=f"add `{name}: ...`")
+
+
+def _check_known(name: str, names: Sequence[str], given: Sequence[str], *place: str | int) -> None:
+    if name not in names:
+        unused = [other for other in names if other not in given]
+        near = nearest(name, unused or list(names), cutoff=0.0)
+        hint = f"write `{near}` perhaps"
+        raise fault(f"`{name}` is no support of this rig", *place, name, hint=hint)

@@ -9,7 +9,9 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Discriminator,
     Field,
+    Tag,
     ValidationInfo,
     WithJsonSchema,
     field_validator,
@@ -40,9 +42,8 @@ from tdfscal.files.field_types import (
 from tdfscal.files.rig.checks import (
     check_hinges,
     check_inertia,
-    check_mapping,
     check_names,
-    check_temperature,
+    check_recorders,
 )
 from tdfscal.records import Rows
 
@@ -291,8 +292,8 @@ class SupportFields(Strict):
     counts, of mV.
     """
 
-    position: Fields = key("three fields, or one with x, y, z")
-    force: Fields = key("likewise")
+    position: Fields | None = key("three fields, or one with x, y, z", None)
+    force: Fields | None = key("likewise; each is needed, from one recorder or another", None)
     position_scale: Scale | None = key(
         "m: per unit of the log, in place of length_unit; one number or three", None
     )
@@ -317,9 +318,19 @@ Temperatures = Annotated[
 """One field in °C for all sensors, or one per support: in their order, or by name."""
 
 
-class LogBlock(Strict):
-    """How this rig's recorder names things, and in which units."""
+class ClockBlock(Strict):
+    """A recorder's clock against the first one's: its stamps minus the first's."""
 
+    offset: Annotated[Quantity, WithStd] = key(
+        "s: quantity; std: unknown finds it", Quantity(value=0.0, std=math.inf)
+    )
+    rate_std: NotNegative = key("relative: standard uncertainty of its rate", 1.0e-4)
+
+
+class LogBlock(Strict):
+    """How a recorder of this rig names things, and in which units."""
+
+    files: Text | None = key("pattern of the names of its files, such as cnc*.csv", None)
     rows: Rows = key("or postures: each row is one averaged posture", "timeseries")
     time: LogTime = key("the clock: a column, or which stamps of messages", LogTime())
     delay: Annotated[Quantity, WithStd] | None = key(
@@ -333,6 +344,28 @@ class LogBlock(Strict):
     )
     decimal: Literal[".", ","] = key("or ,; CSV", ".")
     supports: dict[Name, SupportFields] | None = key("one entry per support", None)
+    clock: ClockBlock = key("against the first recorder's", ClockBlock())
+
+    @property
+    def fields(self) -> dict[tuple[str, str], tuple[str, ...]]:
+        """By support and quantity, `position` or `force`: the fields that are named."""
+        named = {
+            (name, what): getattr(fields, what)
+            for name, fields in (self.supports or {}).items()
+            for what in ("position", "force")
+        }
+        return {place: fields for place, fields in named.items() if fields is not None}
+
+
+def _form(given: Any) -> str:
+    return "several" if isinstance(given, (list, tuple)) else "one"
+
+
+#: One recorder's block, or a list of them.
+LogBlocks = Annotated[
+    Annotated[LogBlock, Tag("one")] | Annotated[tuple[LogBlock, ...], Tag("several")],
+    Discriminator(_form),
+]
 
 
 class InstrumentBlock(Strict):
@@ -424,7 +457,9 @@ class RigFile(Strict):
         "standard uncertainties that the log's own scatter cannot show", Uncertainty()
     )
     drift: Drift = key("zeros that move within a campaign, per channel", Drift())
-    log: LogBlock | None = key("how the recorder names things; see the how-to", None)
+    log: LogBlocks | None = key(
+        "how the recorder names things; a list of such blocks where there are several", None
+    )
     tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
     acceptance: AcceptanceBlock = key("limits of the quality gate", AcceptanceBlock())
 
@@ -433,22 +468,18 @@ class RigFile(Strict):
         names = [support.name for support in self.supports]
         check_names(names)
         check_hinges(names, np.array([support.hinge for support in self.supports]))
-        temperature = self.log.temperature if self.log else None
-        if temperature is not None:
-            check_temperature(names, temperature)
-        elif self.drift.temperature > 0:
+        check_recorders(names, self.recorders, one=isinstance(self.log, LogBlock))
+        if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):
             raise fault(
                 "zeros that follow a temperature need one",
                 *("drift", "temperature"),
                 hint="name the log's field with log.temperature",
             )
-        if self.log is not None and self.log.supports is not None:
-            check_mapping(
-                names,
-                {
-                    (name, what): getattr(fields, what)
-                    for name, fields in self.log.supports.items()
-                    for what in ("position", "force")
-                },
-            )
         return self
+
+    @property
+    def recorders(self) -> tuple[LogBlock, ...]:
+        """The blocks of all recorders; none where the file has no log block."""
+        if self.log is None:
+            return ()
+        return (self.log,) if isinstance(self.log, LogBlock) else self.log

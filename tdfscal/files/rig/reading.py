@@ -14,11 +14,18 @@ import numpy.typing as npt
 from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
-from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock
+from tdfscal.files.rig.model import (
+    RIG_FORMAT,
+    LogBlock,
+    RigFile,
+    SupportFields,
+    TrackerBlock,
+)
 from tdfscal.files.yaml.reading import Document, parse_document, read_document
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
+    ClockPrior,
     DeclaredUncertainty,
     Drift,
     Instrument,
@@ -56,18 +63,24 @@ class TrackerFiles:
 class LoadedRig:
     """A rig file, resolved.
 
-    log : None where the file has no log block. tracker : None where it declares no survey, or
-    where the rig was read back from a calibration file, which does not carry the survey's files.
+    log : a mapping per recorder; none where the file has no log block. tracker : None where it
+    declares no survey, or where the rig was read back from a calibration file, which does not carry
+    the survey's files.
     path : where it was read. sha256 : of the rig file. document : the rig with its defaults filled
     in, as plain JSON values, to be embedded in a calibration file.
     """
 
     rig: Rig
-    log: LogMapping | None
+    log: tuple[LogMapping, ...]
     tracker: TrackerFiles | None
     path: Path
     sha256: str
     document: Mapping[str, Any]
+
+    @property
+    def averaged(self) -> bool:
+        """Whether each row of a log is a posture."""
+        return any(recorder.rows == "postures" for recorder in self.log)
 
 
 class EmbeddedRig(RigFile):
@@ -93,7 +106,7 @@ def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
     """Resolve a rig that was read as part of a calibration file."""
     return LoadedRig(
         rig=_rig(rig),
-        log=_mapping(rig),
+        log=_mappings(rig),
         tracker=None,
         path=source,
         sha256=rig.sha256,
@@ -106,7 +119,7 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
     file = checked(RigFile, document, RigError)
     return LoadedRig(
         rig=_rig(file),
-        log=_mapping(file),
+        log=_mappings(file),
         tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=document.sha256,
@@ -156,24 +169,26 @@ def _known(value: npt.ArrayLike, std: npt.ArrayLike) -> UncertainValue:
     return UncertainValue(np.array(value, dtype=np.float64), np.array(std, dtype=np.float64))
 
 
-def _mapping(file: RigFile) -> LogMapping | None:
-    block = file.log
-    if block is None:
-        return None
+def _mappings(file: RigFile) -> tuple[LogMapping, ...]:
     names = tuple(support.name for support in file.supports)
+    return tuple(_mapping(block, names) for block in file.recorders)
+
+
+def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
     mapping = LogMapping.default(names)
     if block.supports is not None:
-        fields = [block.supports[name] for name in names]
+        fields = [block.supports.get(name, SupportFields()) for name in names]
         mapping = dataclasses.replace(
             mapping,
-            position=tuple(f.position for f in fields),
-            force=tuple(f.force for f in fields),
+            position=tuple(f.position or () for f in fields),
+            force=tuple(f.force or () for f in fields),
             position_scale=tuple(f.position_scale for f in fields),
             force_scale=tuple(f.force_scale for f in fields),
         )
     temperature = block.temperature or ()
     if isinstance(temperature, dict):
         temperature = tuple(temperature[name] for name in names)
+    offset = block.clock.offset
     return dataclasses.replace(
         mapping,
         rows=block.rows,
@@ -186,4 +201,6 @@ def _mapping(file: RigFile) -> LogMapping | None:
         decimal=block.decimal,
         delay=_known(block.delay.value, block.delay.std) if block.delay else None,
         temperature=temperature,
+        files=block.files,
+        clock=ClockPrior(_known(offset.value, offset.std), block.clock.rate_std),
     )

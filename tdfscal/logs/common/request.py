@@ -64,15 +64,17 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is wanted of a log: signal 2i is the position of support i, 2i + 1 its force.
+    """What is wanted of the files of one recorder.
 
-    Those of the temperatures, one or one per support, come last.
+    numbers : of each signal: 2i the position of support i, 2i + 1 its force; those of the
+    temperatures, one or one per support, come last, from 2n on.
     declared : the rig has a `log` block; without one, a unit that the file names is honoured.
     describe : the reader notes what else is in the file, too.
     """
 
     supports: tuple[str, ...]
     signals: tuple[Signal, ...]
+    numbers: tuple[int, ...]
     mapping: LogMapping
     declared: bool
     describe: bool = False
@@ -146,7 +148,7 @@ def make_request(
     force = _factor("force", mapping.force_unit, "force_unit")
     _factor("time", mapping.time_unit, "time.unit")
     sign = -1.0 if mapping.force_on == "sensor" else 1.0
-    signals: list[Signal] = []
+    signals: dict[int, Signal] = {}
     for number, name in enumerate(supports):
         if name not in mapping.supports:
             raise RigError(
@@ -155,17 +157,21 @@ def make_request(
                 hint=f"add {name} with its position and force",
             )
         i = mapping.supports.index(name)
+        measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
         moves = Signal(name, "position", mapping.position[i], (length,) * 3, mapping.length_unit)
         loads = Signal(name, "force", mapping.force[i], (sign * force,) * 3, mapping.force_unit)
-        moves = _scaled(moves, mapping.position_scale[i : i + 1], 1.0)
-        loads = _scaled(loads, mapping.force_scale[i : i + 1], sign)
-        if axes is not None and not axes[number].all():
-            loads = loads.lacking(axes[number], moves)
-        signals += [moves, loads]
-    for field, owner in zip(mapping.temperature, supports, strict=False):
+        if moves.fields:
+            signals[2 * number] = _scaled(moves, mapping.position_scale[i : i + 1], 1.0)
+        if not measured.any():
+            loads = replace(loads, fields=moves.fields)  # no sensor: it reads 0 at their times
+        if loads.fields:
+            loads = _scaled(loads, mapping.force_scale[i : i + 1], sign)
+            lacks = not measured.all()
+            signals[2 * number + 1] = loads.lacking(measured, moves) if lacks else loads
+    for k, (field, owner) in enumerate(zip(mapping.temperature, supports, strict=False)):
         name = owner if len(mapping.temperature) > 1 else "the rig"
-        signals.append(Signal(name, "temperature", (field,) * 3, (1.0,) * 3))
-    return Request(tuple(supports), tuple(signals), mapping, declared)
+        signals[2 * len(supports) + k] = Signal(name, "temperature", (field,) * 3, (1.0,) * 3)
+    return Request(tuple(supports), tuple(signals.values()), tuple(signals), mapping, declared)
 
 
 def _factor(quantity: units.Quantity, unit: str, place: str) -> float:

@@ -1,0 +1,328 @@
+"""The lag of one recorder's clock behind another's: which one it is, and how well it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tdfscal.clocks.activity import Peak, activity, peaks
+from tdfscal.clocks.balance import Balance, Model
+from tdfscal.clocks.moves import lag_by_moves, moves
+from tdfscal.clocks.refinement import refine
+from tdfscal.clocks.tracks import Track, Tracks
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.records import ClockPrior, FloatArray, RecorderClock
+
+_WIDTH = 0.1  # s, of a bin of activity
+_BINS = 1 << 16
+_OVERLAP = 0.25  # shortest, as a share of the shorter recording
+_CANDIDATES = 24
+_REFINED = 5  # candidates whose lags are brought to the least misfit
+_INSTANTS = 240  # on which a candidate is judged
+_STEP = 0.3  # s, between the lags of which a parabola is the misfit
+_DENSE = 10_000  # instants on which offset and rate are refined
+_ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
+_REPEATS = 0.1  # where positions repeat to this part of their travel,
+_HALF = 0.5  # or by this part of the evidence at least
+_CLEAR = 1.4  # ratio of misfits from which a lag is told from chance,
+_CERTAIN = 20.0  # and its log-likelihood ratio
+_CHANCE = 8.0  # log-likelihood ratio of an activity that is no chance
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom."""
+
+    peak: Peak
+    lag: float
+    misfit: float
+    rows: float
+    model: Model | None
+
+
+def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> RecorderClock:
+    """Find the clock of the second of two recorders against the first one's.
+
+    Parameters
+    ----------
+    first, second : what the two hold; the supports' positions and forces, all together.
+    prior : what is stated of the second's clock.
+    name : of the second recorder.
+
+    Raises
+    ------
+    DataError
+        The two do not overlap, or the moves of one are not found in the other.
+    NotIdentifiableError
+        Two lags explain both alike.
+    """
+    if prior.exact:
+        clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
+        _check_overlap(first, second, clock)
+        return clock
+    search = _Search(first, second, prior)
+    chosen = search.chosen(name)
+    clock = search.refined(chosen, name)
+    _check_overlap(first, second, clock)
+    return clock
+
+
+class _Search:
+    def __init__(self, first: Tracks, second: Tracks, prior: ClockPrior) -> None:
+        self.first, self.second, self.prior = first, second, prior
+        self.spans = first.end - first.begin, second.end - second.begin
+        #: Lag from begin to begin that is stated, and its standard uncertainty.
+        self.stated = float(prior.offset.value) - (second.begin - first.begin)
+        self.std = float(prior.offset.std)
+        self.balance = _balance(first, second)
+
+    def candidates(self) -> list[Peak]:
+        """Lags at which both are active together, the likeliest first."""
+        longest = max(self.spans)
+        slowest = max(self.first.period, self.second.period)
+        width = max(_WIDTH, 1.5 * slowest, longest / _BINS)
+        courses = []
+        for tracks, span in zip((self.first, self.second), self.spans, strict=True):
+            streams = tracks.forces or tracks.positions
+            courses.append(activity(streams, width, span))
+        found = peaks(courses[0], courses[1], width, _OVERLAP * min(self.spans), _CANDIDATES)
+        if np.isfinite(self.std):
+            reach = 5.0 * self.std + self.prior.rate_std * longest + _STEP
+            found = [p for p in found if abs(p.lag - self.stated) <= reach]
+            found.append(Peak(self.stated, 0.0, min(self.spans), 0.0))
+        return found
+
+    def chosen(self, name: str) -> _Candidate:
+        """The lag that explains both recordings."""
+        found = [self._judged(peak) for peak in self.candidates()]
+        found.sort(key=lambda candidate: candidate.misfit)
+        fine = [self._nearer(candidate) for candidate in found[:_REFINED]]
+        fine = _apart(sorted(fine, key=lambda candidate: candidate.misfit))
+        if not fine:
+            raise _not_found(name)
+        best, *others = fine
+        rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
+        usual = float(np.median(rest)) if rest else np.inf
+        if np.isfinite(self.std) or _is_clear(best, usual):
+            for other in others:
+                if not np.isfinite(self.std) and self._alike(best, other, usual):
+                    raise self._undecided(name, best, other)
+            return best
+        return self._by_activity(name, found, usual)
+
+    def _by_activity(self, name: str, found: Sequence[_Candidate], usual: float) -> _Candidate:
+        """The lag by the moves alone, where the balance does not tell."""
+        best, *others = sorted(found, key=lambda c: -c.peak.evidence)
+        if best.peak.evidence < _CHANCE:
+            raise _not_found(name)
+        if others and others[0].peak.evidence > best.peak.evidence - _CHANCE:
+            raise self._undecided(name, best, others[0])
+        return best
+
+    def _alike(self, best: _Candidate, other: _Candidate, usual: float) -> bool:
+        """Whether another lag explains both as well: moves that repeat, or few of them."""
+        if other.misfit > _ALIKE * best.misfit:
+            return False
+        if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
+            return True
+        tracks = self.first.positions or self.second.positions
+        shift = abs(other.lag - best.lag)
+        time = np.linspace(0.0, max(self.spans) - shift, _INSTANTS)
+        here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
+        return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
+
+    def _judged(self, peak: Peak) -> _Candidate:
+        misfit, rows, model = self._misfit(peak.lag, None)
+        return _Candidate(peak, peak.lag, misfit, rows, model)
+
+    def _misfit(self, lag: float, start: FloatArray | None) -> tuple[float, float, Model | None]:
+        """Misfit for its degrees of freedom at a lag, independent equations, and the model."""
+        time = self._instants(lag, _INSTANTS)
+        model = None
+        if self.balance is not None and len(time) > 6:
+            model = self.balance.fit(time, lag, start)
+        if model is None or self.balance is None:
+            return np.inf, 0.0, None
+        rows = 6.0 * (time[-1] - time[0]) / self.correlation_time
+        free = rows - self.balance.parameters
+        if free < 0.25 * self.balance.parameters:
+            return np.inf, rows, model
+        return model.misfit * float(np.sqrt(rows / free)), rows, model
+
+    @cached_property
+    def correlation_time(self) -> float:
+        """Time, s, in which the positions tell something new."""
+        return _correlation_time(self.first.positions or self.second.positions, max(self.spans))
+
+    def _instants(self, lag: float, most: int) -> FloatArray:
+        """Instants of the first clock, from its begin, at which both recorders run."""
+        begin, end = max(0.0, -lag), min(self.spans[0], self.spans[1] - lag)
+        if end <= begin:
+            return np.empty(0)
+        return np.linspace(begin, end, min(most, max(int((end - begin) / 0.04), 2)))
+
+    def _nearer(self, candidate: _Candidate) -> _Candidate:
+        """The same at the least misfit near it, by parabolas of its square."""
+        if candidate.model is None:
+            return candidate
+        best, step = candidate, 2.0 * _STEP
+        for _ in range(3):
+            at = [best.lag - step, best.lag + step]
+            assert best.model is not None
+            sides = [self._misfit(lag, best.model.rotation) for lag in at]
+            low, middle, high = sides[0][0] ** 2, best.misfit**2, sides[1][0] ** 2
+            bend = low - 2.0 * middle + high
+            if not np.isfinite(bend):
+                break
+            move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high)
+            lag = best.lag + step * float(np.clip(move, -1.0, 1.0))
+            misfit, rows, model = self._misfit(lag, best.model.rotation)
+            if misfit < best.misfit:
+                best = _Candidate(best.peak, lag, misfit, rows, model)
+            step *= 0.5
+        return best
+
+    def _undecided(self, name: str, a: _Candidate, b: _Candidate) -> NotIdentifiableError:
+        shift = self.second.begin - self.first.begin
+        lags = " and ".join(f"{shift + c.lag:.6f} s" for c in (a, b))
+        return NotIdentifiableError(
+            f"the clock of the recorder {name} is not determined: with offsets of {lags} to the "
+            "first recorder's clock its moves are explained alike",
+            hint="state clock.offset in its log block as well as it is known, such as "
+            f"`clock: {{offset: {{value: {shift + a.lag:.6f}, std: 0.5}}}}`, or record moves that "
+            "do not repeat",
+        )
+
+    def refined(self, candidate: _Candidate, name: str) -> RecorderClock:
+        """The clock with offset and rate by the balance during the moves."""
+        slowest = max(self.first.period, self.second.period)
+        time = self._instants(candidate.lag, _DENSE)
+        middle = 0.5 * float(time[0] + time[-1])
+        line: FloatArray = np.array([candidate.lag, 0.0])
+        covariance: FloatArray = np.diag([_WIDTH**2 + slowest**2, self.prior.rate_std**2])
+        by_moves = self._by_moves(candidate, slowest)
+        if self.balance is not None and candidate.model is not None:
+            line, covariance = refine(
+                self.balance, candidate.model, time, candidate.lag, self.prior.rate_std, slowest
+            )
+        if by_moves is not None and by_moves[1][0] ** 2 < covariance[0, 0]:
+            line, std, middle = by_moves
+            share = 1.0 / (1.0 + (std[1] / self.prior.rate_std) ** 2)
+            line = line * np.array([1.0, share])
+            covariance = np.diag(std**2 * np.array([1.0, share]))
+        line, covariance = self._with_stated(line, covariance)
+        # At the first stamp of the first clock, where the offset is told.
+        back = np.array([1.0, -middle])
+        offset = self.second.begin - self.first.begin + float(back @ line)
+        rate, rate_std = float(line[1]), float(np.sqrt(covariance[1, 1]))
+        offset_std = float(np.sqrt(back @ covariance @ back))
+        return RecorderClock(name, self.first.begin, offset, offset_std, rate, rate_std)
+
+    def _by_moves(
+        self, candidate: _Candidate, slowest: float
+    ) -> tuple[FloatArray, FloatArray, float] | None:
+        if self.balance is None:
+            return None
+        lags, found = [candidate.peak.lag, candidate.lag], None
+        for _ in range(2):
+            both = self.balance.positions, self.balance.forces
+            tries = [lag_by_moves(*both, self._moves(lag), lag, slowest) for lag in lags]
+            clear = [one for one in tries if one is not None]
+            if not clear:
+                break
+            found = min(clear, key=lambda one: float(one[1][0]))
+            lags = [float(found[0][0])]
+        return found
+
+    def _moves(self, lag: float) -> list[tuple[float, float]]:
+        """Moves from rest to rest by the positions, s of the first clock."""
+        late = not self.first.positions
+        return [(a - lag * late, b - lag * late) for a, b in self._moves_of_positions]
+
+    @cached_property
+    def _moves_of_positions(self) -> list[tuple[float, float]]:
+        late = not self.first.positions
+        tracks = self.second if late else self.first
+        return moves(tracks.positions, self.spans[late], tracks.period)
+
+    def _with_stated(
+        self, line: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lag and rate with what is stated of the offset."""
+        if not np.isfinite(self.std):
+            return line, covariance
+        gain = covariance[:, 0] / (covariance[0, 0] + self.std**2)
+        return line + gain * (self.stated - line[0]), covariance - np.outer(gain, covariance[0])
+
+
+def _balance(first: Tracks, second: Tracks) -> Balance | None:
+    """The balance of what both hold; None where a position or a force is with neither."""
+    positions: list[tuple[Track, bool]] = []
+    forces: list[tuple[Track, bool]] = []
+    numbers = sorted({*first.streams, *second.streams})
+    for number in numbers:
+        late = number not in first.streams
+        track = (second if late else first).streams[number]
+        (forces if number % 2 else positions).append((track, late))
+    complete = numbers == list(range(len(numbers))) and len(positions) == len(forces) >= 3
+    return Balance(positions, forces) if complete else None
+
+
+def _correlation_time(tracks: Sequence[Track], span: float) -> float:
+    time = np.linspace(0.0, span, max(int(min(span / 0.1, 1 << 15)), 16))
+    values = np.hstack([track.at(time)[0] for track in tracks])
+    values = values - values.mean(axis=0)
+    size = 1 << (2 * len(time) - 1).bit_length()
+    power = np.abs(np.fft.rfft(values, size, axis=0)) ** 2
+    course = np.fft.irfft(power.sum(axis=1), size)[: len(time) // 2]
+    if course[0] <= 0:
+        return span
+    alike = (course / course[0]) ** 2
+    return float((time[1] - time[0]) * max(2.0 * alike.sum() - 1.0, 1.0))
+
+
+def _apart(candidates: Sequence[_Candidate]) -> list[_Candidate]:
+    """Candidates whose lags differ by more than a step; the best of those that do not."""
+    kept: list[_Candidate] = []
+    for candidate in candidates:
+        if all(abs(candidate.lag - other.lag) > 2.0 * _STEP for other in kept):
+            kept.append(candidate)
+    return kept
+
+
+def _evidence(candidate: _Candidate, balance: Balance | None, usual: float) -> float:
+    """Log-likelihood ratio of a lag against those that balance by chance."""
+    if balance is None or not np.isfinite(candidate.misfit):
+        return 0.0
+    return (candidate.rows - balance.parameters) * float(np.log(usual / candidate.misfit))
+
+
+def _is_clear(best: _Candidate, usual: float) -> bool:
+    """Whether a lag balances far better than lags do by chance."""
+    if not np.isfinite(best.misfit):
+        return False
+    ratio = usual / max(best.misfit, 1e-12)
+    return ratio > _CLEAR and best.rows * np.log(ratio) > _CERTAIN
+
+
+def _not_found(name: str) -> DataError:
+    return DataError(
+        f"the moves that the first recorder saw are not found in the recorder {name}: the two did "
+        "not run at the same time, or saw different campaigns",
+        hint="give the recordings of one campaign; `tdfscal info` shows what each holds, and when",
+    )
+
+
+def _check_overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> None:
+    begin, end = clock.to_first(np.array([second.begin, second.end]))
+    if end > first.begin and begin < first.end:
+        return
+    raise DataError(
+        f"by its clock the recorder {clock.recorder} ran from {begin - first.begin:.1f} s to "
+        f"{end - first.begin:.1f} s, where the first ran from 0 s to "
+        f"{first.end - first.begin:.1f} s: the two do not overlap",
+        hint="correct clock.offset in its log block, or give the recordings of one campaign",
+    )

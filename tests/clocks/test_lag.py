@@ -1,0 +1,90 @@
+"""Clocks of two recorders, against those with which simulated campaigns were written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.clocks import Reduction, Tracks, find_clock
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.records import ClockPrior, Log, Series, UncertainValue
+from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
+
+from .recorded_apart import Apart, recorded_apart
+
+
+def campaign(scenario: str, seed: int) -> Log:
+    recorder = Recorder(force_rate=100.0, position_rate=100.0)
+    options = MOVING.get(scenario) or Options(postures=12, squeeze=200.0, recorder=recorder)
+    played = run(reference_rig(), scenario, options, np.random.default_rng(seed))
+    recorded = played.campaign or played.moving
+    assert recorded is not None
+    return recorded.log
+
+
+def tracks(log: Log) -> Tracks:
+    reduction = Reduction()
+    reduction.add([s for pair in zip(log.position, log.force, strict=True) for s in pair])
+    return reduction.finish()
+
+
+def found(log: Log, how: Apart, prior: ClockPrior | None = None) -> tuple[float, float]:
+    """Error of the offset, s, and its standard uncertainty."""
+    moves, loads = recorded_apart(log, how, np.random.default_rng(1))
+    clock = find_clock(tracks(moves), tracks(loads), prior or ClockPrior(), "daq")
+    return clock.offset - how.offset, clock.offset_std
+
+
+@pytest.mark.parametrize("offset", [0.0, -81234.5, 1.8e9])
+def test_any_offset_is_found_at_rest(offset: float) -> None:
+    error, std = found(campaign("self", 3), Apart(offset, 30e-6, late=2.0, jitter=1e-3))
+    assert abs(error) < 3.0 * std < 0.1
+
+
+def test_in_motion() -> None:
+    """The simulated sensors are 5 ms late besides."""
+    error, std = found(campaign("motion", 3), Apart(-4.2, late=1.0))
+    assert abs(error - 0.005) < 3.0 * std < 0.05
+
+
+def test_stops_that_follow_each_other_evenly_are_told_apart() -> None:
+    error, std = found(campaign("stops", 3), Apart(17.0))
+    assert abs(error - 0.005) < 3.0 * std < 0.05
+
+
+def test_a_campaign_that_repeats_itself_is_not_decided() -> None:
+    log = campaign("self", 4)
+    span = float(log.force[0].time[-1]) + 0.01
+
+    def twice(series: Series) -> Series:
+        return Series(
+            np.concatenate([series.time, series.time + span]),
+            np.concatenate([series.value, series.value]),
+        )
+
+    again = replace(
+        log, position=tuple(map(twice, log.position)), force=tuple(map(twice, log.force))
+    )
+    moves, loads = recorded_apart(again, Apart(5.0), np.random.default_rng(1))
+    with pytest.raises(NotIdentifiableError, match="explained alike") as refused:
+        find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq")
+    assert refused.value.exit_status == 4
+    stated = ClockPrior(UncertainValue(np.array(5.2), np.array(0.5)))
+    clock = find_clock(tracks(moves), tracks(loads), stated, "daq")
+    assert abs(clock.offset - 5.0) < 3.0 * clock.offset_std
+
+
+def test_recordings_of_different_campaigns_are_refused() -> None:
+    moves, _ = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
+    _, loads = recorded_apart(campaign("self", 6), Apart(), np.random.default_rng(1))
+    with pytest.raises(DataError, match="different campaigns"):
+        find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq")
+
+
+def test_clocks_by_which_recorders_do_not_overlap_are_refused() -> None:
+    moves, loads = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
+    exact = ClockPrior(UncertainValue.exact(5000.0), 0.0)
+    with pytest.raises(DataError, match="do not overlap"):
+        find_clock(tracks(moves), tracks(loads), exact, "daq")
