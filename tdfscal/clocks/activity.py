@@ -19,15 +19,16 @@ _FLOOR = 3.0  # times the noise, below which a change is none
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """A lag, s, at which two courses are alike; r : their correlation over the overlap, s.
-
-    evidence : log-likelihood ratio against chance, by the effective number of bins.
-    """
+    """A lag, s, at which two courses are alike; r : their correlation over the overlap, s."""
 
     lag: float
     r: float
     overlap: float
-    evidence: float
+
+    @property
+    def evidence(self) -> float:
+        """Log-likelihood ratio against chance, of as many independent values as seconds."""
+        return -self.overlap * float(np.log1p(-(min(self.r, 0.9999) ** 2)))
 
 
 def activity(tracks: Sequence[Track], width: float, end: float) -> FloatArray:
@@ -82,8 +83,7 @@ def peaks(a: FloatArray, b: FloatArray, width: float, least: float, most: int) -
         if len(found) == most:
             break
         if all(abs(lag[k] * width - peak.lag) > 2 * _STRIDE * width for peak in found):
-            found.append(Peak(float(lag[k] * width), float(r[k]), float(overlap[k] * width),
-                              float(evidence[k])))  # fmt: skip
+            found.append(Peak(float(lag[k] * width), float(r[k]), float(overlap[k] * width)))
     return found
 
 
@@ -110,15 +110,3 @@ def _correlation(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, 
     lag[lag > size // 2] -= size
     order = np.argsort(lag)
     return lag[order].astype(float), np.clip(r[order], -1, 1), count[order]
-
-
-def _redundancy(a: FloatArray, b: FloatArray) -> float:
-    """Bins that count for one: the sum of the products of both autocorrelations (Bartlett)."""
-    parts = []
-    for x in (a, b):
-        _, r, count = _correlation(x, x)
-        middle = len(r) // 2 - 1 + len(r) % 2
-        parts.append(np.where(count > 0.25 * count.max(), r, 0.0)[middle:])
-    size = min(map(len, parts))
-    product = parts[0][:size] * parts[1][:size]
-    return float(max(1.0, abs(2.0 * product.sum() - product[0])))

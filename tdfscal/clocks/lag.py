@@ -29,7 +29,8 @@ _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
 _CLEAR = 1.4  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
-_CHANCE = 8.0  # log-likelihood ratio of an activity that is no chance
+_CHANCE = 12.0  # log-likelihood ratio of an activity that is no chance
+_ALSO = 0.6  # share of it from which another lag is as likely
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ class _Search:
         if np.isfinite(self.std):
             reach = 5.0 * self.std + self.prior.rate_std * longest + _STEP
             found = [p for p in found if abs(p.lag - self.stated) <= reach]
-            found.append(Peak(self.stated, 0.0, min(self.spans), 0.0))
+            found.append(Peak(self.stated, 0.0, min(self.spans)))
         return found
 
     def chosen(self, name: str) -> _Candidate:
@@ -116,9 +117,9 @@ class _Search:
     def _by_activity(self, name: str, found: Sequence[_Candidate], usual: float) -> _Candidate:
         """The lag by the moves alone, where the balance does not tell."""
         best, *others = sorted(found, key=lambda c: -c.peak.evidence)
-        if best.peak.evidence < _CHANCE:
+        if best.peak.evidence < _CHANCE * self.correlation_time:
             raise _not_found(name)
-        if others and others[0].peak.evidence > best.peak.evidence - _CHANCE:
+        if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
             raise self._undecided(name, best, others[0])
         return best
 

@@ -11,8 +11,7 @@ from tdfscal.clocks import Reduction, Tracks, find_clock
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
 from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
-
-from .recorded_apart import Apart, recorded_apart
+from tdfscal.simulation.recorded_apart import Apart, recorded_apart
 
 
 def campaign(scenario: str, seed: int) -> Log:

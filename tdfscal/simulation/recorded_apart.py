@@ -1,4 +1,4 @@
-"""One campaign as two recorders would have written it: clocks, rates, jitter and a gap of their own."""
+"""One campaign as two recorders write it: with clocks, rates, jitter and a gap of their own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.records import Log, Series
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Apart:
     """The forces' clock against the positions': s, relative; rates in Hz of both recorders.
 

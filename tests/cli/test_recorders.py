@@ -1,0 +1,59 @@
+"""Campaigns of two recorders, from their files to a result, held against the same in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdfscal import calibrate
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.writers.apart import write_apart
+from tdfscal.files.writers.campaign import write_run
+from tdfscal.simulation import MOVING, Options, Run, reference_rig, run
+from tdfscal.simulation.recorded_apart import Apart, recorded_apart
+
+
+def played(scenario: str, seed: int) -> Run:
+    options = MOVING.get(scenario) or Options(postures=12, squeeze=200.0)
+    return run(reference_rig(), scenario, options, np.random.default_rng(seed))
+
+
+def apart(folder: Path, of: Run, how: Apart) -> Path:
+    recorded = of.campaign or of.moving
+    assert recorded is not None
+    write_apart(folder, of.rig, *recorded_apart(recorded.log, how, np.random.default_rng(1)))
+    return folder
+
+
+@pytest.mark.parametrize("scenario", ["self", "motion"])
+def test_two_recorders_calibrate_as_one(scenario: str, tmp_path: Path) -> None:
+    of = played(scenario, 7)
+    write_run(of, tmp_path / "one", format="csv")
+    one = calibrate([tmp_path / "one"], trials=0)
+    folder = apart(tmp_path / "two", of, Apart(offset=-81234.5, rate=30e-6, late=0.5))
+    two = calibrate([folder], trials=0)
+    assert one.accepted
+    assert two.accepted, two.findings
+    turn = one.rpy - two.rpy
+    std = one.rpy_std
+    assert np.abs(turn / std).max() < 0.5
+
+
+def test_files_of_no_recorder(tmp_path: Path) -> None:
+    folder = apart(tmp_path / "two", played("self", 7), Apart())
+    (folder / "notes.csv").write_text("a,b\n1,2\n")  # left alone in a folder
+    (folder / "daq.csv").rename(folder / "forces.csv")
+    with pytest.raises(UsageError, match=r"no file of the recorder `daq\*\.csv`"):
+        calibrate([folder], trials=0)
+    with pytest.raises(UsageError, match="file of no recorder"):
+        calibrate([folder / "cnc.csv", folder / "forces.csv"], rig=folder / "rig.yaml", trials=0)
+
+
+def test_recorders_of_different_campaigns(tmp_path: Path) -> None:
+    folder = apart(tmp_path / "two", played("self", 7), Apart())
+    other = apart(tmp_path / "other", played("self", 8), Apart())
+    (other / "daq.csv").replace(folder / "daq.csv")
+    with pytest.raises(DataError, match="different campaigns"):
+        calibrate([folder], trials=0)
