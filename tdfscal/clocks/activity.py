@@ -70,8 +70,7 @@ def peaks(a: FloatArray, b: FloatArray, width: float, least: float, most: int) -
     least : s, shortest overlap. Correlation over the overlap alone, by masks (Padfield 2012).
     """
     lag, r, overlap = _correlation(a, b)
-    fewer = _redundancy(a, b)
-    evidence = -0.5 * overlap / fewer * np.log1p(-(np.clip(r, 0.0, 0.9999) ** 2))
+    evidence = -overlap * np.log1p(-(np.clip(r, 0.0, 0.9999) ** 2))
     evidence[overlap * width < least] = 0.0
     crest = np.ones(len(lag), dtype=np.bool_)
     crest[1:] &= evidence[1:] > evidence[:-1]
