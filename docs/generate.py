@@ -94,7 +94,10 @@ def _keys(name: str, *closed: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
     schema = schemas()[f"{name}.schema.json"]
 
     def below(node: dict[str, Any], path: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
-        for member in [node, *node.get("anyOf", ())]:
+        either = node.get("anyOf", ())
+        # Of a block or a list of such blocks, the block.
+        blocks = [one["oneOf"][0] for one in either if "oneOf" in one]
+        for member in [node, *either, *blocks]:
             here = schema["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
             if isinstance(here.get("items"), dict):
                 yield from below(here["items"], f"{path}[]")
