@@ -74,15 +74,15 @@ COMMANDS = {
         "Check a calibration on postures or on a motion without contact: valid, or what changed.",
     ),
 }
-#: What the printing takes, of every command; `verbose` where there are details.
+#: What the printing takes, of every command; `verbose` where there is a summary.
 _PRINTED = {
     "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
     "quiet": typer.Option(False, "--quiet", "-q", help="No progress on standard error."),
     "verbose": typer.Option(
-        False, "--verbose", "-v", help="Say which stretches of rest were left out."
+        False, "--verbose", "-v", help="Print all that is known, not its summary alone."
     ),
 }
-_DETAILED = ("calibrate",)
+_DETAILED = ("calibrate", "monitor", "update", "validate")
 _HELP = {"help_option_names": ["-h", "--help"]}
 #: What typer raises for a faulty command line, whichever click it carries.
 _MISUSE: type[Exception] = typer.BadParameter.__bases__[0]

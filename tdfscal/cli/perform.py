@@ -49,7 +49,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
                 hand_over(getattr(result, carried))
         if words:
             # Made before: of what goes wrong here, only the writing is forgiven.
-            text = _in_words(result, _places(result, asked, written=written))
+            text = _in_words(result, _places(result, asked, written=written), whole=verbose)
             with reporting():
                 sys.stdout.write(text)
         for note in result.notes:
@@ -77,12 +77,12 @@ def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[
     return [*places, *(str(asked[option]) for option in ("html",) if option in asked)]
 
 
-def _in_words(result: Result, places: list[str]) -> str:
+def _in_words(result: Result, places: list[str], *, whole: bool) -> str:
     """Return a result in words, in colours for a terminal, and what was written."""
     from tdfscal.reporting.text import shown
 
     report = result.to_report()
-    text = result.text if report is None else shown(report)
+    text = result.text if report is None else shown(report, whole=whole)
     if not text or not places:
         return text
     *others, last = map(visible, places)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import ceil
 
 import numpy as np
@@ -13,6 +13,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.records import ANGLES
+from tdfscal.reporting.headline import half_widths
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
@@ -25,8 +26,14 @@ _NAMED = 8
 _FULL, _FROZEN = ("posture-over-capacity", "posture-saturated"), ("posture-frozen",)
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
-#: Uncertainty, as a share of that of the dwells alone, at which the moves are worth a word.
-_WORTH = 0.8
+#: Uncertainty, as a share of that of now, at which a change of the campaign is worth a word.
+_WORTH = 0.93
+#: Changes of a campaign, by their forecast.
+_CHANGES: dict[str, Callable[[float], str]] = {
+    "postures": "with {:.0f} more such postures".format,
+    "squeeze": lambda force: f"with squeezes of {float(f'{force:.2g}'):.0f} N",
+    "tare": "with zeros known to {:g} N by a tare".format,
+}
 #: A source worth naming contributes at least this share of the angles' variance.
 _NOTABLE = 0.25
 _LESSEN = {
@@ -71,7 +78,10 @@ def advise(c: Calibration) -> tuple[str, ...]:
     advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
     advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
-    advice += _of_the_moves(c)
+    better = tuple(_forecasts(c))
+    if better:
+        now = 1e3 * half_widths(c).max()
+        return (*advice, f"The ± {now:.2g} mrad of now would be {', '.join(better)}.")
     source, share = _largest_source(c)
     lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
     if share > _NOTABLE and source in lessen:
@@ -79,18 +89,19 @@ def advise(c: Calibration) -> tuple[str, ...]:
     return tuple(advice)
 
 
-def _of_the_moves(c: Calibration) -> Iterator[str]:
-    """What the moves between the dwells would add, where that is worth another run."""
-    whole = None if c.observability is None else c.observability.with_moves
-    if whole is None or c.campaigns:
+def _forecasts(c: Calibration) -> Iterator[str]:
+    """What changes of the campaign would make of the headline's number, the best first."""
+    seen = c.observability
+    if seen is None or c.method != "self" or c.motion is not None:
         return
-    now = float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
-    if whole < _WORTH * now:
-        yield (
-            "Use the moves between the dwells too: `--samples all` would know the angles to about "
-            f"{1e3 * whole:.2g} mrad, where the dwells alone have {1e3 * now:.2g} (quadratic "
-            "means)."
-        )
+    worst, half = float(c.rpy_std[c.determined].max()), 1e3 * half_widths(c).max()
+    found = [(f.worst_std / worst, _CHANGES[f.change](f.amount)) for f in seen.forecasts]
+    if seen.with_moves is not None and not c.campaigns and not c.found("moves-add-nothing"):
+        share = seen.with_moves / float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
+        found.append((share, "with `--samples all`, which uses the moves between the stops"))
+    for share, change in sorted(found):
+        if share < _WORTH:
+            yield f"{half * share:.2g} {change}"
 
 
 def _file(c: Calibration) -> str:

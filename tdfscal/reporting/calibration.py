@@ -15,9 +15,10 @@ from tdfscal.files.calibration.parts import FindingResult, ResidualWrench
 from tdfscal.records import ANGLES
 from tdfscal.reporting import phrases
 from tdfscal.reporting.advice import advise
+from tdfscal.reporting.headline import half_widths, headline, summary
 from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, chi_squared, utc
-from tdfscal.reporting.traceability import campaign, exact_claim, exact_tables, overdue, provenance
+from tdfscal.reporting.traceability import campaign, exact_tables, overdue, provenance
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
 
@@ -27,8 +28,6 @@ def calibration_report(
 ) -> Report:
     """Lay out a calibration; drawings are those of a page, more what is said besides."""
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
-    # What was achieved, which the text's table shows, and the largest error that it does not count.
-    claims = (_claim(c) if drawings else "", exact_claim(c))
     rejected = phrases.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = phrases.stretches(c.motion.rejected) if c.motion is not None else ()
     blocks = {
@@ -47,36 +46,37 @@ def calibration_report(
         verdict=c.status.upper(),
         accepted=c.accepted,
         provisional=c.status == "provisional",
-        claim=" ".join(filter(None, (*_unconfirmed(c), *claims))) if c.accepted else "",
+        claim=headline(c) if c.accepted else "",
         reasons=tuple(finding.text for finding in c.reasons),
         tiles=_tiles(c),
+        summary=summary(c),
         sections=(
             *illustrated(drawings, blocks),
             *more,
-            Section("Statistics", (Facts(_statistics(c)),)),
+            Section("Statistics", (Facts(_statistics(c)), *_notes(c))),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
             *phrases.not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
-        warnings=(*overdue(c), *(f.told for f in c.findings if _beside(f))),
+        warnings=(
+            *overdue(c),
+            *(f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED),
+        ),
         advice=advise(c),
         created=utc(c.created),
     )
 
 
-def _beside(finding: FindingResult) -> bool:
-    """Whether it is told beside the verdict and its lines to be confirmed."""
-    return finding.severity != "rejects" and finding.code != UNCONFIRMED
+def _warns(finding: FindingResult) -> bool:
+    """Whether it is a warning beside the verdict, which names the lines to be confirmed."""
+    return finding.severity == "warns" and finding.code != UNCONFIRMED
 
 
-def _unconfirmed(c: Calibration) -> tuple[str, ...]:
-    """The lines of a drafted rig file on which an accepted result rests, all of them."""
-    return tuple(
-        f"Provisional: it rests on lines of the rig file that nobody has confirmed: "
-        f"{', '.join(finding.subject)}."
-        for finding in c.found(UNCONFIRMED)
-    )
+def _notes(c: Calibration) -> tuple[Items, ...]:
+    """Findings that ask for nothing."""
+    notes = tuple(f.told for f in c.findings if f.severity == "notes")
+    return (Items("Notes", notes),) if notes else ()
 
 
 def _angles(c: Calibration) -> Table:
@@ -155,24 +155,14 @@ def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
     return "open" if value is None else f"{scale * value:.{digits}f}"
 
 
-def _claim(c: Calibration) -> str:
-    """Say in one sentence what was achieved."""
-    which = "Every angle" if c.determined.all() else "Every angle that is determined"
-    said = f"{which} is known to {1e3 * c.rpy_std[c.determined].max():.2g} mrad or better"
-    if c.validation is not None:
-        v = c.validation.force
-        said += (
-            f"; the residual contact force falls from {v.rms_before:.3g} N to {v.rms_after:.2g} N "
-            + ("at leave-one-out postures" if c.motion is None else "in motion held out")
-        )
-    return f"{said}."
-
-
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
-    worst = f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad"
-    limit = f"limit {1e3 * limits.angle_std:.2g} mrad"
-    tiles = [("weakest angle", worst, limit), *phrases.residual_tiles(_residual(c))]
+    std, limit = 1e3 * c.rpy_std[c.determined].max(), 1e3 * limits.angle_std
+    worst = f"± {1e3 * half_widths(c).max():.2g} mrad"
+    tiles = [
+        ("each angle, 95 %", worst, f"std. unc. {std:.2g}, limit {limit:.2g}"),
+        *phrases.residual_tiles(_residual(c)),
+    ]
     birge = c.tracker.get("birge") if c.tracker is not None else None
     if c.motion is not None:
         tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))
@@ -184,7 +174,7 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     if c.fit is not None:
         birge = c.fit.birge
     if isinstance(birge, float):
-        tiles.append(("Birge ratio", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
+        tiles.append(("scatter against stated", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
     return tuple(tiles)
 
 

@@ -80,6 +80,7 @@ def history_report(
         verdict="ALARM" if alarms else "NO ALARM",
         accepted=not alarms,
         reasons=tuple(sentence(life, alarm) for alarm in alarms),
+        summary=(Facts(_facts(life, alarms)),),
         sections=(
             Section("State", (Facts(_facts(life, alarms)),)),
             *illustrated(drawings, {}),

@@ -7,7 +7,7 @@ add nothing of their own.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, cast
 
 from tdfscal.errors import visible
@@ -19,6 +19,8 @@ Row = tuple[str, ...]
 
 LISTED = 8
 """Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
+ROWS = 10
+"""Rows of a summary's table: with what stands above and below they fit a terminal's 24 lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,14 @@ class Table:
     header: Row
     rows: tuple[Row, ...]
     left: int = 1
+
+    def brief(self) -> Table:
+        """The same, cut to `ROWS` rows and the number of the others."""
+        more = len(self.rows) - ROWS
+        if more <= 0:
+            return self
+        last = (f"… {more} more", *[""] * (len(self.header) - 1))
+        return replace(self, rows=(*self.rows[:ROWS], last))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +89,7 @@ class Report:
     verdict : one or two words in capitals; none where nothing is judged. accepted,
     provisional : its colour.
     claim : what was achieved, in a sentence. tiles : name, number, remark; seen at a glance.
+    summary : blocks that a terminal shows in place of the sections, unless asked for all.
     """
 
     title: str
@@ -89,18 +100,21 @@ class Report:
     claim: str = ""
     reasons: tuple[str, ...] = ()
     tiles: tuple[Row, ...] = ()
+    summary: tuple[Block, ...] = ()
     sections: tuple[Section, ...] = ()
     warnings: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
     created: str = ""
 
-    def brief(self) -> Iterator[Block]:
+    def blocks(self, *, whole: bool = True) -> Iterator[Block]:
         """Blocks of a rendering without pages; warnings and advice are its end."""
-        shown = [block for section in self.sections if not section.page_only
-                 for block in section.blocks]  # fmt: skip
-        ends = (Items("Warnings", self.warnings), Items("What next", self.advice))
-        for block in (*shown, *(end for end in ends if end.items)):
-            yield block.brief() if isinstance(block, Items) else block
+        if self.summary and not whole:
+            for block in self.summary:
+                yield block.brief() if isinstance(block, Table) else block
+            return
+        for section in self.sections:
+            for block in () if section.page_only else section.blocks:
+                yield block.brief() if isinstance(block, Items) else block
 
 
 def by_angle(names: Iterable[str], cells: Callable[[int, int], Iterable[str]]) -> tuple[Row, ...]:

@@ -8,42 +8,43 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
+from tdfscal.reporting.layout import LISTED, Block, Facts, Report, Table, legible
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 WIDTH = 80
+#: Lines of a terminal; of them those of the files that were written.
+LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
 _NARROWEST = 8
 
 
-def render(report: Report) -> str:
-    """Return the report in 80 columns, or fewer on a narrow terminal."""
+def render(report: Report, *, whole: bool = True) -> str:
+    """Return the report in 80 columns, or fewer on a narrow terminal; else its summary."""
     report = legible(report)
     lines = wrapped(f"{report.title}: {report.verdict}" if report.verdict else report.title, "", "")
     lines += wrapped(report.subtitle, "", "")
     lines += wrapped(report.claim, "", "")
     lines += _bullets(report.reasons)
-    for block in report.brief():
-        caption, body = parts(block)
+    for caption, body in _parts(report, len(lines), whole=whole):
         lines += ["", *caption, *body]
     return "\n".join(lines) + "\n"
 
 
-def shown(report: Report) -> str:
+def shown(report: Report, *, whole: bool = True) -> str:
     """Return the report as standard output shows it; NO_COLOR and TERM=dumb are obeyed."""
     if not sys.stdout.isatty():
-        return render(report)
+        return render(report, whole=whole)
     from rich.console import Console
 
     console = Console(highlight=False, width=width())
     with console.capture() as printed:
-        show_on(console, report)
+        show_on(console, report, whole=whole)
     return printed.get()
 
 
-def show_on(console: Console, report: Report) -> None:
+def show_on(console: Console, report: Report, *, whole: bool = True) -> None:
     """Print a report on a console that understands styles: the verdict framed, captions bold."""
     from rich.panel import Panel
     from rich.text import Text
@@ -58,12 +59,58 @@ def show_on(console: Console, report: Report) -> None:
         head.append(f"\n{report.claim}")
     for reason in report.reasons:
         head.append(f"\n- {reason}")
-    console.print(Panel(head, title=Text(report.title), title_align="left", border_style=colour))
-    for block in report.brief():
-        caption, body = parts(block)
+    frame = Panel(head, title=Text(report.title), title_align="left", border_style=colour)
+    above = console.render_lines(frame, pad=False)
+    console.print(frame)
+    # A prompt's line comes after it.
+    for k, (caption, body) in enumerate(_parts(report, len(above) + 1, whole=whole)):
+        if k and whole:
+            console.print()
         for line in caption:
             console.print(Text(line, style="bold"))
-        console.print(Text("\n".join([*body, ""])))
+        console.print(Text("\n".join(body)))
+
+
+def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[str], list[str]]]:
+    """Captions and lines of a report's blocks, warnings and advice.
+
+    above : lines of what stands before them. In a summary, warnings and advice share what is left
+    of a terminal's lines.
+    """
+    found = [parts(block) for block in report.blocks(whole=whole)]
+    captions, lists = ("Warnings", "What next"), (report.warnings, report.advice)
+    sentences = [[wrapped(f"- {item}") for item in items] for items in lists]
+    counts = [min(len(items), LISTED) for items in sentences]
+    if report.summary and not whole:
+        room = LINES - _FILES - above - sum(1 + len(c) + len(b) for c, b in found)
+        counts = _fitting(sentences, room)
+    yield from found
+    for caption, items, count in zip(captions, sentences, counts, strict=True):
+        rest = len(items) - count
+        more = f"  … {rest}{' more' * (count > 0)}: see `tdfscal report` or the page"
+        if items:
+            yield [caption], [*(line for item in items[:count] for line in item), *[more][:rest]]
+
+
+def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:
+    """How many sentences of each list fit so many lines: first one of each, the last list first."""
+    counts = [0, *(min(1, len(items)) for items in lists[1:])]
+
+    def taken() -> int:
+        return sum(
+            2 + sum(map(len, items[:count])) + (count < len(items))
+            for items, count in zip(lists, counts, strict=True)
+            if items
+        )
+
+    for most in (1, LISTED):
+        for k in reversed(range(len(lists))):
+            while counts[k] < min(most, len(lists[k])):
+                counts[k] += 1
+                if taken() > room:
+                    counts[k] -= 1
+                    break
+    return counts
 
 
 def width() -> int:

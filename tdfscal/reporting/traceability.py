@@ -8,8 +8,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import ExactQuantityResult
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.reporting.headline import effects, typical_error
 from tdfscal.reporting.layout import Block, Facts, Section, Table
 from tdfscal.reporting.phrases import METHODS, inputs_table, utc
 from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
@@ -20,7 +19,6 @@ _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)",
 _SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 #: Sensors beside each other in a table: 80 letters hold so many.
 _BESIDE = 3
-_SCALE = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "relative": (100.0, "%"), "of it": (100.0, "%")}
 _CAPTION = (
     "Taken as exact, in no uncertainty: what a typical error would do to roll/pitch/yaw, mrad"
 )
@@ -93,37 +91,13 @@ def exact_tables(c: Calibration) -> tuple[Table, ...]:
         shown = slice(first, first + _BESIDE)
         rows = tuple(
             (
-                f"{quantity.name}, {_error(quantity)}",
-                *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)[shown]),
+                f"{quantity.name}, {typical_error(quantity)}",
+                *("/".join(f"{1e3 * v:.2f}" for v in row) for row in effects(quantity)[shown]),
             )
             for quantity in c.taken_as_exact
         )
         tables.append(Table("" if first else _CAPTION, ("", *names[shown]), rows))
     return tuple(tables)
-
-
-def exact_claim(c: Calibration) -> str:
-    """The largest effect, in a sentence; nothing where nothing is taken as exact."""
-    if not c.taken_as_exact:
-        return ""
-    largest = max(c.taken_as_exact, key=lambda quantity: float(_effects(quantity).max()))
-    effects = _effects(largest)
-    i, j = np.unravel_index(int(effects.argmax()), effects.shape)
-    return (
-        f"Taken as exact, and in no uncertainty, is first of all the {largest.name}: "
-        f"{_error(largest)} would move {ANGLES[j]} of {largest.supports[i].name} by "
-        f"{1e3 * effects[i, j]:.2g} mrad."
-    )
-
-
-def _effects(quantity: ExactQuantityResult) -> FloatArray:
-    """Effects (n, 3), rad, on roll, pitch, yaw; of the turns where these are not separable."""
-    return np.array([s.turn if s.rpy is None else s.rpy for s in quantity.supports])
-
-
-def _error(quantity: ExactQuantityResult) -> str:
-    scale, unit = _SCALE.get(quantity.unit, (1.0, quantity.unit))
-    return f"{scale * quantity.error:g} {unit}"
 
 
 def overdue(c: Calibration) -> tuple[str, ...]:

@@ -299,6 +299,7 @@ def validation_report(
         )
         beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
     table = phrases.residual_table(found, where)
+    left_out_items = (Items("Left out", left_out),) if left_out else ()
     report = Report(
         title=v.rig.name,
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
@@ -310,10 +311,11 @@ def validation_report(
             *phrases.residual_tiles(found),
             ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
         ),
+        summary=(table, *_zero_table(v).blocks),
         sections=(
             *illustrated(drawings, {figure: (table, *beside)}),
             _zero_table(v),
-            Section("Left out", (Items("Left out", left_out),) if left_out else ()),
+            Section("Left out", left_out_items),
             _power(v),
         ),
         warnings=tuple(map(told, findings)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -44,7 +44,7 @@ class ReportResult(Result):
             return several_report(put_side_by_side(self.named), drawings)
         (_, only), before = self.named[0], self.previous
         more = () if before is None else (as_found(only, *before),)
-        return calibration_report(only, drawings, more)
+        return replace(calibration_report(only, drawings, more), summary=())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file, or of all with their comparison, as JSON values."""

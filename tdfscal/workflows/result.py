@@ -47,7 +47,7 @@ class Result(ABC):
         from tdfscal.reporting.text import render
 
         report = self.to_report()
-        return "" if report is None else render(report)
+        return "" if report is None else render(report, whole=False)
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -182,7 +182,7 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
     assert len(beside["campaigns"]) == len(without["campaigns"])
     assert any(str(loud) in text and "takes no part" in text for text in texts(beside))
     assert run(capsys, "calibrate", first, loud, "--trials", 0, "-o", target, "-q").status == 1
-    done = run(capsys, "update", base, known[0], "--trials", 0, "-o", tmp_path / "u.yaml", "-q")
+    done = run(capsys, "update", base, known[0], "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
     assert "would have been seen with 95% probability" in " ".join(done.out.split())
 
 

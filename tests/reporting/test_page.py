@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tdfscal.files.calibration.document import Calibration, load_calibration
+from tdfscal.reporting.headline import half_widths
 from tdfscal.workflows.report import report
 from tests.reporting.pages import render_page
 from tests.reporting.samples import (
@@ -188,6 +189,6 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     assert reader.tags.count("svg") == 8
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
-    weakest = 1e3 * c.rpy_std[:3].max()
-    assert f"Every angle that is determined is known to {weakest:.2g} mrad" in said
+    half = half_widths(c).max()
+    assert f"each that is determined within ± {1e3 * half:.2g} mrad (95 %)" in said
     assert re.search(r"support_4\s+undetermined", said)

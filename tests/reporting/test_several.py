@@ -71,7 +71,9 @@ def test_oldest_first_and_e_n_by_hand() -> None:
         assert comparison.en[1, 2] == pytest.approx(change / root, rel=1e-9)
         assert comparison.chi2 == pytest.approx(change**2 / (2 * STD**2), rel=1e-9)
     assert not view.agrees
-    (en,) = (b for b in several_report(view).brief() if isinstance(b, Table) and "E_n" in b.caption)
+    (en,) = (
+        b for b in several_report(view).blocks() if isinstance(b, Table) and "E_n" in b.caption
+    )
     rows = {(row[0], row[1]): row[2:] for row in en.rows}
     assert en.header[2:] == ("B − A", "C − A", "C − B")
     assert rows["support_2", "yaw"] == ("0.88", "! 2.65", "! 1.77")

@@ -54,6 +54,41 @@ def test_eighty_columns_and_verdict_first() -> None:
         assert not any(line != line.rstrip() for line in lines)
 
 
+def test_a_summary_fits_a_terminal() -> None:
+    """Verdict, one number for all angles, what it rests on, angles, what next: 24 lines of 80.
+
+    Two are left for the files. The number is the farthest end of any interval; what is cut is
+    counted.
+    """
+    for c in (sample().calibration, sample(n=6).calibration, *surveyed()):
+        report = calibration_report(c)
+        lines = as_text(report, whole=False).splitlines()
+        assert len(lines) <= 22
+        assert max(map(len, lines)) <= 80
+        said = " ".join(" ".join(lines).split())
+        half = max(
+            max(value - (low or 0), (high or 0) - value)
+            for m in c.mounted
+            for low, value, high in zip(m.interval.low, m.rpy, m.interval.high, strict=True)
+        )
+        assert f"each within ± {1e3 * half:.2g} mrad (95 %)" in said
+    loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
+    lines = as_text(calibration_report(loud), whole=False).splitlines()
+    assert len(lines) <= 22
+    assert "  … 9: see `tdfscal report` or the page" in lines
+
+
+def test_forecasts_are_of_the_number_that_is_told() -> None:
+    """Five more postures of 12 count their information 17/12 times."""
+    c = sample().calibration
+    assert c.observability is not None
+    (more,) = (f for f in c.observability.forecasts if f.change == "postures")
+    assert math.sqrt(12 / 17) <= more.worst_std / c.rpy_std.max() < 1
+    assert "5 more such postures" in advise(c)[-1]
+    rejected = with_(c)
+    assert not any("such postures" in text for text in advise(rejected))
+
+
 def test_every_angle_in_mrad() -> None:
     c = sample().calibration
     text = render(c)

@@ -19,6 +19,7 @@ from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetri
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.motioncal.score_tests import exact_quantities as exact_in_motion
 from tdfscal.numerics import so3
+from tdfscal.planning.prospects import prospects
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import factored_information, joint_posterior
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
@@ -154,6 +155,11 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
     if result.with_moves is not None:
         stand = result.with_moves[result.observability.determined]
         parts["observability"]["with_moves"] = np.sqrt(np.mean(stand**2))
+    if result.observability.determined.all() and not result.reasons:
+        parts["observability"]["forecasts"] = [
+            {"change": p.change, "amount": p.amount, "worst_std": p.rpy_std.max()}
+            for p in prospects(result.fit, result.uncertainty.rpy_std)
+        ]
     return {
         **parts,
         "postures": statistics.postures(result),

@@ -268,6 +268,16 @@ class AngleSeen(Strict):
     identified: Flag = key("whether the data determine it")
 
 
+class ForecastResult(Strict):
+    """What a change of the campaign would bring."""
+
+    change: Literal["postures", "squeeze", "tare"] = key(
+        "more postures, a harder squeeze, or zeros better known"
+    )
+    amount: NotNegative = key("postures more; N, internal force; N, standard uncertainty of a zero")
+    worst_std: NotNegative = key("rad: largest standard uncertainty of an angle to expect")
+
+
 class ObservabilityResult(Strict):
     """The verdict in words and numbers."""
 
@@ -277,6 +287,9 @@ class ObservabilityResult(Strict):
     with_moves: NotNegative | None = key(
         "rad: quadratic mean of the angles' standard uncertainties to expect with --samples all",
         None,
+    )
+    forecasts: tuple[ForecastResult, ...] = key(
+        "what a change of the campaign would bring; of postures alone", ()
     )
 
 

@@ -41,7 +41,7 @@ _UNCERTAINTY: Final = (
     f"  hinge: 1.0e-4  # {CONFIRM}: m, per coordinate of each hinge",
     f"  datum: 1.0e-4  # {CONFIRM}: m, constant offset of each servo's coordinates",
     f"  force_noise: 0.1  # {CONFIRM}: N, per axis and posture, beyond the scatter",
-    f"  force_sensitivity: 0.0  # {CONFIRM}: relative, gain and crosstalk; 0.002 is usual",
+    f"  force_sensitivity: 0.002  # {CONFIRM}: relative, gain and crosstalk; the data sheet's",
     f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
 )
 
