@@ -8,7 +8,7 @@ from pathlib import PurePath
 import numpy as np
 
 from tdfscal.files.calibration.consistency import UNCONFIRMED
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import FindingResult, ResidualWrench
@@ -19,6 +19,7 @@ from tdfscal.reporting.headline import half_widths, headline, summary
 from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, chi_squared, utc
 from tdfscal.reporting.traceability import campaign, exact_tables, overdue, provenance
+from tdfscal.significance import COVERAGE_FACTOR
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
 
@@ -65,6 +66,7 @@ def calibration_report(
         ),
         advice=advise(c),
         created=utc(c.created),
+        number=str(file_content(c)["content_sha256"])[:8],
     )
 
 
@@ -157,10 +159,10 @@ def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
-    std, limit = 1e3 * c.rpy_std[c.determined].max(), 1e3 * limits.angle_std
+    limit = 1e3 * COVERAGE_FACTOR * limits.angle_std
     worst = f"± {1e3 * half_widths(c).max():.2g} mrad"
     tiles = [
-        ("each angle, 95 %", worst, f"std. unc. {std:.2g}, limit {limit:.2g}"),
+        ("each angle, 95 %", worst, f"limit ± {limit:.2g}"),
         *phrases.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.get("birge") if c.tracker is not None else None

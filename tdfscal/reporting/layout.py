@@ -89,6 +89,7 @@ class Report:
     verdict : one or two words in capitals; none where nothing is judged. accepted,
     provisional : its colour.
     claim : what was achieved, in a sentence. tiles : name, number, remark; seen at a glance.
+    number : of the report, on every printed page.
     summary : blocks that a terminal shows in place of the sections, unless asked for all.
     """
 
@@ -105,6 +106,12 @@ class Report:
     warnings: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
     created: str = ""
+    number: str = ""
+
+    @property
+    def mark(self) -> str:
+        """The verdict at a glance."""
+        return "✗" if not self.accepted else "!" if self.provisional else "✓"
 
     def blocks(self, *, whole: bool = True) -> Iterator[Block]:
         """Blocks of a rendering without pages; warnings and advice are its end."""

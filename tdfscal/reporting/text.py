@@ -53,8 +53,9 @@ def show_on(console: Console, report: Report, *, whole: bool = True) -> None:
     colour = "red" if not report.accepted else "yellow" if report.provisional else "green"
     head = Text(report.subtitle)
     if report.verdict:
-        mark = "✓" if report.accepted else "✗"
-        head = Text.assemble((f"{mark} {report.verdict}", f"bold {colour}"), f"  {report.subtitle}")
+        head = Text.assemble(
+            (f"{report.mark} {report.verdict}", f"bold {colour}"), f"  {report.subtitle}"
+        )
     if report.claim:
         head.append(f"\n{report.claim}")
     for reason in report.reasons:

@@ -45,6 +45,9 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
     if stated is not None:
         named = (("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note))
         facts += [(name, text) for name, text in named if text]
+    if c.dwells is not None and c.dwells.temperature is not None:
+        warm = c.dwells.temperature
+        facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
     facts += [
         ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
         for entry in c.history
@@ -149,8 +152,8 @@ def decision_rule(c: Calibration) -> str:
     limits = c.rig.acceptance
     rule = (
         f"accepted where every angle's standard uncertainty is at most "
-        f"{1e3 * limits.angle_std:.3g} mrad, the Birge ratio at most {limits.birge_max:.2g}, and "
-        f"at most {MOST_REJECTED:.0%} of the postures are rejected"
+        f"{1e3 * limits.angle_std:.3g} mrad, the scatter at most {limits.birge_max:.2g} times what "
+        f"is stated (Birge ratio), and at most {MOST_REJECTED:.0%} of the postures are rejected"
     )
     if limits.contact is not None:
         rule += (

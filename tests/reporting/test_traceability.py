@@ -65,6 +65,6 @@ def test_the_rule_states_the_limits_of_the_rig() -> None:
     limits = {"angle_std": 2e-3, "birge_max": 1.5, "contact": {"force": 5.0, "torque": 3.0}}
     rule = facts(stated(acceptance=limits))["Decision rule"]
     assert "at most 2 mrad" in rule
-    assert "ratio at most 1.5" in rule
+    assert "at most 1.5 times what is stated" in rule
     assert "guard band" in rule
     assert "guard band" not in facts(stated())["Decision rule"]

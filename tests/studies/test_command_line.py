@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from studies.__main__ import STUDIES, main
-from tests.cli.running import SAMPLES, rows
+from tests.cli.running import rows
 
-RIG = SAMPLES / "csv"
+RIG = Path(__file__).parents[2] / "studies" / "rig.yaml"
 
 
 def test_sensitivity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

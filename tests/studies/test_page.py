@@ -1,6 +1,6 @@
 """The paper's page quotes records of the studies, and the records can be made again.
 
-`benchmarks/paper/NAME.json` is what `python -m studies NAME sample_data/csv -o DIR --json` printed.
+`benchmarks/paper/NAME.json` is what `python -m studies NAME studies/rig.yaml -o DIR --json` gave.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import pytest
 
 from studies.__main__ import STUDIES, Asked, perform
 from studies.statistics import Estimate, Share
-from tests.cli.running import SAMPLES
 from tests.docs.pages import text
+from tests.studies.test_command_line import RIG
 
 RECORDS = Path(__file__).parents[2] / "benchmarks" / "paper"
 #: Fewer runs than the records', of another seed.
@@ -51,7 +51,7 @@ def said(cell: Any) -> str:
 def test_there_is_a_record_of_every_study() -> None:
     assert {path.stem for path in RECORDS.glob("*.json")} == set(STUDIES)
     for name in STUDIES:
-        assert f"python -m studies {name} sample_data/csv -o DIR" in text("paper")
+        assert f"python -m studies {name} studies/rig.yaml -o DIR" in text("paper")
 
 
 def test_every_number_with_a_spread_stands_in_a_record() -> None:
@@ -66,7 +66,7 @@ def test_every_number_with_a_spread_stands_in_a_record() -> None:
 
 
 def test_the_record_of_what_has_no_chance_in_it(tmp_path: Path) -> None:
-    study, _ = perform(Asked("sensitivity", SAMPLES / "csv", tmp_path / "out"))
+    study, _ = perform(Asked("sensitivity", RIG, tmp_path / "out"))
     again = dict(cells(json.loads(json.dumps(study.document()))))
     for place, cell in cells(record("sensitivity")):
         number = isinstance(cell, float)
@@ -77,7 +77,7 @@ def test_the_record_of_what_has_no_chance_in_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", RUNS)
 def test_other_seeds_agree_within_the_stated_spread(name: str, tmp_path: Path) -> None:
     """Of hundreds of numbers one in a hundred may lie outside four standard errors of few runs."""
-    asked = Asked(name, SAMPLES / "csv", tmp_path / "out", runs=RUNS[name], seed=77)
+    asked = Asked(name, RIG, tmp_path / "out", runs=RUNS[name], seed=77)
     study, _ = perform(asked)
     again = dict(cells(json.loads(json.dumps(study.document()))))
     far, count = [], 0

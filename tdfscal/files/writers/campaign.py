@@ -38,9 +38,17 @@ _FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
+#: Relative standard uncertainty of the gain of the sample rig's sensors, as data sheets have it.
+_GAIN = 1.0e-3
 #: What `simulate` writes; the first says the SHA-256 of the others.
 _TRUTH = "truth.yaml"
 _OURS = ("rig.yaml", "log.csv", "log.parquet", "log.mcap", *documents.TRACKER_FILES)
+
+
+def sample_rig() -> Rig:
+    """The reference rig with sensors whose gain is known as well as a data sheet says."""
+    rig = reference_rig()
+    return replace(rig, declared=replace(rig.declared, force_sensitivity=_GAIN))
 
 
 def simulate_to_folder(
@@ -78,7 +86,7 @@ def simulate_to_folder(
         rows=rows,
         recorder=recorder or Recorder(),
     )
-    rng, drawn = np.random.default_rng(seed), rig or reference_rig()
+    rng, drawn = np.random.default_rng(seed), rig or sample_rig()
     if scenario == "months":
         return _months(drawn, options, folder, format, months, seed, overwrite)
     if scenario in MOVING:

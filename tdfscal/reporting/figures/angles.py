@@ -28,6 +28,8 @@ _METHODS = {
     "tracker": ("laser tracker", "^", ink.ORANGE, 0.0),
     "joint": ("joint", "o", ink.BLACK, 0.26),
 }
+#: Widest intervals within which the gate's limit leaves them legible.
+_NEAR = 4.0
 _WHISKERS: dict[str, Any] = {"fmt": "o", "markersize": 3.5, "elinewidth": 1.8, "capsize": 3.5}
 
 
@@ -82,9 +84,19 @@ def _paint(c: Calibration) -> Figure:
     ends = np.maximum(0, [value - low, high - value])
     right.errorbar(0 * value, place, xerr=ends, color=ink.BLACK, ecolor=ink.BLUE, **_WHISKERS)
     right.axvline(0, color=ink.GREY, linewidth=0.8)
-    right.set_xlabel("95 % interval about the angle, mrad")
+    _gate(right, 1e3 * COVERAGE_FACTOR * c.rig.acceptance.angle_std, float(np.nanmax(ends)))
     right.tick_params(left=False)
     return fig
+
+
+def _gate(ax: Axes, limit: float, widest: float) -> None:
+    """Where the quality gate rejects, mrad: drawn where intervals come near, else said."""
+    said = f"the gate rejects beyond ±{limit:.3g}"
+    if limit < _NEAR * widest:
+        said += " (dashed)"
+        for end in (-limit, limit):
+            ax.axvline(end, color=ink.RED, linestyle="--", linewidth=1.2)
+    ax.set_xlabel(f"95 % interval about the angle, mrad;\n{said}")
 
 
 def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> BarContainer:

@@ -40,8 +40,18 @@ _CROWDED = 60
 
 
 def draw(life: Life) -> tuple[Drawing, ...]:
-    """One figure per sensor that is known: three angles, and how surprising each check was."""
-    return tuple(_of(life, int(i)) for i in np.flatnonzero(life.known))
+    """One figure per sensor that is known: three angles, and how surprising each check was.
+
+    Those with alarms come first, the least probable first of all; an alarm of all sensors together
+    stands in every one.
+    """
+    weight = {alarm.sensor: alarm.p_value for alarm in sorted(life.alarms, key=_improbability)}
+    known = map(int, np.flatnonzero(life.known))
+    return tuple(_of(life, i) for i in sorted(known, key=lambda i: weight.get(i, 2.0)))
+
+
+def _improbability(alarm: Alarm) -> float:
+    return -alarm.p_value
 
 
 def date_of(month: float) -> datetime:
@@ -50,7 +60,7 @@ def date_of(month: float) -> datetime:
 
 
 def _of(life: Life, i: int) -> Drawing:
-    own = [alarm for alarm in life.alarms if alarm.sensor == i]
+    own = [alarm for alarm in life.alarms if alarm.sensor in (i, None)]
     moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
     way = f"moves by {moved:.2g} mrad" if moved >= _STILL else "does not move"
     calm = f"No alarm; between the first and the last check the path {way}."
@@ -62,6 +72,9 @@ def _of(life: Life, i: int) -> Drawing:
 def _said(life: Life, alarm: Alarm) -> str:
     size = 1e3 * float(np.linalg.norm(alarm.turn))
     when = f"{date_of(life.month[alarm.onset]):%Y-%m-%d}"
+    if alarm.sensor is None:
+        what = "The load has changed" if alarm.kind == "load" else "All sensors together depart"
+        return f"{what} on {when}."
     if alarm.kind == "creep":
         return f"Creep of {size:.2g} mrad a month since about {when}."
     return f"Step of {size:.2g} mrad seen on {when}."
