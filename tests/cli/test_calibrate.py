@@ -123,7 +123,8 @@ def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:
 
     A controller loads them too. The size stated is that of the zero's true error, within noise.
     """
-    shutil.copytree(SAMPLES / "parquet", tmp_path, dirs_exist_ok=True)
+    rig = SAMPLES.parent / "studies" / "rig.yaml"  # its gains are exact
+    tdfscal.simulate(tmp_path, rig=rig, postures=16, rate=50.0, format="parquet", seed=7)
     document = yaml.safe_load((tmp_path / "rig.yaml").read_text())
     truth = yaml.safe_load((tmp_path / "truth.yaml").read_text())
     centre = truth["terminal"]["barycenter"]

@@ -270,7 +270,7 @@ def test_a_report_that_nobody_gets_changes_nothing(
 def test_a_report_that_cannot_be_made_is_an_error(
     home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(report: object) -> str:
+    def broken(report: object, *, whole: bool) -> str:
         raise ValueError("no such row")
 
     monkeypatch.setattr("tdfscal.reporting.text.shown", broken)
@@ -331,7 +331,7 @@ def test_a_result_is_utf8_whatever_the_terminal_is(
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
         assert run(capsys, "report", "own.yaml", "--json").status == 0
-        assert json.loads(raw.getvalue())["convention"].count("·") == 3
+        assert json.loads(raw.getvalue())["convention"].count("·") == 4
 
 
 def program(*words: object, cwd: Path) -> subprocess.Popen[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 from tdfscal.errors import visible
+from tdfscal.files.hashing import printable
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.files.saving import represent_text
 
@@ -66,7 +67,7 @@ def draft(
         f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
         "# right: until then `calibrate` says which of them its result rests on.",
         f"format: {RIG_FORMAT}",
-        f"name: {_flow(name)}",
+        f"name: {_flow(printable(name))}",
         *_entry("levelness of the BCS, rad per horizontal axis; gravity points along its −Z",
                 "gravity: {magnitude: 9.80665, tilt_std: 0.0005}"),
         "terminal:",
