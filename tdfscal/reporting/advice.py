@@ -76,8 +76,8 @@ def advise(c: Calibration) -> tuple[str, ...]:
             "Do not load this result into a controller; calibrate again first.",
         )
     advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
-    new = "three to five new postures" if c.motion is None else "the next motion without contact"
-    advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
+    new = "new postures" if c.motion is None else "a motion without contact"
+    advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
     better = tuple(_forecasts(c))
     if better:
         now = 1e3 * half_widths(c).max()

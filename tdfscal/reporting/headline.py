@@ -8,7 +8,7 @@ from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ExactQuantityResult, Mounting
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.layout import Block, Facts, Table
+from tdfscal.reporting.layout import Block, Table
 from tdfscal.significance import COVERAGE_FACTOR
 
 _SCALE = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
@@ -28,7 +28,7 @@ _SOURCES = {
     "motion": "what the motion adds",
 }
 #: Quantities named in one sentence, and the share of the half width from which on they are.
-_NAMED, _NOTABLE = 3, 0.1
+_NAMED, _NOTABLE = 2, 0.1
 
 
 def half_widths(c: Calibration) -> FloatArray:
@@ -49,7 +49,7 @@ def _half_width(mounting: Mounting) -> list[float]:
 
 
 def headline(c: Calibration) -> str:
-    """One number for all angles, what it counts, and what it does not, in two sentences."""
+    """One number for all angles, what it counts, what it does not, and what it rests on."""
     which = "each" if c.determined.all() else "each that is determined"
     said = f"{which} within ± {1e3 * half_widths(c).max():.2g} mrad (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
@@ -62,7 +62,7 @@ def headline(c: Calibration) -> str:
         )
     else:
         loaded = f"You may load these angles: {said}."
-    return " ".join(filter(None, (loaded, exact_sentence(c))))
+    return " ".join(filter(None, (loaded, exact_sentence(c), _rests_on(c))))
 
 
 def exact_sentence(c: Calibration) -> str:
@@ -92,7 +92,7 @@ def typical_error(quantity: ExactQuantityResult) -> str:
 
 
 def summary(c: Calibration) -> tuple[Block, ...]:
-    """The angles with ±, and what they rest on."""
+    """The angles with ±."""
     half = half_widths(c)
     rows = [
         (m.name, *(f"{1e3 * v:.3f} ± {1e3 * h:.3f}" for v, h in zip(m.rpy, row, strict=True)))
@@ -100,11 +100,11 @@ def summary(c: Calibration) -> tuple[Block, ...]:
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
     caption = "Installation angles in the BCS, mrad, 95 %; Rz(yaw)·Ry(pitch)·Rx(roll)"
-    return Table(caption, ("sensor", *ANGLES), tuple(rows)), Facts(tuple(_rests_on(c)))
+    return (Table(caption, ("sensor", *ANGLES), tuple(rows)),)
 
 
-def _rests_on(c: Calibration) -> list[tuple[str, str]]:
-    """How much went in, how it fits, and what limits the least known angle."""
+def _rests_on(c: Calibration) -> str:
+    """How much went in, how it fits, and what limits the least known angle, in a sentence."""
     parts = []
     if c.motion is not None:
         parts.append(f"{c.motion.seconds:.0f} s of motion")
@@ -116,10 +116,8 @@ def _rests_on(c: Calibration) -> list[tuple[str, str]]:
         parts.append(f"{c.tracker.get('points')} points of the tracker")
     if c.fit is not None and c.fit.dof:
         parts.append(f"scatter against stated {c.fit.birge:.2f}")
-    rows = [("rests on", ", ".join(parts))]
-    if limit := limiting_source(c):
-        rows.append(("limited by", limit))
-    return rows
+    limit = limiting_source(c)
+    return f"It rests on {', '.join(parts)}{'; limited by ' * bool(limit)}{limit}."
 
 
 def limiting_source(c: Calibration) -> str:
@@ -130,4 +128,4 @@ def limiting_source(c: Calibration) -> str:
     share, angle = c.budget.shares[worst], c.budget.angles[worst]
     source = c.budget.sources[int(share.argmax())]
     said = _SOURCES.get(source, source)
-    return f"{said}, {share.max():.0%} of the variance of {angle.angle} of {angle.support}"
+    return f"{said} ({share.max():.0%} of the variance of {angle.angle} of {angle.support})"

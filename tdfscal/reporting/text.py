@@ -86,11 +86,13 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
         room = LINES - _FILES - above - sum(1 + len(c) + len(b) for c, b in found)
         counts = _fitting(sentences, room)
     yield from found
+    more = "see `tdfscal report` or the page"
     for caption, items, count in zip(captions, sentences, counts, strict=True):
-        rest = len(items) - count
-        more = f"  … {rest}{' more' * (count > 0)}: see `tdfscal report` or the page"
-        if items:
-            yield [caption], [*(line for item in items[:count] for line in item), *[more][:rest]]
+        if items and not count:
+            yield [f"{caption}: {len(items)}; {more}"], []
+        elif items:
+            rest = [f"  … {len(items) - count} more: {more}"] if count < len(items) else []
+            yield [caption], [*(line for item in items[:count] for line in item), *rest]
 
 
 def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:
@@ -99,7 +101,7 @@ def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:
 
     def taken() -> int:
         return sum(
-            2 + sum(map(len, items[:count])) + (count < len(items))
+            2 + sum(map(len, items[:count])) + (0 < count < len(items))
             for items, count in zip(lists, counts, strict=True)
             if items
         )

@@ -170,7 +170,7 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
         (["compare", "a.yaml", "a.yaml"], 2, "named twice"),
         (["report", "nowhere.yaml"], 2, "nowhere.yaml"),
         (["report", "a.yaml", "--html", "-", "--json"], 2, "standard output"),
-        (["report", "a.yaml", "--html", "no/such/folder.html"], 2, "does not exist"),
+        (["report", "a.yaml", "--html", "no/such/folder.html"], 2, "folder is not there"),
         (["report", "rubbish.yaml"], 3, "rubbish.yaml"),
         (["report", "-", "-"], 2, "once only"),
     ],

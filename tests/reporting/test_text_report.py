@@ -75,7 +75,7 @@ def test_a_summary_fits_a_terminal() -> None:
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22
-    assert "  … 9: see `tdfscal report` or the page" in lines
+    assert "Warnings: 9; see `tdfscal report` or the page" in lines
 
 
 def test_forecasts_are_of_the_number_that_is_told() -> None:
