@@ -104,7 +104,10 @@ class Calibration(Strict):
     )
     findings: tuple[parts.FindingResult, ...] = key("all that was found", ())
     content_sha256: Sha256 | None = key(
-        "SHA-256 of all other keys, by which an edited file is refused", None, exclude=True
+        "SHA-256 of all other keys (as Python's JSON, keys sorted, without nulls), by which an "
+        "edited file is refused whatever its order and notation; other programs' files need none",
+        None,
+        exclude=True,
     )
     """Of all that stands in a file beside it, as tdfscal wrote it; none in files of others."""
 

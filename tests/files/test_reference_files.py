@@ -1,0 +1,50 @@
+"""Files that release 1.0 wrote are read for ever, whole and to the same numbers.
+
+They are never made anew: where one is refused, the reading has broken.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal.exports import FORMATS
+from tdfscal.files.calibration.document import file_content, load_calibration
+from tdfscal.workflows.calibration_in_use import calibrated
+
+FILES = sorted((Path(__file__).parent / "reference_1_0").glob("*.json"))
+
+
+def lacking(old: Any, new: Any, place: str = "") -> list[str]:
+    """Places of a document whose values another one lacks; what that one has besides is its own."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return [p for key in old for p in lacking(old[key], new.get(key), f"{place}.{key}")]
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        return [p for k, (a, b) in enumerate(zip(old, new, strict=True))
+                for p in lacking(a, b, f"{place}[{k}]")]  # fmt: skip
+    return [] if old == new else [place]
+
+
+def test_there_is_one_of_each_kind() -> None:
+    assert [path.stem for path in FILES] == ["joint", "motion", "update"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_file_of_1_0_is_read(path: Path) -> None:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    file = load_calibration(path)
+    assert file.accepted
+    assert file.software.version == "1.0.0"
+    assert lacking(content, file_content(file)) in ([], [".content_sha256"])
+    supports = content["supports"]
+    assert np.array_equal(file.rotation, [support["rotation"] for support in supports])
+    assert np.array_equal(file.rotation_covariance, content["covariance"]["matrix"])
+    assert np.array_equal(file.zero, [support["zero"] for support in supports])
+    used = calibrated(file, path)
+    assert float(used.state.mass) == pytest.approx(content["terminal"]["mass"]["value"], rel=1e-12)
+    for written in FORMATS.values():
+        assert written(file, "bcs")
