@@ -170,7 +170,7 @@ def _errors(result: SelfCalibration | MotionCalibration, truth: FloatArray) -> t
         rotation, covariance = result.fit.state.rotation, result.uncertainty.covariance
     else:
         rotation = result.fit.state.still.rotation
-        covariance = result.uncertainty.turns.covariance
+        covariance = result.uncertainty.covariance
     d = so3.log(truth @ np.swapaxes(rotation, 1, 2)).ravel()
     beyond = d @ np.linalg.solve(covariance, d) > chi2_quantile(0.99, d.size)
     return float(np.max(np.abs(d) / np.sqrt(np.diagonal(covariance)))), bool(beyond)

@@ -19,8 +19,9 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from tdfscal.comparison.control_chart import Check, Watch, Watching
-from tdfscal.comparison.eliminated import eliminate, stated
 from tdfscal.comparison.pooling import Recorded, pool
+from tdfscal.estimation.observation import eliminate, stated
+from tdfscal.estimation.priors import Priors
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.pipeline import calibrate_moving
@@ -28,7 +29,7 @@ from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, contrast
 from tdfscal.records import Drift, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.estimator import Priors, fit
+from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells

@@ -88,12 +88,12 @@ def bound(rig: Rig, campaign: MovingCampaign, slow: Slow) -> FloatArray:
     state = MovingState(still, Moving(voigt(campaign.inertia), options.friction, options.delay))
     cut = blocks(slow, np.ones(len(slow.time), dtype=np.bool_))
     fit = at_state(MovingPriors(rig, slow, DELAY), cut, state, None)
-    f = fit.rows.bins.frequency
+    f = fit.data.bins.frequency
     density = options.noise**2 / options.rate + options.slow_noise**2 * 2 * options.slow_time / (
         1 + (2 * np.pi * f * options.slow_time) ** 2
     )
     # All of the log counts, also what lies under the taper's ramps.
-    J = fit.rows.weighted(fit.jacobian, cut[0].share * density)
+    J = fit.data.weighted(fit.jacobian, cut[0].share * density)
     root = spectrum(np.concatenate([J, fit.prior_jacobian])).root
     return (root @ root.T)[: 3 * rig.n, : 3 * rig.n]
 
@@ -122,7 +122,7 @@ def one_error(case: str, lacking: str | None, seed: int) -> tuple[FloatArray, ..
     """
     rig, campaign, slow, result, took = played(case, lacking, seed)
     known = np.flatnonzero(np.repeat(result.observability.determined, 3))
-    C = result.uncertainty.turns.covariance[np.ix_(known, known)]
+    C = result.uncertainty.covariance[np.ix_(known, known)]
     back = np.swapaxes(result.fit.state.still.rotation, 1, 2)
     e = so3.log(campaign.truth.rotation @ back).ravel()[known]
     trials = result.monte_carlo
@@ -159,7 +159,7 @@ def one_stop(case: str, seconds: float, seed: int) -> tuple[FloatArray, FloatArr
         both = calibrate_moving(rig, slow, DELAY, dwells=len(dwells))
     except TdfscalError:
         return None
-    turns = both.uncertainty.turns
+    turns = both.uncertainty
     scores = []
     for rotation, C in (
         (alone.fit.state.rotation, alone.uncertainty.covariance),

@@ -20,12 +20,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from tdfscal import simulation
+from tdfscal.estimation.fit import information
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.estimator import at_state
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options
@@ -91,9 +91,7 @@ def bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
     seen = postures(rig, batch.dwells(trial))
     sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)
     exact = np.einsum("nab,knb->kna", sensing, batch.true_force[trial]) + truth.zero
-    root = information_root(
-        at_state(rig, replace(seen, force=exact), state, np.ones(len(seen)))
-    ).root
+    root = information(at_state(rig, replace(seen, force=exact), state, np.ones(len(seen)))).root
     return np.asarray(np.sum(root[: 3 * rig.n] ** 2, axis=1))
 
 

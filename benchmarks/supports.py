@@ -21,17 +21,18 @@ import numpy as np
 
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.suspicion import Suspicion
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Rig
-from tdfscal.selfcal.closure import misplaced
-from tdfscal.selfcal.covariance import estimate, information_root
+from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import at_state, fit
+from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.score_tests import suspicions
-from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Walk, Warming
@@ -139,7 +140,7 @@ def run(case: Case, runs: int) -> str:
         half = np.repeat(found.coverage_factor.max(axis=1), 3) * std[-1]
         inside.append(np.abs(error[-1]) < half)
         held = (dwells.start + dwells.end) / 2
-        doubts = (*suspicions(known, held, dwells.temperature), *misplaced(known))
+        doubts = (*suspicions(known, held, dwells.temperature), *misplaced_hinges(known))
         named.append(
             any(
                 case.cause in sentence(f) for doubt in doubts for f in doubt.findings(rejects=False)
@@ -175,7 +176,7 @@ def _bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
     sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)
     exact = np.einsum("nab,knb->kna", sensing, batch.true_force[trial]) + truth.zero
     seen = replace(postures(rig, batch.dwells(trial)), force=exact)
-    root = information_root(at_state(rig, seen, state, np.ones(len(seen)))).root
+    root = information(at_state(rig, seen, state, np.ones(len(seen)))).root
     return np.asarray(np.linalg.norm(root[: 3 * rig.n], axis=1))
 
 

@@ -15,7 +15,8 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 #: The rooms from the ground up; each imports only from those before it.
 ORDER = (
     "findings", "errors", "memory", "records", "significance", "numerics", "model", "simulation",
-    "dwells", "clocks", "wrench", "checks", "acceptance", "selfcal", "motioncal", "trackercal",
+    "dwells", "clocks", "wrench", "checks", "acceptance", "estimation", "selfcal", "motioncal",
+    "trackercal",
     "comparison", "validation", "planning", "catalogue", "files", "logs", "reporting", "exports",
     "workflows", "api", "cli",
 )  # fmt: skip

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.comparison.eliminated import stated
+from tdfscal.estimation.observation import stated
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.earlier import free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract
 from tdfscal.numerics.information import Information, nothing
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Priors
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,9 @@ import numpy as np
 
 from tdfscal.comparison.common import Common
 from tdfscal.comparison.compatibility import smallest_changes
-from tdfscal.comparison.eliminated import Eliminated, stated
 from tdfscal.comparison.walk import others
+from tdfscal.estimation.observation import Eliminated, stated
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.earlier import free_constants, information_of, of_load
 from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
 from tdfscal.numerics.information import (
@@ -21,7 +22,6 @@ from tdfscal.numerics.information import (
     p_value,
 )
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import CAUSE_EXPLAINS, MISFIT
 
 #: Stated standard uncertainties by which hinges, datums, gains or the base may have changed: by

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.comparison.common import Common, common, with_load
-from tdfscal.comparison.eliminated import (
+from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
+from tdfscal.comparison.walk import forward, others
+from tdfscal.estimation.observation import (
     Eliminated,
     eliminate,
     of_estimate,
@@ -21,8 +23,7 @@ from tdfscal.comparison.eliminated import (
     stated,
     unstated,
 )
-from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
-from tdfscal.comparison.walk import forward, others
+from tdfscal.estimation.priors import Priors
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
@@ -38,7 +39,7 @@ from tdfscal.model.parameters import (
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.information import Information
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
-from tdfscal.selfcal.estimator import Fit, Priors, at_state
+from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import alarm_level
 

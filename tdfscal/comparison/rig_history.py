@@ -12,17 +12,17 @@ import numpy as np
 
 from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Check
-from tdfscal.comparison.eliminated import stated
 from tdfscal.comparison.history import Life, live
 from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import UsageError
+from tdfscal.estimation.observation import stated
+from tdfscal.estimation.priors import Priors
 from tdfscal.findings import Finding
 from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import BoolArray, FloatArray, JointPrior, Measured, Rig
-from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 
 

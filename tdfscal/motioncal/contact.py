@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from tdfscal.estimation.fit import factored_information
 from tdfscal.findings import Finding
 from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.checks import Usable, check_blocks
@@ -73,7 +74,7 @@ def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, 
     shapes = {size: _windows(block) for size, block in alike.items()}
     tests = max(1, sum(len(shapes[len(block)][1]) for block in fit.blocks))
     limit = float(chi2_quantile(1 - level / tests, len(fit.designs[0].mix)))
-    root = fit.information().root
+    root = factored_information(fit).root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
     out: list[Stretch] = []
     for item, e in zip(fit.designs, fit.wrenches(), strict=True):

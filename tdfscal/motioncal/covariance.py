@@ -2,32 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model import dynamics
-from tdfscal.model.parameters import layout, sensing
-from tdfscal.motioncal.design import BlockDesign
-from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import reading_gain
-from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum, block_diagonal
-from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import (
-    PRIORS,
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.uncertainty import (
     UNDECLARED,
+    Estimate,
     Quality,
-    Uncertainty,
+    calibrated,
     of_shares,
     parameter_std,
     prior_shares,
+    quality,
 )
+from tdfscal.model import dynamics
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import sensing
+from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.rows import reading_gain
+from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import Spectrum, block_diagonal
+from tdfscal.records import FloatArray
 
 #: Names in the budget of what only motion has.
-SPECTRUM, MOTION = "noise spectrum", "motion"
+SPECTRUM = "noise spectrum"
 #: Length over which the positioners' errors change, m: of leads of screws, of joints of guides.
 FIELD = 0.015
 #: Places of a block at most between which they are compared.
@@ -35,17 +36,26 @@ _PLACES = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class MovingUncertainty:
-    """Uncertainty of the rotations and of what motion adds.
+class MovingEstimate(Estimate[MovingFit]):
+    """A fit in motion and what is known of it.
 
-    turns : as from static postures. posterior : (p, p), covariance of all active parameters;
-    drawn : what it has where the spectrum is certain. moving_std : (9,), of I_O, τ, d, ρ.
+    posterior : (p, p), covariance of all free parameters; drawn : what it has where the spectrum
+    is certain.
     """
 
-    turns: Uncertainty
     posterior: FloatArray
     drawn: FloatArray
-    moving_std: FloatArray
+
+    @property
+    def moving_std(self) -> FloatArray:
+        """Standard uncertainty (9,) of I_O, τ, d, ρ."""
+        std = parameter_std(self.fit.active, self.posterior, self.parts)
+        return std[-dynamics.PARAMETERS :]
+
+    @property
+    def calibrated(self) -> Calibrated:
+        """All parameters of the rig with their joint covariance, for those who use them."""
+        return calibrated(self.fit, self.posterior, self.uncertainty.covariance)
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
@@ -83,46 +93,44 @@ def by_spectrum(
     return added
 
 
-def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUncertainty:
-    """Posterior covariance, budget and coverage factors.
-
-    undeclared : (p, p), covariance of the active parameters by what the rig file may lack.
-    """
-    parts = fit.information()
+def estimate(fit: MovingFit) -> MovingEstimate:
+    """Posterior covariance, budget and coverage factors of a fit."""
+    parts = information(fit)
     C, added = posterior(fit, parts)
     p = int(fit.active.sum())
-    parted = _shares(fit, C[:p])
-    drawn = np.sum(list(parted.values()), axis=0)
-    parted[SPECTRUM] = added[:p, :p]
-    if undeclared is not None:
-        parted[UNDECLARED], drawn = undeclared, drawn + undeclared
-    total = drawn + parted[SPECTRUM]
-    std = parameter_std(fit.active, total, parts)
-    cut = len(fit.active) - dynamics.PARAMETERS
-    R, faked = fit.state.still.rotation, faked_information(fit)
-    return MovingUncertainty(
-        turns=of_shares(R, parted, faked, parts, std[:cut]),
-        posterior=total,
-        drawn=drawn,
-        moving_std=std[cut:],
-    )
+    return _summed(fit, parts, quality(fit, parts), _shares(fit, C[:p]), added[:p, :p])
+
+
+def beside(of: MovingEstimate, undeclared: FloatArray) -> MovingEstimate:
+    """The same with a covariance (p, p) of the free parameters by what the rig file may lack."""
+    C = of.parts.root @ of.parts.root.T
+    shares = _shares(of.fit, C[: len(of.drawn)]) | {UNDECLARED: undeclared}
+    return _summed(of.fit, of.parts, of.quality, shares, of.posterior - of.drawn)
+
+
+def _summed(
+    fit: MovingFit,
+    parts: Spectrum,
+    stats: Quality,
+    shares: dict[str, FloatArray],
+    by_spectrum: FloatArray,
+) -> MovingEstimate:
+    """All shares together, and what the spectrum's own uncertainty adds."""
+    drawn = np.sum(list(shares.values()), axis=0)
+    total = drawn + by_spectrum
+    std = parameter_std(fit.active, total, parts)[: -dynamics.PARAMETERS]
+    R = fit.still.rotation
+    known = of_shares(R, shares | {SPECTRUM: by_spectrum}, faked_information(fit), parts, std)
+    return MovingEstimate(fit, parts, stats, known, total, drawn)
 
 
 def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     """Covariance (p, p) of the active parameters by source; C (p, p + rests) : at the spectrum."""
-    bins = fit.rows.bins
+    bins = fit.data.bins
     force = fit.noise.parts(bins)[0]
-    white = fit.rows.scaled(fit.jacobian, np.sqrt(bins.count * force) / fit.noise.variance(bins))
-    half, rows = C @ white.T, fit.prior_jacobian
-    still = len(rows) - int(fit.priors.free.sum()) - fit.rests
-    places = layout(fit.rig.n, fit.state.still.motions)
-    groups = {PRIORS[group]: place for group, place in places.items()}
-    groups[MOTION] = slice(places["drift"].stop, len(fit.active))
-    return {
-        "noise": half @ half.T,
-        "positioner": of_poses(fit, C),
-        **prior_shares(fit.rig, C, rows, still, fit.active, groups),
-    }
+    white = fit.data.scaled(fit.jacobian, np.sqrt(bins.count * force) / fit.noise.variance(bins))
+    half = C @ white.T
+    return {"noise": half @ half.T, "positioner": of_poses(fit, C), **prior_shares(fit, C)}
 
 
 def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
@@ -162,7 +170,7 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
 def faked_information(fit: MovingFit) -> FloatArray:
     """Information (3n, 3n) about the rotations that noise in the readings fakes.
 
-    As `selfcal.covariance.faked_information`, summed over the Fourier coefficients: reading noise
+    As of static postures, summed over the Fourier coefficients: reading noise
     of density S_F turned by [u]×, through B, weighted by S⁻¹.
     """
     M = sensing(fit.state.still)
@@ -173,26 +181,3 @@ def faked_information(fit: MovingFit) -> FloatArray:
             turn = so3.hat(M[:, :, a])
             faked[measured] += (np.swapaxes(turn, 1, 2) @ C @ turn)[measured]
     return block_diagonal(*faked)
-
-
-def quality(fit: MovingFit) -> Quality:
-    """χ² of the fit, which the spectrum has been brought to agree with; rms over time."""
-    count = round(float(fit.rows.bins.count.sum()))
-    dof = count + len(fit.prior_residual) - len(fit.information().values)
-    chi2 = fit.cost
-    rms_force, rms_moment = map(float, rms(fit.designs, fit.psi))
-    return Quality(
-        chi2=chi2,
-        dof=dof,
-        p_value=float(chi2_sf(chi2, dof)),
-        birge=float(np.sqrt(chi2 / dof)) if dof > 0 else 1.0,
-        rms_force=rms_force,
-        rms_moment=rms_moment,
-    )
-
-
-def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
-    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
-    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
-    seconds = sum(item.block.seconds for item in designs)
-    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))

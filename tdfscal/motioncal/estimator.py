@@ -7,11 +7,14 @@ log too; what differs is the weight, which is estimated with the fit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.estimation.fit import solve
+from tdfscal.estimation.priors import Priors
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, with_motions
@@ -24,15 +27,11 @@ from tdfscal.motioncal.rows import NormalEquations, Rows, gather
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
-    Spectrum,
     block_diagonal,
-    gauss_newton,
     gram_root,
-    spectrum,
     triangular,
 )
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.estimator import Priors
 
 #: Blocks that a long log is first fitted on.
 _FEW = 2
@@ -103,7 +102,7 @@ class MovingFit:
 
     priors: MovingPriors
     designs: tuple[BlockDesign, ...]
-    rows: Rows
+    data: Rows
     origin: Balance
     shift: Moving
     rests: int
@@ -134,6 +133,27 @@ class MovingFit:
         return self.priors.active
 
     @property
+    def still(self) -> State:
+        """The parameters of statics."""
+        return self.state.still
+
+    @property
+    def rows(self) -> int:
+        """Number of independent values that the rows stand for."""
+        return round(float(self.data.bins.count.sum()))
+
+    @property
+    def still_priors(self) -> int:
+        """How many of the prior rows are those of statics."""
+        return len(self.prior_residual) - int(self.priors.free.sum()) - self.rests
+
+    @property
+    def rms(self) -> tuple[float, float]:
+        """Quadratic mean over time of the residual force's length, and the moment's."""
+        force, moment = rms(self.designs, self.psi)
+        return float(force), float(moment)
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """The stretches that were used."""
         return tuple(design.block for design in self.designs)
@@ -142,7 +162,7 @@ class MovingFit:
         """Features (q + 13 + s + rests,) of a state, without turns at rests."""
         still = features(state.still, self.origin, self.rig.gravity)
         more = dynamics.features(state.still, state.moving, self.origin.centre, self.shift)
-        out = np.zeros(self.rows.design.shape[1])
+        out = np.zeros(self.data.design.shape[1])
         out[: len(still) + len(more)] = np.concatenate([still, more])
         return out
 
@@ -150,17 +170,16 @@ class MovingFit:
         """∂ features / ∂ all parameters, (…, P + 9); suspects have none."""
         still = features_jacobian(state.still, self.origin, self.rig.gravity)
         more = dynamics.features_jacobian(state.still, self.origin.centre)
-        out = np.zeros((self.rows.design.shape[1], more.shape[1]))
+        out = np.zeros((self.data.design.shape[1], more.shape[1]))
         out[: len(still), : still.shape[1]] = still
         out[len(still) : len(still) + len(more)] = more
         return out
 
     def whitened(self) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian as rows of unit variance, priors last."""
-        rows, variance = self.rows, self.noise.variance(self.rows.bins)
         return (
-            np.concatenate([rows.weighted(self.residual, variance), self.prior_residual]),
-            np.concatenate([rows.weighted(self.jacobian, variance), self.prior_jacobian]),
+            np.concatenate([self.white(self.residual), self.prior_residual]),
+            np.concatenate([self.white(self.jacobian), self.prior_jacobian]),
         )
 
     def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
@@ -170,12 +189,15 @@ class MovingFit:
         """
         r, j = self.whitened()
         columns = [r[:, None], j] if more is None else [r[:, None], j, more]
-        return NormalEquations(self.rows, self.noise, np.concatenate(columns, axis=1))
+        return NormalEquations(self.data, self.noise, np.concatenate(columns, axis=1))
 
-    def information(self) -> Spectrum:
-        """Decompose the white Jacobian by its triangular factor, whose rows are no coefficients."""
-        _, jacobian = self.whitened()
-        return spectrum(triangular(jacobian), len(jacobian))
+    def all_slopes(self) -> FloatArray:
+        """Whitened derivative (M + C, P + 9) of the rows by all parameters, free or not."""
+        return self.white(self.data.design @ self.slope_at(self.state))
+
+    def white(self, columns: FloatArray) -> FloatArray:
+        """Columns (M + C, …) of the rows, of unit variance by the spectrum."""
+        return self.data.weighted(columns, self.noise.variance(self.data.bins))
 
     def wrenches(self) -> list[ComplexArray]:
         """Residual wrench (F, 6) of every block."""
@@ -186,6 +208,13 @@ class MovingFit:
         """χ² of rows and priors."""
         r, _ = self.whitened()
         return float(r @ r)
+
+
+def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
+    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
+    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
+    seconds = sum(item.block.seconds for item in designs)
+    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))
 
 
 def moved_to(fit: MovingFit, state: MovingState) -> MovingFit:
@@ -213,8 +242,8 @@ def _at(fit: MovingFit, state: MovingState, turn: FloatArray) -> MovingFit:
         state=state,
         psi=psi,
         slope=slope,
-        residual=fit.rows.design @ psi,
-        jacobian=fit.rows.design @ slope,
+        residual=fit.data.design @ psi,
+        jacobian=fit.data.design @ slope,
         prior_residual=np.concatenate([prior_r, turn]),
         prior_jacobian=block_diagonal(prior_j, unit),
     )
@@ -222,8 +251,7 @@ def _at(fit: MovingFit, state: MovingState, turn: FloatArray) -> MovingFit:
 
 def _solve(fit: MovingFit) -> Solution[MovingState]:
     """Gauss–Newton on the statistic of all rows, and the priors."""
-    rows, active = fit.rows, fit.active
-    real = rows.weighted(rows.design, fit.noise.variance(rows.bins))
+    real = fit.white(fit.data.design)
     cut = real.shape[1] - fit.rests
     if fit.rests:
         # The turns at rests first: what is left below them has them eliminated.
@@ -231,18 +259,10 @@ def _solve(fit: MovingFit) -> Solution[MovingState]:
         real = np.concatenate([np.eye(fit.rests, real.shape[1]), real])
     compressed = triangular(real)[fit.rests :, fit.rests :]
 
-    def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
-        prior_r, prior_j = fit.priors(state)
-        r = compressed @ fit.features_at(state)[:cut]
-        j = compressed @ fit.slope_at(state)[:cut, active]
-        return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
+    def psi(state: MovingState) -> tuple[FloatArray, FloatArray]:
+        return fit.features_at(state)[:cut], fit.slope_at(state)[:cut]
 
-    def move(state: MovingState, step: FloatArray) -> MovingState:
-        full = np.zeros(len(active))
-        full[active] = step
-        return state.moved(full)
-
-    return gauss_newton(model, move, fit.state)
+    return solve(compressed, psi, fit.priors, MovingState.moved, fit.state, fit.active)
 
 
 def at_state(
@@ -274,7 +294,7 @@ def at_state(
 
 def estimate_noise(fit: MovingFit) -> MovingFit:
     """Bring spectrum and linearised fit into agreement; the state stays."""
-    model, rows, equations = fit.noise, fit.rows, fit.normal_equations()
+    model, rows, equations = fit.noise, fit.data, fit.normal_equations()
     for _ in range(_SCORES):
         step, root = equations.solved(model.log_density)
         variance = model.variance(rows.bins)

@@ -7,7 +7,7 @@ import numpy as np
 from tdfscal.errors import TdfscalError
 from tdfscal.model.parameters import State
 from tdfscal.motioncal.checks import usable_samples
-from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingPriors, at_state, estimate_noise
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig, UncertainValue
@@ -29,7 +29,7 @@ def with_moves(rig: Rig, slow: Slow, delay: UncertainValue, still: State) -> Flo
         few = blocks[:: -(-len(blocks) // _FEW)]
         priors = MovingPriors(rig, slow, delay)
         fit = estimate_noise(at_state(priors, few, priors.start(still), None))
-        std = evaluate(fit).turns.rpy_std
+        std = estimate(fit).uncertainty.rpy_std
     except (TdfscalError, np.linalg.LinAlgError):
         return None
     seen, whole = (sum(block.seconds for block in part) for part in (few, blocks))

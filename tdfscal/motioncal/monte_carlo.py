@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.estimation.monte_carlo import simulate_angles
 from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
-from tdfscal.motioncal.covariance import MovingUncertainty, faked_information
-from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.covariance import MovingEstimate, faked_information
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.numerics.propagation import MonteCarlo, propagate
+from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Spectra drawn, which the trials share, and trials at most unless asked otherwise.
 _SPECTRA, MOST_TRIALS = 48, 30_000
@@ -32,19 +31,14 @@ _CHUNK = 2_000
 class Sampler:
     """Draws what a log with other noise would have given.
 
-    uncertainty : of the fit, whose covariance at the spectrum the draws have.
+    of : the estimate, whose covariance at the spectrum the draws have.
     followed : (n, 1), 1 for sensors whose turns count, 0 for those that stay as they are.
     """
 
-    def __init__(
-        self,
-        fit: MovingFit,
-        uncertainty: MovingUncertainty,
-        rng: np.random.Generator,
-        followed: FloatArray,
-    ) -> None:
+    def __init__(self, of: MovingEstimate, rng: np.random.Generator, followed: FloatArray) -> None:
+        fit = of.fit
         self.fit, self.followed = fit, followed
-        rows, model = fit.rows, fit.noise
+        rows, model = fit.data, fit.noise
         q = len(features(fit.state.still, fit.origin, fit.rig.gravity))
         equations = fit.normal_equations()
         here, root = equations.solved(model.log_density)
@@ -53,7 +47,7 @@ class Sampler:
         p = int(fit.active.sum())
         # Gain (p, q): where a change of the static features takes the estimate.
         self.gain = -root[:p] @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
-        wider = _mapping(root[:p] @ root[:p].T, uncertainty.drawn)
+        wider = _mapping(root[:p] @ root[:p].T, of.drawn)
         unfaked = np.zeros((len(here) - 3 * fit.rig.n,) * 2)
         faked = block_diagonal(faked_information(fit), unfaked)
         values, axes = np.linalg.eigh(model.covariance)
@@ -112,24 +106,14 @@ def _mapping(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def simulate(
-    fit: MovingFit,
-    uncertainty: MovingUncertainty,
-    rng: np.random.Generator,
-    max_trials: int,
-    known: BoolArray | None = None,
+    of: MovingEstimate, rng: np.random.Generator, max_trials: int, known: BoolArray
 ) -> MonteCarlo:
     """Draw until the averages are stable or the trials run out.
 
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
     """
-    followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
-    linear, base = uncertainty.turns, fit.state.still.rotation
-    sampler = Sampler(fit, uncertainty, rng, followed)
-
-    def draw(size: int) -> FloatArray:
-        parts = [min(_CHUNK, size - start) for start in range(0, size, _CHUNK)]
-        return np.concatenate([so3.deviations(sampler.draw(rng, part), base) for part in parts])
-
-    found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
-    half = followed * linear.coverage_factor * linear.rpy_std
-    return found.about(so3.to_rpy(base), half)
+    sampler = Sampler(of, rng, known[:, None].astype(np.float64))
+    base, linear = of.fit.state.still.rotation, of.uncertainty
+    return simulate_angles(
+        lambda size: sampler.draw(rng, size), base, linear, known, max_trials, chunk=_CHUNK
+    )

@@ -10,19 +10,24 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
+from tdfscal.checks.geometry import Geometry, examine
 from tdfscal.errors import DataError
+from tdfscal.estimation import observability
+from tdfscal.estimation.closure import misplaced
+from tdfscal.estimation.observability import Observability
+from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.uncertainty import Quality, Uncertainty
 from tdfscal.findings import Finding, Value, rejecting
-from tdfscal.model.calibrated import Calibrated, with_rotations
+from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.dynamics import RATE
-from tdfscal.model.parameters import nominal, parameter_count, with_motions
-from tdfscal.model.postures import Postures
+from tdfscal.model.parameters import nominal
+from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
 from tdfscal.motioncal import checks
 from tdfscal.motioncal.blocks import Stretch, stretches
 from tdfscal.motioncal.checks import Usable, usable_samples
-from tdfscal.motioncal.closure import misplaced
 from tdfscal.motioncal.contact import without_contacts
-from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
+from tdfscal.motioncal.covariance import MovingEstimate, beside, estimate
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
@@ -39,12 +44,11 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
-from tdfscal.selfcal import observability
-from tdfscal.selfcal.covariance import Quality
-from tdfscal.selfcal.observability import Observability
-from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
 
+#: Instants at which distances are looked at. The positioners' errors are alike at places near each
+#: other, so that more of them would not know more; nor do any number of them average these out.
+_INSTANTS = 24
 #: Share of its prior's standard deviation at which the rate of clocks is measured.
 _TOLD = 0.5
 
@@ -61,9 +65,7 @@ class MotionCalibration:
     """
 
     rig: Rig
-    fit: MovingFit
-    quality: Quality
-    uncertainty: MovingUncertainty
+    estimate: MovingEstimate
     observability: Observability
     halves: Halves
     suspicions: tuple[Suspicion, ...]
@@ -87,23 +89,28 @@ class MotionCalibration:
     @property
     def rate_told(self) -> bool:
         """Whether the log tells the rate of its clocks, beside what is known of clocks."""
-        std = self.uncertainty.moving_std[RATE]
+        std = self.estimate.moving_std[RATE]
         return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
+
+    @property
+    def fit(self) -> MovingFit:
+        """The fit."""
+        return self.estimate.fit
+
+    @property
+    def quality(self) -> Quality:
+        """How well residuals and their spectrum agree."""
+        return self.estimate.quality
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """Uncertainty of the rotations."""
+        return self.estimate.uncertainty
 
     @property
     def calibrated(self) -> Calibrated:
         """All parameters of the rig with their joint covariance, for those who use them."""
-        size, n = parameter_count(self.rig.n), self.rig.n
-        full = np.zeros((len(self.fit.active),) * 2)
-        free = np.flatnonzero(self.fit.active)
-        full[np.ix_(free, free)] = self.uncertainty.posterior
-        return Calibrated(
-            rig=self.rig,
-            state=with_motions(self.fit.state.still, 0),
-            covariance=with_rotations(full[:size, :size], 3 * n, self.uncertainty.turns.covariance),
-            open=np.zeros(size, dtype=np.bool_),
-            joint=True,
-        )
+        return self.estimate.calibrated
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +173,7 @@ def calibrate_moving(
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
         stand = result.observability.determined
-        trials = simulate(fit, result.uncertainty, rng, max_trials or MOST_TRIALS, stand)
+        trials = simulate(result.estimate, rng, max_trials or MOST_TRIALS, stand)
     return replace(result, monte_carlo=trials, findings=(*result.findings, *doubt))
 
 
@@ -181,22 +188,21 @@ def _judged(
     keep, rejected = usable.keep, usable.rejected
     # Forces that nobody measures as the balance demands them.
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
-    stats, uncertainty = quality(fit), evaluate(fit)
-    verdict = observability.verdict(rig, still, used, uncertainty.turns.covariance, moving=True)
-    seen = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
+    known = estimate(fit)
+    verdict = observability.verdict(rig, still, used, known.uncertainty.covariance, moving=True)
+    seen = UndeterminedMotion(rig, slow, keep, rejected, known.quality, verdict)
     observability.require_angles(
         verdict, fit.converged, fit.iterations, seen, "the motion does", "a longer motion"
     )
     doubts: tuple[Suspicion, ...] = ()
-    placed = misplaced(fit, uncertainty, used)
+    placed = misplaced(known, _geometry(fit, used))
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if not any(doubt.spoils_motion for doubt in placed):
-        doubts = suspicions(fit, uncertainty, stats)
+        doubts = suspicions(known)
     held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
-    beside = np.sum(held, axis=0) if held else None
     doubts = (*placed, *doubts)
-    if beside is not None:
-        uncertainty = evaluate(fit, beside)
+    if held:
+        known = beside(known, np.sum(held, axis=0))
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
@@ -204,13 +210,11 @@ def _judged(
     found += log_against_rig.turned(rig, used.position)
     for doubt in doubts:
         if not doubt.spoils_motion:
-            found += doubt.findings(rejects=False, held=beside is not None)
+            found += doubt.findings(rejects=False, held=bool(held))
     start = fit.priors.start(nominal(rig))
     result = MotionCalibration(
         rig=rig,
-        fit=fit,
-        quality=stats,
-        uncertainty=uncertainty,
+        estimate=known,
         observability=verdict,
         halves=halves,
         suspicions=doubts,
@@ -228,6 +232,18 @@ def _judged(
     conformity = assess_stated(result.calibrated)
     reasons = _reasons(result, conformity, inputs)
     return replace(result, conformity=conformity, findings=(*reasons, *found))
+
+
+def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
+    """What the distances between hinges say at some instants.
+
+    seen : instants of the motion, forces that nobody measures as the balance demands them.
+    """
+    some = np.unique(np.linspace(0, len(seen) - 1, _INSTANTS).astype(np.int64))
+    own = fit.rig.declared.positioner
+    variance = np.full(len(some), own**2 + fit.slow.quantum**2 / 12)
+    force = forces(fit.state.still, seen.force[some])
+    return examine(fit.rig, seen.position[some], variance, force, common=own)
 
 
 def _one_delay(halves: Halves) -> None:
@@ -255,9 +271,7 @@ def _reasons(
     ]
     reasons = judge(
         rig,
-        Rotations(
-            rig.supports, result.fit.state.still.rotation, result.uncertainty.turns.covariance
-        ),
+        Rotations(rig.supports, result.fit.state.still.rotation, result.uncertainty.covariance),
         result.quality.birge,
         determined=result.observability.determined,
         suspicions=suspected,

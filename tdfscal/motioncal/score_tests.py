@@ -11,68 +11,41 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model import dynamics
+from tdfscal.estimation.score_tests import (
+    Asked,
+    Suspect,
+    misstated_mountings,
+    moving_zeros,
+    speaking,
+    stated_suspects,
+)
+from tdfscal.estimation.suspicion import Suspicion, likeliest
 from tdfscal.model.parameters import parameter_count
 from tdfscal.model.statics import balance
-from tdfscal.motioncal.covariance import MovingUncertainty, by_spectrum
+from tdfscal.motioncal.covariance import MovingEstimate, by_spectrum
 from tdfscal.motioncal.design import instants, shifted, suspected
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
-from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import Quality
-from tdfscal.selfcal.exact_quantities import ExactQuantity, of_columns
-from tdfscal.selfcal.score_tests import (
-    MADE_OF_READINGS,
-    Asked,
-    Suspect,
-    ask,
-    lean_of,
-    moving_zeros,
-    stated_suspects,
-)
-from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
-from tdfscal.significance import UNDECLARED_ERROR, UNDECLARED_GRAVITY_SHARE
 
 #: One of so many instants of a block shows how its columns are made of readings.
 _EVERY = 20
-#: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
-_DELAY = 1e-3
 #: Share of the largest variance of an amount below which it is rounding.
 _ROUNDING = 1e-12
 
 
-def suspicions(
-    fit: MovingFit, uncertainty: MovingUncertainty, stats: Quality
-) -> tuple[Suspicion, ...]:
+def suspicions(of: MovingEstimate) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
-    residual, jacobian = fit.whitened()
-    parts, turns, p = spectrum(jacobian), uncertainty.turns, int(fit.active.sum())
-    suspects, rows = [*_stated(fit), *_drifts(fit)], 2 * len(fit.rows.bins.count)
-    bias = noise_scores(fit, fit.slope_at(fit.state))
-    others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, len(suspects) - 1)
-    found = []
-    for group, index, columns, unit in suspects:
-        level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
-        known = parts.left.T @ columns
-        apart = columns - parts.left @ known
-        lean = np.zeros(columns.shape[1])
-        if group in MADE_OF_READINGS:
-            lean = lean_of(bias, fit.active, fit.state.still, group, index)
-        asked = ask(apart, columns, residual, lean)
-        if asked.p_value(stats) > level:
-            continue
-        asked = _widened(fit, columns, lean, asked)
-        p_value = asked.p_value(stats)
-        if p_value > level:
-            continue
-        # The other parameters, angles among them, give way to the suspect's amount.
-        move = -parts.root[:p] @ (known @ asked.amount)
-        size, weight = float(np.abs(asked.amount * unit).max()), asked.weight(rows)
-        doubt = suspicion(fit.rig, turns, group, index, size, move, p_value, weight)
-        zero_shift, zero = worst_zero(fit.rig, turns, fit.active, move)
-        found.append(replace(doubt, zero_shift=zero_shift, zero=zero, move=move))
-    return likeliest(found)
+    fit = of.fit
+
+    def widened(columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
+        return _widened(fit, columns, lean, asked)
+
+    def noise() -> FloatArray:
+        return noise_scores(fit, fit.slope_at(fit.state))
+
+    suspects = [*_stated(fit), *_drifts(fit)]
+    return likeliest(speaking(of, suspects, noise, always=True, widened=widened))
 
 
 def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
@@ -106,17 +79,12 @@ def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked
     return replace(asked, statistic=min(asked.statistic, float(np.sum(along**2 / values[seen]))))
 
 
-def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
-    """Columns (rows, c) of the features' slopes (q + 12, c), the priors' rows 0."""
-    columns = fit.rows.weighted(fit.rows.design @ slope, fit.noise.variance(fit.rows.bins))
-    return np.concatenate([columns, np.zeros((len(fit.prior_residual), columns.shape[1]))])
-
-
 def _stated(fit: MovingFit) -> Iterator[Suspect]:
     """What the rig file states."""
     std, priors = fit.priors.still.full_std, len(fit.prior_residual)
-    columns = _white(fit, fit.slope_at(fit.state)[:, : len(std)])
-    yield from stated_suspects(fit.rig, columns, std, fit.state.still.motions, priors)
+    columns = np.pad(fit.all_slopes()[:, : len(std)], ((0, priors), (0, 0)))
+    yield from stated_suspects(fit.rig, columns, std, fit.still.motions, priors)
+    yield from misstated_mountings(fit.rig, len(columns), priors - fit.still_priors)
 
 
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:
@@ -126,7 +94,8 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
         return
     names = ["drift" if kind == "time" else kind for kind in motion.kind]
     last = len(fit.psi) - fit.rests
-    columns = _white(fit, np.eye(len(fit.psi))[:, last - 3 * n * len(names) : last])
+    columns = fit.white(fit.data.design[:, last - 3 * n * len(names) : last])
+    columns = np.pad(columns, ((0, len(fit.prior_residual)), (0, 0)))
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
         yield from moving_zeros(name, part.reshape(-1, n, 3), 1.0)
 
@@ -160,19 +129,3 @@ def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
         along = np.tensordot(felt[:, support, :, axis], design[1:] - design[0], axes=3)
         total += along @ slope[: len(along), :P] / weight.sum()
     return total
-
-
-def exact_quantities(fit: MovingFit) -> tuple[ExactQuantity, ...]:
-    """Each quantity of a calibration in motion that has no uncertainty of its own."""
-    still, variance = fit.state.still, fit.noise.variance(fit.rows.bins)
-    slope = fit.slope_at(fit.state)
-    columns = fit.rows.weighted(fit.rows.design @ slope, variance)
-    parts = spectrum(fit.whitened()[1])
-    P = parameter_count(still.n, still.motions)
-    found = of_columns(columns[:, :P], parts, fit.active[:P], still)
-    if not fit.active[P + dynamics.DELAY]:
-        column = _DELAY * columns[:, P + dynamics.DELAY]
-        moved = parts.root @ (parts.left[: len(columns)].T @ column)
-        angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * still.n)
-        found += (ExactQuantity("delay", _DELAY, "s", moved[angles, None]),)
-    return found

@@ -50,7 +50,7 @@ def first_fit(
     if apart(close.state.still.rotation, far.state.still.rotation) <= APART:
         return close, ()
     # Both by the spectrum of the better one, which the other can only have raised.
-    scale = min(close, far, key=lambda f: float(f.noise.variance(f.rows.bins).sum())).noise
+    scale = min(close, far, key=lambda f: float(f.noise.variance(f.data.bins).sum())).noise
     gap = replace(close, noise=scale).cost - replace(far, noise=scale).cost
     if gap > float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
         return far, ()

@@ -9,10 +9,11 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, NotConvergedError
+from tdfscal.estimation.fit import information
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
 from tdfscal.records import Dwells, Rig
-from tdfscal.selfcal.covariance import evaluate, information_root
+from tdfscal.selfcal.covariance import evaluate
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
 
@@ -37,7 +38,7 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
         result = fit_robust(rig, observed).fit
     except NotConvergedError:
         return at_state(rig, observed, nominal(rig), np.ones(len(observed)))
-    std = evaluate(result, information_root(result), 1.0).rpy_std
+    std = evaluate(result, information(result), 1.0).rpy_std
     if std.max() < rig.acceptance.identifiable:
         return result
     return at_state(rig, observed, nominal(rig), result.weight)

@@ -12,24 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.estimation.fit import solve
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.earlier import pinned
-from tdfscal.model.parameters import (
-    State,
-    constants,
-    deviation,
-    nominal,
-    prior_std,
-    retract,
-    rpy_prior_std,
-    starting_state,
-    vector,
-    with_motions,
-)
+from tdfscal.model.parameters import State, deviation, retract, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
-from tdfscal.model.zero_motion import ZeroMotion
-from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton, triangular
+from tdfscal.numerics.least_squares import STEPS, Solution, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
@@ -76,11 +65,37 @@ class Fit:
         postures = (self.root @ self.residual[..., None]).ravel()
         return np.concatenate([postures, self.prior_residual])
 
+    def whitened(self) -> tuple[FloatArray, FloatArray]:
+        """Whitened residual (6 K + m,) and Jacobian (6 K + m, p)."""
+        J = self.root @ self.jacobian
+        return self.white, np.concatenate([J.reshape(-1, J.shape[-1]), self.prior_jacobian])
+
     @property
     def slopes(self) -> FloatArray:
         """Whitened derivative (K, 6, P) of the residual by all parameters, active or not."""
         by_state = features_jacobian(self.state, self.at, self.rig.gravity)
         return self.root @ (self.at.design @ by_state)
+
+    def all_slopes(self) -> FloatArray:
+        """The same row by row, (6 K, P)."""
+        return self.slopes.reshape(-1, len(self.active))
+
+    @property
+    def still(self) -> State:
+        """The estimate: at rest there are no other parameters."""
+        return self.state
+
+    @property
+    def still_priors(self) -> int:
+        """Number of prior rows."""
+        return len(self.prior_residual)
+
+    @property
+    def rms(self) -> tuple[float, float]:
+        """Quadratic mean over the used postures of the residual force's length, and moment's."""
+        e = self.residual[self.weight > 0].reshape(-1, 2, 3)
+        force, moment = np.sqrt(np.mean(np.sum(e**2, axis=2), axis=0))
+        return float(force), float(moment)
 
     @property
     def rows(self) -> int:
@@ -105,60 +120,6 @@ class Fit:
         return float(self.weight @ self.distance + self.prior_residual @ self.prior_residual)
 
 
-class Priors:
-    """Whitened rows of all priors with 0 < std < ∞, by the active parameters."""
-
-    def __init__(self, rig: Rig, motion: ZeroMotion | None = None) -> None:
-        std = self.full_std = prior_std(rig, motion)
-        self.active = std > 0
-        motions = 0 if motion is None else len(motion.std)
-        self.mean = vector(nominal(rig, motions))
-        self.held = np.flatnonzero(np.isfinite(std) & self.active)
-        self.std = std[self.held]
-        self.rows = np.zeros((len(self.held), len(std)))
-        self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
-        self.rows = self.rows[:, self.active]
-        self.nominal, self.rpy_std = so3.from_rpy(rig.nominal_rpy), rpy_prior_std(rig)
-        self.earlier, self.known = rig.earlier, starting_state(rig, motions)
-        own = np.isfinite(self.rpy_std).ravel() & (rig.earlier is None)
-        self.angled = np.flatnonzero(own)
-
-    def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
-        """Residual (m,) and Jacobian (m, p)."""
-        residual = (vector(state) - self.mean)[self.held] / self.std
-        if self.earlier is not None:
-            return self._with_earlier(state, self.earlier.root, residual)
-        if not len(self.angled):
-            return residual, self.rows
-        # A prior on roll, pitch, yaw about the nominal mounting.
-        turn = so3.deviations(state.rotation, self.nominal)
-        jac = np.zeros((3 * state.n, self.rows.shape[1]))
-        blocks = so3.rpy_jacobian(state.rotation)
-        blocks[so3.locked(self.nominal)] = np.eye(3)  # turns about the BCS's axes instead
-        for i, block in enumerate(blocks):
-            jac[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
-        scale = self.rpy_std.ravel()[self.angled]
-        return (
-            np.concatenate([residual, turn.ravel()[self.angled] / scale]),
-            np.concatenate([self.rows, jac[self.angled] / scale[:, None]]),
-        )
-
-    def _with_earlier(
-        self, state: State, root: FloatArray, residual: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Own rows, and last the rows of earlier campaigns: W log(X X̂ᵀ), W (x − x̂)."""
-        away = np.where(constants(state.n, state.motions), deviation(state, self.known), 0.0)
-        root = np.pad(root, ((0, 0), (0, len(away) - root.shape[1])))
-        rows = root.copy()
-        for i in range(state.n):  # d log(exp(δ) exp(v)) = J⁻¹(v) δ
-            turn = slice(3 * i, 3 * i + 3)
-            rows[:, turn] = root[:, turn] @ np.linalg.inv(so3.left_jacobian(away[turn]))
-        return (
-            np.concatenate([residual, root @ away]),
-            np.concatenate([self.rows, rows[:, self.active]]),
-        )
-
-
 def statistic(at: Balance, weight: FloatArray) -> FloatArray:
     """Triangular factor (≤ q, q) of the whitened design of all postures.
 
@@ -179,20 +140,11 @@ def solve_statistic(
     iterations: int = STEPS,
 ) -> Solution[State]:
     """Gauss–Newton on the compressed postures and the priors."""
-    active = priors.active
 
-    def model(state: State) -> tuple[FloatArray, FloatArray]:
-        prior_r, prior_j = priors(state)
-        r = compressed @ features(state, at, rig.gravity)
-        j = compressed @ features_jacobian(state, at, rig.gravity)[:, active]
-        return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
+    def psi(state: State) -> tuple[FloatArray, FloatArray]:
+        return features(state, at, rig.gravity), features_jacobian(state, at, rig.gravity)
 
-    def move(state: State, step: FloatArray) -> State:
-        full = np.zeros(len(active))
-        full[active] = step
-        return retract(state, full)
-
-    return gauss_newton(model, move, start, iterations=iterations)
+    return solve(compressed, psi, priors, retract, start, priors.active, iterations=iterations)
 
 
 def at_state(

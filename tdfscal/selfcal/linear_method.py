@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
 from tdfscal.model.pose import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.significance import INTERVAL_COVERAGE
 

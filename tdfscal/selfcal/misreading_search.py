@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_descent import descend, stacked
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.estimator import Priors
 from tdfscal.selfcal.mounting_search import apart
 from tdfscal.selfcal.profile import linear_in_rotations, turns_from
 from tdfscal.significance import CAUSES_APART

@@ -15,16 +15,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from tdfscal.estimation.monte_carlo import simulate_angles
+from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.propagation import MonteCarlo, propagate
+from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.selfcal.covariance import Estimate
-from tdfscal.selfcal.estimator import Fit, Priors, statistic
+from tdfscal.selfcal.estimator import Fit, statistic
 from tdfscal.selfcal.profile import Profile, profile
-from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Trials solved together: what fits into a cache.
 CHUNK = 250
@@ -167,7 +168,7 @@ def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatA
 
 
 def simulate(
-    of: Estimate,
+    of: Estimate[Fit],
     rng: np.random.Generator,
     max_trials: int,
     known: BoolArray,
@@ -178,22 +179,18 @@ def simulate(
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
     undeclared : (p,), one standard deviation of the active parameters by what is not declared.
     """
-    linear, base, followed = of.uncertainty, of.fit.state.rotation, known[:, None].astype(float)
     sampler = Sampler(of.fit, of.parts, of.quality.birge)
     unsettled = 0
 
     def draw(size: int) -> FloatArray:
         nonlocal unsettled
-        chunks = []
-        for start in range(0, size, CHUNK):
-            rotation, settled = sampler.solve(sampler.draw(rng, min(CHUNK, size - start)))
-            unsettled += int(np.sum(~settled))
-            if undeclared is not None:
-                turn = undeclared[: 3 * len(base)].reshape(-1, 3)
-                rotation = so3.exp(rng.standard_normal((len(rotation), 1, 1)) * turn) @ rotation
-            chunks.append(followed * so3.deviations(rotation, base))
-        return np.concatenate(chunks)
+        rotation, settled = sampler.solve(sampler.draw(rng, size))
+        unsettled += int(np.sum(~settled))
+        if undeclared is not None:
+            turn = undeclared[: 3 * len(base)].reshape(-1, 3)
+            rotation = so3.exp(rng.standard_normal((size, 1, 1)) * turn) @ rotation
+        return rotation
 
-    found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
-    half = followed * linear.coverage_factor * linear.rpy_std
-    return replace(found.about(so3.to_rpy(base), half), unsettled=unsettled)
+    base, linear = of.fit.state.rotation, of.uncertainty
+    found = simulate_angles(draw, base, linear, known, max_trials, chunk=CHUNK)
+    return replace(found, unsettled=unsettled)

@@ -17,11 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.selfcal.covariance import Estimate, estimate
+from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import ROWS, Fit, fit
 from tdfscal.selfcal.scatter import by_readings, chance, likeliest
 from tdfscal.significance import (
@@ -114,7 +115,7 @@ def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoi
     )
 
 
-def channel_noise(of: Estimate) -> FloatArray | None:
+def channel_noise(of: Estimate[Fit]) -> FloatArray | None:
     """Noise of each channel over the stated one, (n, 3), at least 1; None where it is alike in all.
 
     A scatter that moments explain better (friction of the hinges) is left to those who ask for it.

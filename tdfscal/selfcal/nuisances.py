@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.model.parameters import layout, vector
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit
 
 

@@ -10,23 +10,19 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
+from tdfscal.estimation import observability
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.suspicion import PARABOLAS, SCATTERS, Suspicion, likeliest
+from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
-from tdfscal.selfcal import observability
-from tdfscal.selfcal.closure import misplaced
-from tdfscal.selfcal.covariance import (
-    Estimate,
-    estimate,
-    evaluate,
-    information_root,
-    joint_posterior,
-    quality,
-)
+from tdfscal.selfcal.covariance import estimate, evaluate, joint_posterior
 from tdfscal.selfcal.cross_validation import cross_validate
 from tdfscal.selfcal.estimator import Fit, at_state, fit
+from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
@@ -42,7 +38,6 @@ from tdfscal.selfcal.result import (
 from tdfscal.selfcal.scatter import wandering
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
-from tdfscal.selfcal.suspicion import PARABOLAS, SCATTERS, Suspicion, likeliest
 from tdfscal.selfcal.wiring import check_readings
 from tdfscal.significance import MOST_REJECTED
 
@@ -102,7 +97,7 @@ def self_calibrate(
         present = at_state(rig, usable.postures, result.state, np.ones(len(usable.index)))
         check_readings(rig, usable.postures, present, usable.index + 1, held)
         raise
-    doubts = misplaced(known)
+    doubts = misplaced_hinges(known)
     move = doubts[0].move if doubts and not doubts[0].harmful else None
     set_aside: tuple[Suspicion, ...] = ()
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
@@ -133,9 +128,7 @@ def self_calibrate(
         rig=rig,
         estimator=estimator,
         dwells=dwells,
-        fit=result,
-        quality=stats,
-        uncertainty=uncertainty,
+        estimate=known,
         observability=seen,
         set_aside=set_aside,
         suspicions=doubts,
@@ -155,7 +148,7 @@ def self_calibrate(
 
 def _likeliest_rotations(
     rig: Rig, usable: Usable, held: FloatArray, warmth: FloatArray | None
-) -> tuple[RobustFit, Estimate, FloatArray | None]:
+) -> tuple[RobustFit, Estimate[Fit], FloatArray | None]:
     """Maximum likelihood; with unequal noise where it explains more than any other cause."""
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
@@ -206,7 +199,7 @@ def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
 
 def _linear(
     rig: Rig, observed: Postures, rng: np.random.Generator, trials: int
-) -> tuple[RobustFit, Estimate, None]:
+) -> tuple[RobustFit, Estimate[Fit], None]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
         raise RigError(
@@ -216,13 +209,13 @@ def _linear(
             hint="calibrate by maximum likelihood (--estimator ml)",
         )
     result = fit_linear(rig, observed)
-    parts = information_root(result)
+    parts = information(result)
     spread = evaluate_linear(result, rng, trials)
     return RobustFit(result), Estimate(result, parts, quality(result, parts), spread), None
 
 
 def _doubts(
-    known: Estimate,
+    known: Estimate[Fit],
     usable: Usable,
     held: FloatArray,
     warmth: FloatArray | None,
@@ -241,7 +234,7 @@ def _doubts(
 
 
 def _slip_or(
-    doubts: tuple[Suspicion, ...], known: Estimate, usable: Usable, held: FloatArray
+    doubts: tuple[Suspicion, ...], known: Estimate[Fit], usable: Usable, held: FloatArray
 ) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
     """Hold a slip against the other doubts: the likelier, and what it set aside.
 

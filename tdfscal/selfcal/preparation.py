@@ -9,11 +9,12 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, RigError
+from tdfscal.estimation.fit import factored_information
+from tdfscal.estimation.uncertainty import quality
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, postures
 from tdfscal.records import Dwells, IntArray, Rig
-from tdfscal.selfcal.covariance import factored_information, quality
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.wiring import check_forces

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.parameters import State, parameter_count, retract
 from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.estimator import Priors
 
 
 @dataclass(frozen=True, slots=True)

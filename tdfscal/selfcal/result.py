@@ -10,19 +10,20 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
+from tdfscal.estimation.exact_quantities import exact_caveats
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.observability import Observability, require_angles
+from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.uncertainty import Estimate, Quality, Uncertainty
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.covariance import Quality, Uncertainty, information_root
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.noise_components import GrossNoise, noisier
-from tdfscal.selfcal.observability import Observability, require_angles
-from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
@@ -47,9 +48,7 @@ class SelfCalibration:
     rig: Rig
     estimator: Estimator
     dwells: Dwells
-    fit: Fit
-    quality: Quality
-    uncertainty: Uncertainty
+    estimate: Estimate[Fit]
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     channels: FloatArray | None
@@ -61,6 +60,21 @@ class SelfCalibration:
     set_aside: tuple[Suspicion, ...]
     findings: tuple[Finding, ...] = ()
     with_moves: FloatArray | None = None
+
+    @property
+    def fit(self) -> Fit:
+        """The fit."""
+        return self.estimate.fit
+
+    @property
+    def quality(self) -> Quality:
+        """How well residuals and stated uncertainties agree."""
+        return self.estimate.quality
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """Uncertainty of the rotations."""
+        return self.estimate.uncertainty
 
     @property
     def reasons(self) -> tuple[Finding, ...]:
@@ -85,7 +99,7 @@ class Undetermined:
     @property
     def validation(self) -> CrossValidation:
         """Residual wrench of each posture; directions that it alone carries say nothing."""
-        return cross_validate(self.fit, information_root(self.fit))
+        return cross_validate(self.fit, information(self.fit))
 
 
 def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:

@@ -24,14 +24,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from tdfscal.estimation.suspicion import Suspicion, suspicion
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout
 from tdfscal.model.zero_motion import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import Estimate
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.selfcal.suspicion import Suspicion, suspicion
 
 #: Variances that are tried, in units of what equals the stated noise along the columns, before the
 #: best is sought between the neighbours of the likeliest, by its logarithm to this tolerance.
@@ -49,7 +49,7 @@ _COLUMNS = 1200
 _ROOT_HOUR = 60.0
 
 
-def scatters(of: Estimate) -> list[Suspicion]:
+def scatters(of: Estimate[Fit]) -> list[Suspicion]:
     """All noise that is white from posture to posture, each with the size that it may have."""
     fit, parts = of.fit, of.parts
     K, found = len(fit.weight), []
@@ -61,7 +61,7 @@ def scatters(of: Estimate) -> list[Suspicion]:
     return found
 
 
-def wandering(of: Estimate, time: FloatArray) -> list[Suspicion]:
+def wandering(of: Estimate[Fit], time: FloatArray) -> list[Suspicion]:
     """Walks of all zeros, and of each sensor's; none where one is declared.
 
     time : (K,), s, when each posture was held.
@@ -114,7 +114,7 @@ def _left(parts: Spectrum, postures: int) -> FloatArray:
 
 
 def _suspicion(
-    of: Estimate,
+    of: Estimate[Fit],
     kind: str,
     support: int,
     theta: float,

@@ -25,13 +25,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtrc
 
+from tdfscal.estimation.fit import factored_information
+from tdfscal.estimation.suspicion import Suspicion, worst_angle
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.covariance import Estimate, factored_information
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.selfcal.suspicion import Suspicion, worst_angle
 from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
 
 #: Postures on either side of a split: one alone is an outlier, not a part of the campaign.
@@ -150,7 +151,7 @@ class _Normal:
 
 
 def find_slip(
-    of: Estimate, time: FloatArray, number: IntArray, *, noise_from_residuals: bool = False
+    of: Estimate[Fit], time: FloatArray, number: IntArray, *, noise_from_residuals: bool = False
 ) -> Suspicion | None:
     """Look for a sensor that turned, or whose zero jumped, between two postures.
 
@@ -212,7 +213,7 @@ def _most_likely(
 
 
 def _suspicion(
-    of: Estimate, number: IntArray, p_value: float, step: _Step, rival: _Step | None
+    of: Estimate[Fit], number: IntArray, p_value: float, step: _Step, rival: _Step | None
 ) -> Suspicion:
     """Name the step, and the angle that it spoils most, before or after it."""
     rig, moves = of.fit.rig, []

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.estimation.fit import factored_information
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
@@ -147,17 +148,17 @@ def _linearised(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Line
     """The residual at the calibration along all that the model knows."""
     state = MovingState(with_motions(given.state, priors.motions), fit.state.moving)
     at = at_state(priors, fit.blocks, state, fit.noise)
-    slope = at.rows.design @ at.slope_at(state)
-    turns = at.rows.design[:, len(at.psi) - at.rests :]
+    slope = at.data.design @ at.slope_at(state)
+    turns = at.data.design[:, len(at.psi) - at.rests :]
     columns = np.concatenate([at.residual[:, None], slope, turns], axis=1)
-    real = at.rows.weighted(columns, fit.noise.variance(at.rows.bins))
+    real = at.data.weighted(columns, fit.noise.variance(at.data.bins))
     r, J = real[:, 0], real[:, 1:]
     width = np.concatenate([priors.still.full_std, priors.std, np.ones(at.rests)])
     U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
     U = U[:, seen > _SEEN]
     r, J = U.T @ r, U.T @ J
     # What the spectrum's own uncertainty adds to the covariance of the rows.
-    _, added = posterior(fit, fit.information())
+    _, added = posterior(fit, factored_information(fit))
     columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     own = np.linalg.cholesky(np.eye(len(r)) + columns @ added @ columns.T)
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)

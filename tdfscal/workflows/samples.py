@@ -208,7 +208,7 @@ def _all(
     else:
         if both.reasons and not own.reasons:
             why = sentence(both.reasons[0])
-        elif np.any(both.uncertainty.turns.rpy_std > own.uncertainty.rpy_std):
+        elif np.any(both.uncertainty.rpy_std > own.uncertainty.rpy_std):
             why = "they are no more certain"
         else:
             return both

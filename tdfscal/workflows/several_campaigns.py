@@ -173,7 +173,7 @@ def calibrate_informed(
     if moving is None:
         return still
     zero = layout(informed.n)["zero"]
-    moving_std = moving.uncertainty.turns.parameter_std[zero]
+    moving_std = moving.uncertainty.parameter_std[zero]
     surer = np.linalg.norm(moving_std) < np.linalg.norm(still.uncertainty.parameter_std[zero])
     return moving if surer else still
 

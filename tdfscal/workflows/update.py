@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
+from tdfscal.estimation.observation import eliminate, of_estimate
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
@@ -152,7 +152,7 @@ def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit,
         known = information_of(rig, rig.earlier)
         part = of_estimate(own.calibrated, known, reference)
         chi2, dof = contrast(known, part.information).chi2()
-        given, found = own.calibrated, own.uncertainty.turns
+        given, found = own.calibrated, own.uncertainty
         postures = own.dwells
     this = campaign_document(
         read.name,

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.parameters import constants, nominal, retract
 from tdfscal.numerics import so3
 from tdfscal.records import Drift, FloatArray, Rig
-from tdfscal.selfcal.covariance import information_root
-from tdfscal.selfcal.estimator import Priors, at_state, fit
+from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.simulation import reference_rig
 from tests.comparison.histories import history
 
@@ -23,7 +24,7 @@ def estimate(rig: Rig, pooled: Pool, index: int) -> tuple[FloatArray, FloatArray
     informed = replace(recorded, earlier=pooled.others(recorded, index))
     assert member.fit is not None
     result = fit(informed, member.fit.postures, member.fit.state, member.fit.weight)
-    root = information_root(result).root
+    root = information(result).root
     free = np.flatnonzero(result.active) < 3 * rig.n
     return result.state.rotation, (root @ root.T)[np.ix_(free, free)]
 

@@ -12,7 +12,7 @@ from tdfscal.model import statics
 from tdfscal.motioncal import checks
 from tdfscal.motioncal.across import Across, across
 from tdfscal.motioncal.blocks import Block
-from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
 from tdfscal.motioncal.pipeline import calibrate_moving
@@ -102,10 +102,10 @@ def test_a_dead_channel_costs_what_it_told_and_no_more(
 ) -> None:
     campaign, slow, cut = half_minute
     priors = MovingPriors(campaign.rig, slow, DELAY)
-    whole = evaluate(fit_moving(priors, cut, true_state(campaign))).turns
+    whole = estimate(fit_moving(priors, cut, true_state(campaign))).uncertainty
     rig, dead = lacking(campaign.rig, slow, (2, 1))
     fit = fit_moving(MovingPriors(rig, dead, DELAY), cut, true_state(campaign))
-    known = evaluate(fit).turns
+    known = estimate(fit).uncertainty
     error = turn_error(campaign, fit.state.still.rotation)
     distance = error @ np.linalg.solve(known.covariance, error)
     assert fit.converged
@@ -125,7 +125,7 @@ def test_a_load_cell_stays_undetermined_and_the_others_stand(
     assert not found.reasons
     assert any(rig.supports[3] in text for text in in_words(found.findings))
     error = turn_error(campaign, found.fit.state.still.rotation)[:9]
-    covariance = found.uncertainty.turns.covariance[:9, :9]
+    covariance = found.uncertainty.covariance[:9, :9]
     distance = error @ np.linalg.solve(covariance, error)
     assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
     assert found.residual.after[:, 0].max() < 3.0  # N; the free forces are hundreds
@@ -139,7 +139,7 @@ def test_two_load_cells_of_four(four: tuple[MovingCampaign, Slow, tuple[Block, .
     found = calibrate_moving(rig, slow, DELAY)
     assert found.observability.undetermined == rig.supports[2:]
     error = turn_error(campaign, found.fit.state.still.rotation)[:6]
-    covariance = found.uncertainty.turns.covariance[:6, :6]
+    covariance = found.uncertainty.covariance[:6, :6]
     distance = error @ np.linalg.solve(covariance, error)
     assert chi2_quantile(1e-3, 6) < distance < chi2_quantile(1 - 1e-3, 6)
 

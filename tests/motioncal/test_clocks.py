@@ -25,14 +25,14 @@ def calibrated(rate: float) -> tuple[MotionCalibration, float]:
     slow = slow_streams([replace(campaign.log, force=late)], campaign.rig.capacity)
     result = calibrate_moving(campaign.rig, slow, DELAY)
     error = turn_error(campaign, result.fit.state.still.rotation)
-    return result, float(error @ np.linalg.solve(result.uncertainty.turns.covariance, error))
+    return result, float(error @ np.linalg.solve(result.uncertainty.covariance, error))
 
 
 def test_clocks_that_run_apart_are_followed() -> None:
     """60 ppm over four minutes are 14 ms, of which the halves' delays tell 7."""
     rate = 6e-5
     result, distance = calibrated(rate)
-    moving, std = result.fit.state.moving, result.uncertainty.moving_std
+    moving, std = result.fit.state.moving, result.estimate.moving_std
     assert result.rate_told
     assert std[RATE] < 0.3 * CLOCK_RATE
     assert abs(moving.rate - rate) < 4 * std[RATE]

@@ -10,7 +10,7 @@ import pytest
 from tdfscal.model.earlier import free_constants, joint_prior
 from tdfscal.model.pose import register
 from tdfscal.model.statics import balance
-from tdfscal.motioncal.covariance import FIELD, evaluate, of_poses
+from tdfscal.motioncal.covariance import FIELD, estimate, of_poses
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, fit_moving
 from tdfscal.motioncal.rows import rows_of
@@ -84,5 +84,5 @@ def test_earlier_campaigns_are_counted_once(fit: MovingFit) -> None:
     known = Information(np.eye(count) / 1e-7**2, np.zeros(count))
     rig = replace(fit.rig, earlier=joint_prior(fit.rig, fit.state.still, known))
     again = at_state(MovingPriors(rig, fit.slow, DELAY), fit.blocks, fit.state, fit.noise)
-    std = np.sqrt(np.diag(evaluate(again).turns.covariance))
+    std = np.sqrt(np.diag(estimate(again).uncertainty.covariance))
     assert std == pytest.approx(np.full(9, 1e-7), rel=0.01)

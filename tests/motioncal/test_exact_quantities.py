@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.motioncal.estimator import MovingPriors, MovingState, fit_moving
-from tdfscal.motioncal.score_tests import exact_quantities
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.simulation.moving_options import MovingOptions

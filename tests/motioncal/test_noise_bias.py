@@ -32,9 +32,9 @@ def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
         force = slow.force + NOISE * rng.standard_normal(slow.force.shape)
         fit = at_state(MovingPriors(rig, replace(slow, force=force), DELAY), cut, state, model)
         slope = fit.slope_at(state)
-        columns = fit.rows.design @ slope
+        columns = fit.data.design @ slope
         both = np.concatenate([fit.residual[:, None], columns], axis=1)
-        real = fit.rows.weighted(both, model.variance(fit.rows.bins))
+        real = fit.data.weighted(both, model.variance(fit.data.bins))
         scores.append(real[:, 1:].T @ real[:, 0])
         if len(expected) < 3:
             expected.append(noise_scores(fit, slope))

@@ -30,7 +30,7 @@ def calibrated(options: MovingOptions, seed: int = 5) -> tuple[MovingCampaign, M
 
 def within(campaign: MovingCampaign, result: MotionCalibration) -> bool:
     error = turn_error(campaign, result.fit.state.still.rotation)
-    covariance = result.uncertainty.turns.covariance
+    covariance = result.uncertainty.covariance
     return bool(error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9))
 
 
@@ -45,10 +45,10 @@ def test_a_static_rig_file_calibrates_in_motion_and_a_contact_costs_little() -> 
     assert left_out.begin == pytest.approx(30.0, abs=1.5)
     assert left_out.end == pytest.approx(33.0, abs=1.5)
     assert within(campaign, touched)
-    rms = [np.sqrt(np.mean(r.uncertainty.turns.rpy_std**2)) for r in (clean, touched)]
+    rms = [np.sqrt(np.mean(r.uncertainty.rpy_std**2)) for r in (clean, touched)]
     assert rms[1] < 1.3 * rms[0]
-    shares = sum(clean.uncertainty.turns.contributions.values())
-    variance = np.diagonal(clean.uncertainty.turns.rpy_covariance, axis1=1, axis2=2)
+    shares = sum(clean.uncertainty.contributions.values())
+    variance = np.diagonal(clean.uncertainty.rpy_covariance, axis1=1, axis2=2)
     assert shares == pytest.approx(variance, rel=1e-6)
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError
+from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.uncertainty import UNDECLARED
 from tdfscal.model.parameters import layout
-from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
-from tdfscal.selfcal.covariance import UNDECLARED
-from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.simulation.moving_options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, turn_error
 from tests.words import in_words
@@ -64,8 +64,8 @@ def test_an_uncertain_suspicion_stands_in_the_uncertainty() -> None:
     doubt = result.suspicions[0]
     assert (doubt.kind, doubt.support, doubt.spoils_motion) == ("gain", 1, False)
     assert doubt.shift > 2.0
-    error, turns = turn_error(campaign, result.fit.state.still.rotation), result.uncertainty.turns
-    silent = np.sqrt(np.diagonal(evaluate(result.fit).turns.covariance))
+    error, turns = turn_error(campaign, result.fit.state.still.rotation), result.uncertainty
+    silent = np.sqrt(np.diagonal(estimate(result.fit).uncertainty.covariance))
     assert np.mean(np.abs(error) < 1.96 * silent) < 0.8
     assert np.all(np.abs(error) < 1.96 * np.sqrt(np.diagonal(turns.covariance)))
     assert turns.contributions[UNDECLARED].max() > 0.5 * turns.rpy_std.max() ** 2
@@ -88,10 +88,10 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
     declared = replace(campaign.rig, drift=Drift(temperature=1.0))
     result = calibrate_moving(declared, warm, DELAY)
     assert result.suspicions == ()
-    std = result.uncertainty.turns.parameter_std[layout(3, 1)["drift"]].reshape(3, 3)
+    std = result.uncertainty.parameter_std[layout(3, 1)["drift"]].reshape(3, 3)
     assert np.all(np.abs(result.fit.state.still.drift[0, 1] - slope) < 4 * std[1])
     error = turn_error(campaign, result.fit.state.still.rotation)
-    covariance = result.uncertainty.turns.covariance
+    covariance = result.uncertainty.covariance
     assert error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9)
     with pytest.raises(DataError, match="no temperature"):
         calibrate_moving(declared, slow, DELAY)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal.motioncal.contact import touched
-from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
@@ -29,15 +29,16 @@ def test_a_minute_of_motion_calibrates_and_says_how_well(
 ) -> None:
     campaign, fit = minute
     assert fit.converged
-    known = evaluate(fit)
+    found = estimate(fit)
+    known = found.uncertainty
     error = turn_error(campaign, fit.state.still.rotation)
-    distance = error @ np.linalg.solve(known.turns.covariance, error)
+    distance = error @ np.linalg.solve(known.covariance, error)
     assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
-    std = np.sqrt(np.diag(known.turns.covariance))
+    std = np.sqrt(np.diag(known.covariance))
     assert 0.07e-3 < std.mean() < 0.13e-3
     truth = true_state(campaign).moving.vector
-    assert np.all(np.abs(fit.state.moving.vector - truth) < 4 * known.moving_std)
-    assert known.moving_std[7] < 1e-3 < abs(fit.state.moving.delay)  # 5 ms were seen
+    assert np.all(np.abs(fit.state.moving.vector - truth) < 4 * found.moving_std)
+    assert found.moving_std[7] < 1e-3 < abs(fit.state.moving.delay)  # 5 ms were seen
 
 
 def test_the_spectrum_is_that_of_the_noise(minute: tuple[MovingCampaign, MovingFit]) -> None:

@@ -35,7 +35,7 @@ def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path, form: str) -> None:
     motion = result.records.motion
     assert motion is not None
     assert not motion.suspicions
-    std = motion.uncertainty.turns.parameter_std[layout(3, 2)["drift"]].reshape(2, 3, 3)
+    std = motion.uncertainty.parameter_std[layout(3, 2)["drift"]].reshape(2, 3, 3)
     found = motion.fit.state.still.drift
     true = np.zeros((2, 3, 3))
     true[0, 2] = np.array([3.0, -2.0, 3.0]) / options.duration
@@ -44,5 +44,5 @@ def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path, form: str) -> None:
     assert np.all(np.abs(found - true) < 4 * std)
     assert played.moving is not None
     error = turn_error(played.moving, motion.fit.state.still.rotation)
-    covariance = motion.uncertainty.turns.covariance
+    covariance = motion.uncertainty.covariance
     assert error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9)

@@ -154,7 +154,7 @@ def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
     for seed in range(6):
         campaign = simulate_moving(RIG, options, np.random.default_rng(seed), way=way)
         result = calibrate_moving(RIG, slow_streams([campaign.log], RIG.capacity), DELAY)
-        variance.append(result.uncertainty.turns.rpy_std**2)
+        variance.append(result.uncertainty.rpy_std**2)
     said, reached = (
         float(np.sqrt(np.mean(v))) for v in (p.expected.rpy_std**2, np.array(variance))
     )

@@ -8,19 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.uncertainty import EARLIER, NOISE, blind_turns, quality, without_faked
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.selfcal.covariance import (
-    EARLIER,
-    NOISE,
-    blind_turns,
-    evaluate,
-    faked_information,
-    information_root,
-    quality,
-    without_faked,
-)
+from tdfscal.selfcal.covariance import evaluate, faked_information
 from tdfscal.selfcal.estimator import fit
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
@@ -29,7 +22,7 @@ from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
 def test_covariance_sources_by_propagating_each() -> None:
     """Gain times each source's covariance, written out; together the posterior covariance."""
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information_root(result)
+    parts = information(result)
     at, posterior = result.at, parts.root @ parts.root.T
     gain = [
         posterior @ J.T @ np.linalg.inv(C) for J, C in zip(result.jacobian, at.cov, strict=True)
@@ -61,7 +54,7 @@ def test_covariance_sources_by_propagating_each() -> None:
 
 def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None:
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information_root(result)
+    parts = information(result)
     dof = quality(result, parts).dof
     for birge, own in ((2.0, False), (1.0, True)):
         spreads = evaluate(result, parts, birge, noise_from_residuals=own)
@@ -75,7 +68,7 @@ def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None
 def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
     rig, step, _ = earlier()
     result = fit(rig, SEEN, retract(nominal(RIG), step))
-    parts = information_root(result)
+    parts = information(result)
     own = quality(result, parts)
     assert own.chi2 == result.cost
     assert own.dof == result.rows + len(result.prior_residual) - len(parts.values)
@@ -90,7 +83,7 @@ def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
 
 def test_std_of_every_parameter_is_its_place_in_the_posterior() -> None:
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information_root(result)
+    parts = information(result)
     std = evaluate(result, parts, 1.0).parameter_std
     normal = sum(
         J.T @ np.linalg.solve(C, J) for J, C in zip(result.jacobian, result.at.cov, strict=True)
@@ -158,7 +151,7 @@ def test_blind_turns_are_in_radians_and_longest_one() -> None:
 
 def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information_root(result)
+    parts = information(result)
     one, three, less = (evaluate(result, parts, b).contributions for b in (1.0, 3.0, 0.3))
     for name, share in one.items():
         factor = 9.0 if name in NOISE else 1.0
@@ -171,7 +164,7 @@ def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
 @pytest.mark.parametrize("dof", [0, 1, 7])
 def test_residuals_without_a_degree_of_freedom_contradict_nothing(dof: int) -> None:
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information_root(result)
+    parts = information(result)
     rows = result.rows + len(result.prior_residual)
     found = quality(result, replace(parts, values=np.ones(rows - dof)))
     assert found.dof == dof

@@ -9,6 +9,9 @@ import pytest
 from scipy import stats
 
 from tdfscal import simulation
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.uncertainty import quality
 from tdfscal.model.earlier import joint_prior
 from tdfscal.model.parameters import (
     constants,
@@ -24,11 +27,7 @@ from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.covariance import (
-    information_root,
-    quality,
-)
-from tdfscal.selfcal.estimator import Priors, at_state, fit, spread, statistic
+from tdfscal.selfcal.estimator import at_state, fit, spread, statistic
 from tdfscal.simulation import Options
 
 RNG = np.random.default_rng(41)
@@ -149,7 +148,7 @@ def test_statistic_is_the_weighted_sum_of_squares(off: FloatArray) -> None:
     used = len(SEEN) - 1
     assert found.rows == 6 * used
     assert found.dof == 6 * used + len(prior) - int((prior_std(RIG) > 0).sum())
-    stated = quality(found, information_root(found))
+    stated = quality(found, information(found))
     assert stated.dof == found.dof
     assert stated.chi2 == found.cost
     assert stated.p_value == pytest.approx(stats.chi2.sf(found.cost, found.dof), abs=1e-12)
@@ -182,7 +181,7 @@ def test_the_estimate_has_no_slope_and_no_neighbour_below_it() -> None:
     assert 0 < result.iterations < 40
     best = np.ones(len(SEEN))
     assert np.array_equal(result.weight, best)
-    parts = information_root(result)
+    parts = information(result)
     rng = np.random.default_rng(7)
     for _ in range(5):
         step = np.zeros(SIZE)
@@ -204,8 +203,8 @@ def test_postures_of_weight_zero_do_not_count() -> None:
     assert np.abs(turn).max() < 1e-8
     assert left.rows == none.rows
     assert left.dof == none.dof
-    assert quality(left, information_root(left)).rms_force == pytest.approx(
-        quality(none, information_root(none)).rms_force, rel=1e-6
+    assert quality(left, information(left)).rms_force == pytest.approx(
+        quality(none, information(none)).rms_force, rel=1e-6
     )
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.exact_quantities import exact_quantities
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, make_rig, simulate_dwells

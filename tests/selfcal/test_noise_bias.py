@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tdfscal.estimation.fit import information
 from tdfscal.model.parameters import layout
-from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.score_tests import noise_scores
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
@@ -26,7 +26,7 @@ def test_scores_have_the_mean_that_noise_gives_them() -> None:
         dwells = batch.dwells(run)
         fit = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0).fit
         columns = fit.slopes.reshape(-1, len(fit.active))[:, asked]
-        left = information_root(fit).left[: len(columns)]
+        left = information(fit).left[: len(columns)]
         apart = columns - left @ (left.T @ columns)
         score = apart.T @ fit.white[: len(columns)]
         std = np.linalg.norm(apart, axis=0)

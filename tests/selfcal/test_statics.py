@@ -132,7 +132,7 @@ def test_noise_columns_by_differences() -> None:
 
 def test_weight_of_a_known_prior_is_a_known_parameter() -> None:
     """std 0 drops the column: nothing but rotations is active on an exact rig."""
-    from tdfscal.selfcal.estimator import Priors
+    from tdfscal.estimation.priors import Priors
 
     known = UncertainValue(np.zeros((3, 3)), np.zeros((3, 3)))
     rig = replace(exact_rig(), zero=known)

@@ -12,18 +12,20 @@ import pytest
 from tdfscal import simulation
 from tdfscal.checks import faulty_sensors
 from tdfscal.errors import DataError, NotIdentifiableError, RigError
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.observability import verdict
+from tdfscal.estimation.uncertainty import quality
 from tdfscal.model import free_forces
 from tdfscal.model.parameters import layout, nominal, parameter_count, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.closure import misplaced
-from tdfscal.selfcal.covariance import estimate, evaluate, information_root, quality
+from tdfscal.selfcal.covariance import estimate, evaluate
 from tdfscal.selfcal.estimator import at_state, fit
+from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.nuisances import nuisances
-from tdfscal.selfcal.observability import verdict
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
@@ -107,7 +109,7 @@ def test_the_rest_of_the_sensors_stand(
     rig = lacking(*dead, n=n)
     batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(3), 1)
     result = fit(rig, postures(rig, batch.dwells(0)), nominal(rig))
-    parts = information_root(result)
+    parts = information(result)
     found = evaluate(result, parts, 1.0)
     seen = verdict(rig, result.state, result.postures, found.covariance)
     assert result.converged
@@ -168,7 +170,7 @@ def test_zeros_follow_the_temperature_where_declared() -> None:
     declared = replace(rig, drift=Drift(temperature=np.inf))
     result = fit(declared, postures(declared, dwells), nominal(declared))
     place = layout(3, 1)["drift"]
-    std = evaluate(result, information_root(result), 1.0).parameter_std[place].reshape(3, 3)
+    std = evaluate(result, information(result), 1.0).parameter_std[place].reshape(3, 3)
     off = (result.state.drift[0] - np.array(slopes)) / std
     assert np.abs(off).max() < 4.5
     assert std[:, 2].max() < 0.02  # N/K: plain against slopes of 0.1 to 0.3
@@ -182,7 +184,7 @@ def test_a_turned_frame_is_named() -> None:
         options = replace(OPTIONS, faults=faults)
         dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1).dwells(0)
         result = fit(rig, postures(rig, dwells), nominal(rig))
-        doubts = misplaced(estimate(result))
+        doubts = misplaced_hinges(estimate(result))
         assert bool(doubts) is named
         if named:
             assert "ncp2 is turned" in " ".join(in_words(doubts[0].findings(rejects=False)))
@@ -210,12 +212,12 @@ def test_share_of_a_drift_is_the_variance_that_knowing_it_takes_away() -> None:
     seen = postures(rig, dwells)
     there = replace(fit(rig, seen, nominal(rig)).state, drift=np.zeros((1, 3, 3)))
     result = at_state(rig, seen, there, np.ones(len(seen)))
-    parts = information_root(result)
+    parts = information(result)
     (slopes,) = nuisances(result, parts, evaluate(result, parts, 1.0))
     assert slopes.kind == "time"
     still = replace(rig, drift=Drift())
     state = replace(result.state, drift=np.zeros((0, 3, 3)))
-    known = information_root(at_state(still, postures(still, dwells), state, result.weight)).root
+    known = information(at_state(still, postures(still, dwells), state, result.weight)).root
     R = result.state.rotation
     before, after = (so3.rpy_variance(R, r[:9] @ r[:9].T) for r in (known, parts.root))
     assert np.allclose(slopes.share, 1 - before / after, rtol=0, atol=1e-9)

@@ -10,12 +10,14 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
-from tdfscal.selfcal.covariance import estimate, evaluate, information_root
-from tdfscal.selfcal.estimator import Fit, Priors, fit
+from tdfscal.selfcal.covariance import estimate, evaluate
+from tdfscal.selfcal.estimator import Fit, fit
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.profile import profile
@@ -73,15 +75,15 @@ def test_the_budget_sums_to_the_variance_and_names_every_source() -> None:
 def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
     bare = replace(RIG, declared=replace(RIG.declared, force_sensitivity=0.0), gravity_tilt_std=0.0)
     other = fit(bare, RESULT.fit.postures, RESULT.fit.state)
-    spread = evaluate(other, information_root(other), 1.0)
+    spread = evaluate(other, information(other), 1.0)
     assert not spread.contributions["sensitivity"].any()
     assert not spread.contributions["gravity"].any()
-    full = evaluate(RESULT.fit, information_root(RESULT.fit), 1.0)
+    full = evaluate(RESULT.fit, information(RESULT.fit), 1.0)
     assert (spread.rpy_std < full.rpy_std).all()
 
 
 def test_birge_inflates_noise_and_never_shrinks() -> None:
-    parts = information_root(RESULT.fit)
+    parts = information(RESULT.fit)
     calm, wild = (evaluate(RESULT.fit, parts, birge) for birge in (0.5, 3.0))
     unit = evaluate(RESULT.fit, parts, 1.0)
     assert np.array_equal(calm.covariance, unit.covariance)
@@ -91,7 +93,7 @@ def test_birge_inflates_noise_and_never_shrinks() -> None:
 
 
 def test_monte_carlo_agrees_with_the_covariance() -> None:
-    parts = information_root(RESULT.fit)
+    parts = information(RESULT.fit)
     sampler = Sampler(RESULT.fit, parts, 1.0)
     T = 2000
     rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(3), T))
@@ -143,7 +145,7 @@ def test_trials_on_the_statistic_are_those_of_the_readings(internal: float) -> N
     result = fit_robust(rig, postures(rig, batch.dwells(0))).fit
     rng, base = np.random.default_rng(5), np.swapaxes(result.state.rotation, 1, 2)
     slow = so3.log(np.stack([redrawn(result, rng) for _ in range(many)]) @ base)
-    sampler = Sampler(result, information_root(result), 1.0)
+    sampler = Sampler(result, information(result), 1.0)
     fast = so3.log(sampler.solve(sampler.draw(rng, 4000))[0] @ base)
     std = fast.std(axis=0)
     off = (slow.mean(axis=0) - fast.mean(axis=0)) / std * np.sqrt(many)
@@ -160,7 +162,7 @@ def test_trials_of_the_weakest_rigs_are_finite() -> None:
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(3), 3)
     for k in range(3):
         result = fit_robust(rig, postures(rig, batch.dwells(k))).fit
-        sampler = Sampler(result, information_root(result), 1.0)
+        sampler = Sampler(result, information(result), 1.0)
         rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(k), 500))
         assert np.allclose(np.linalg.det(rotation), 1.0, rtol=0, atol=1e-9)
         assert settled.mean() > 0.9
@@ -199,7 +201,7 @@ def test_mass_barycentre_and_zeros_all_unknown_leave_the_angles_seen() -> None:
     )
     batch = simulation.simulate_dwells(free, Options(squeeze=300.0), np.random.default_rng(6), 1)
     result = calibrated(batch, free, 0)
-    assert len(information_root(result.fit).null) == 3
+    assert len(information(result.fit).null) == 3
     d = so3.log(batch.truth.rotation[0] @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
     d2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
     assert 1e-4 < stats.chi2.cdf(d2, 9) < 1 - 1e-4

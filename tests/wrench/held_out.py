@@ -7,11 +7,13 @@ from functools import cache
 
 import numpy as np
 
+from tdfscal.estimation.fit import information
+from tdfscal.estimation.uncertainty import quality
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.covariance import evaluate, information_root, joint_posterior, quality
+from tdfscal.selfcal.covariance import evaluate, joint_posterior
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
 
@@ -65,7 +67,7 @@ def world(trials: int, seed: int = 1) -> World:
 def calibrate(rig: Rig, dwells: Dwells) -> Calibrated:
     """Calibrate from the first USED dwells."""
     fit = best_start(rig, postures(rig, part(dwells, np.arange(USED))))
-    parts = information_root(fit)
+    parts = information(fit)
     return joint_posterior(fit, evaluate(fit, parts, quality(fit, parts).birge).covariance)
 
 

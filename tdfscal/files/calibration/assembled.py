@@ -13,6 +13,7 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.acceptance.turns import locked_sensors, turn_std
 from tdfscal.catalogue import documents
+from tdfscal.estimation.exact_quantities import ExactQuantity
 from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import turn_parameters
@@ -31,7 +32,6 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, Rig
-from tdfscal.selfcal.exact_quantities import ExactQuantity
 from tdfscal.significance import INTERVAL_COVERAGE
 
 _NORMAL = float(coverage_factor(INTERVAL_COVERAGE))

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from tdfscal.comparison.joint import Joint
+from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
+from tdfscal.estimation.fit import factored_information
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
 from tdfscal.files.calibration.document import Calibration
@@ -17,12 +19,10 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.motioncal.pipeline import MotionCalibration
-from tdfscal.motioncal.score_tests import exact_quantities as exact_in_motion
 from tdfscal.numerics import so3
 from tdfscal.planning.prospects import prospects
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.covariance import factored_information, joint_posterior
-from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 
@@ -32,8 +32,8 @@ def from_self(
 ) -> Calibration:
     """Return the calibration file of a self-calibration, from postures or in motion."""
     if isinstance(result, MotionCalibration):
-        found, state, given = result.uncertainty.turns, result.fit.state.still, result.calibrated
-        std, exact = published_std(given, found.parameter_std), exact_in_motion(result.fit)
+        found, state, given = result.uncertainty, result.fit.state.still, result.calibrated
+        std, exact = published_std(given, found.parameter_std), exact_quantities(result.fit)
         parts = _own_parts(result, origin) | {
             "parameters": parameters_document(given),
             "motion": statistics.motion(result),

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.estimation.fit import factored_information
+from tdfscal.estimation.observability import Observability, load_directions
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
@@ -20,10 +22,8 @@ from tdfscal.motioncal.halves import HeldOut
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
-from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.cross_validation import CrossValidation
 from tdfscal.selfcal.nuisances import nuisances as nuisance_estimates
-from tdfscal.selfcal.observability import Observability, load_directions
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
 from tdfscal.trackercal import TrackerCalibration
 
@@ -240,7 +240,7 @@ def nuisances(result: SelfCalibration) -> dict[str, Any]:
 
 def motion(result: MotionCalibration) -> dict[str, Any]:
     """Return the `motion` block of a calibration in motion."""
-    moving, std = result.fit.state.moving, result.uncertainty.moving_std
+    moving, std = result.fit.state.moving, result.estimate.moving_std
     return {
         "begin": result.begin,
         "seconds": result.seconds,

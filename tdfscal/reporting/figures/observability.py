@@ -10,11 +10,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, projection, tip
-from tdfscal.selfcal.observability import Observability
 
 _COLUMNS = 3
 #: Size of a sensor's place in lengths of the axes of the BCS; those are of round length.

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.estimation.priors import Priors
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants
 from tdfscal.model.parameters import (
@@ -32,7 +33,7 @@ from tdfscal.model.parameters import (
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
 from tdfscal.records import BoolArray, FloatArray, Rotations
-from tdfscal.selfcal.estimator import Fit, Priors
+from tdfscal.selfcal.estimator import Fit
 
 #: A share of a direction that no row sees below this is rounding.
 _OPEN = 1e-6

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
-from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.significance import (
     CAUSES_APART,
     CERTAIN_SHIFT,
@@ -59,8 +59,8 @@ class Suspicion:
     uncertainty, harm : the same in rad; angle : which one. kind, support : what it is, and of which
     support. weight : twice the logarithm of its likelihood, less what its unknowns are worth.
     tied : another one is likelier, but not by much. zero_shift, zero : largest move of a zero,
-    likewise, and which one. move : (p,), of the active parameters, whose covariance may have to
-    hold it.
+    likewise, and which one. move : (p,), of the free parameters, whose covariance may have to hold
+    it.
     """
 
     causes: tuple[Finding, ...]

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.estimation.fit import Fitted, information
+from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding
-from tdfscal.model.parameters import State, layout
+from tdfscal.model.dynamics import DELAY
+from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import BoolArray, FloatArray
-from tdfscal.selfcal.covariance import Uncertainty, information_root
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.records import FloatArray
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 
@@ -54,56 +54,57 @@ _TYPICAL = (
     ("sensitivity", "gain, crosstalk", 1e-3, "relative"),
     ("zero", "zeros", 0.5, "N"),
 )
+#: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
+_DELAY = 1e-3
 #: What of these is the terminal's, and the code of its finding.
 _OF_THE_TERMINAL = {"mass": "mass-exact", "barycentre": "barycentre-exact"}
 #: Share of its entry in S by which crosstalk is smaller than gain (theory, section 3).
 _CROSSTALK = np.sqrt(0.5)
 
 
-def exact_quantities(fit: Fit) -> tuple[ExactQuantity, ...]:
-    """Each quantity of a self-calibration that has no uncertainty of its own."""
-    columns = fit.slopes.reshape(-1, len(fit.active))
-    return of_columns(columns, information_root(fit), fit.active, fit.state)
+def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
+    """Each quantity of a calibration that has no uncertainty of its own."""
+    columns, parts, n = of.all_slopes(), information(of), of.rig.n
+    free, left = np.flatnonzero(of.active), parts.left[: len(columns)]
+    place = layout(n, of.still.motions)
+    P = place["drift"].stop
 
+    def moved(known: FloatArray) -> FloatArray:
+        """Moves (P′, c) of the parameters with errors (r, c)."""
+        out = np.zeros((len(of.active), known.shape[1]))
+        out[free] = (parts.root @ known)[: len(free)]
+        return out
 
-def of_columns(
-    columns: FloatArray, parts: Spectrum, active: BoolArray, state: State
-) -> tuple[ExactQuantity, ...]:
-    """Each quantity that is not active.
-
-    columns : (rows, P), whitened, of all parameters. parts : of the Jacobian of the active ones,
-    whose first rows these are. active : (P,) or more.
-    """
-    n, left = state.n, parts.left[: len(columns)]
-    place = layout(n, state.motions)
     found = []
     for group, name, error, unit in _TYPICAL:
         index = np.arange(place[group].start, place[group].stop)
-        size = np.full(len(index), error * (float(state.mass) if group == "mass" else 1.0))
+        mass = float(of.still.mass) if group == "mass" else 1.0
+        size = np.full(len(index), error * mass)
         if group == "sensitivity":
             size[np.arange(len(index)) % 6 >= 3] *= _CROSSTALK
-        exact = ~active[index]
+        exact = ~of.active[index]
         if not exact.any():
             continue
         wrong = columns[:, index[exact]] * size[exact]
         known = left.T @ wrong
-        moved = np.zeros((len(active), wrong.shape[1]))
-        moved[active] = (parts.root @ known)[: int(active.sum())]
-        shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
+        moves, shows = moved(known), np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
         found.append(
-            ExactQuantity(name, error, unit, moved[place["rotation"]], moved[place["zero"]], shows)
+            ExactQuantity(name, error, unit, moves[place["rotation"]], moves[place["zero"]], shows)
         )
+    if len(of.active) > P and not of.active[P + DELAY]:
+        moves = moved(left.T @ (_DELAY * columns[:, [P + DELAY]]))
+        found.append(ExactQuantity("delay", _DELAY, "s", moves[place["rotation"]]))
     return tuple(found)
 
 
-def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[Finding]:
+def exact_caveats(fit: Fitted, uncertainty: Uncertainty) -> list[Finding]:
     """Find a mass or barycentre called exact whose errors go into the zeros unseen.
 
     Along three directions zeros and these are exchangeable (theory, section 4), and the zeros are
     as good as what is called exact: an error of typical size, or as small as the tests are certain
     to show, moves a zero by far more than it would have to move a residual.
     """
-    place = layout(fit.rig.n, fit.state.motions)
+    place = layout(fit.rig.n, fit.still.motions)
     if all(fit.active[place[group]].all() for group in _OF_THE_TERMINAL):
         return []
     certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))

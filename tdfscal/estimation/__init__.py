@@ -1,0 +1,1 @@
+"""The engine: what is made of whitened rows, wherever they come from."""

@@ -1,0 +1,237 @@
+"""From a fit to its covariance, the share of each source, and honest intervals (theory, 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from tdfscal.estimation.fit import Fitted
+from tdfscal.model.calibrated import Calibrated, with_rotations
+from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.significance import INTERVAL_COVERAGE
+
+F = TypeVar("F", bound=Fitted)
+
+#: What earlier campaigns contribute; their covariance is not scaled yet.
+EARLIER = "earlier campaigns"
+#: What the rig file lacks, where it is suspected and the result accepted.
+UNDECLARED = "undeclared error"
+#: Sources of the budget that average out over postures; the Birge ratio scales these.
+NOISE = ("noise", "positioner", "hinge friction", EARLIER)
+#: Parameter groups by their name in the budget.
+PRIORS = {
+    "zero": "zero",
+    "sensitivity": "sensitivity",
+    "mass": "mass",
+    "barycentre": "barycentre",
+    "hinge": "hinge",
+    "datum": "datum",
+    "tilt": "gravity",
+    "compliance": "compliance",
+    "friction": "hinge hysteresis",
+    "drift": "drift",
+    "rotation": "prior angles",
+}
+#: Of the parameters that only motion has.
+MOTION = "motion"
+#: A share of a null vector below this is rounding.
+_ROUNDING = 1e-6
+#: A share of noise in a variance below this leaves as good as infinite degrees of freedom.
+_NO_SHARE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How well residuals and stated uncertainties agree.
+
+    chi2 with dof degrees of freedom; p_value that chance alone gives more. birge = √(χ²/dof), of
+    all campaigns where the estimate stands on earlier ones.
+    rms_force (N), rms_moment (N·m, about the barycentre): quadratic mean over the postures of
+    the length of the residual.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    birge: float
+    rms_force: float
+    rms_moment: float
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Covariance of the rotations and its parts.
+
+    covariance : (3n, 3n), rad², of left perturbations in the BCS. rpy_covariance : (n, 3, 3),
+    rad². contributions : source → (n, 3), variance of roll, pitch, yaw, rad²; they sum to the
+    diagonal of rpy_covariance. parameter_std : (P,), 0 where known exactly, ∞ where undetermined.
+    effective_dof, coverage_factor : (n, 3), for 95 % (GUM, annex G).
+    """
+
+    covariance: FloatArray
+    rpy_covariance: FloatArray
+    contributions: dict[str, FloatArray]
+    parameter_std: FloatArray
+    effective_dof: FloatArray
+    coverage_factor: FloatArray
+
+    @property
+    def rpy_std(self) -> FloatArray:
+        """Standard uncertainty of roll, pitch, yaw (n, 3), rad."""
+        return np.sqrt(np.diagonal(self.rpy_covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate(Generic[F]):
+    """A fit and what is known of it before it is doubted.
+
+    parts : its whitened Jacobian, decomposed.
+    """
+
+    fit: F
+    parts: Spectrum
+    quality: Quality
+    uncertainty: Uncertainty
+
+
+def quality(of: Fitted, parts: Spectrum) -> Quality:
+    """χ² of a fit against the stated uncertainties; parts : of its Jacobian."""
+    dof = of.rows + len(of.prior_jacobian) - len(parts.values)
+    total, all_dof, earlier = of.cost, dof, of.rig.earlier
+    if earlier is not None:
+        total, all_dof = total + earlier.chi2, all_dof + earlier.dof
+    rms_force, rms_moment = of.rms
+    return Quality(
+        chi2=of.cost,
+        dof=dof,
+        p_value=float(chi2_sf(of.cost, dof)),
+        birge=float(np.sqrt(total / all_dof)) if all_dof > 0 else 1.0,
+        rms_force=rms_force,
+        rms_moment=rms_moment,
+    )
+
+
+def of_shares(
+    R: FloatArray,
+    shares: dict[str, FloatArray],
+    faked: FloatArray,
+    parts: Spectrum,
+    std: FloatArray,
+    noise_dof: float = np.inf,
+) -> Uncertainty:
+    """Uncertainty of rotations (n, 3, 3), whose turns are the first of the parameters.
+
+    shares : source → (p, p), covariance by it. faked : (3n, 3n), information that noise fakes,
+    whose loss is the noise's. std : (P,), of every parameter. noise_dof : behind the scale of the
+    noise; only that has finite degrees of freedom (Welch–Satterthwaite, GUM, G.4.1).
+    """
+    turns = slice(3 * len(R))
+    own = {name: share[turns, turns] for name, share in shares.items()}
+    linear = np.sum(list(own.values()), axis=0)
+    covariance = without_faked(linear, faked, blind_turns(parts, 3 * len(R)))
+    own["noise"] = own["noise"] + (covariance - linear)
+    contributions = {name: so3.rpy_variance(R, share) for name, share in own.items()}
+    total = np.sum(list(contributions.values()), axis=0)
+    noise = np.sum([contributions[name] for name in NOISE if name in contributions], axis=0)
+    share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
+    dof = np.asarray(noise_dof / share**2)
+    return Uncertainty(
+        covariance=covariance,
+        rpy_covariance=so3.rpy_covariance(R, covariance),
+        contributions=contributions,
+        parameter_std=std,
+        effective_dof=dof,
+        coverage_factor=coverage_factor(INTERVAL_COVERAGE, dof),
+    )
+
+
+def prior_shares(of: Fitted, posterior: FloatArray) -> dict[str, FloatArray]:
+    """Covariance (p, p) by earlier campaigns, and by the priors of groups of parameters.
+
+    posterior : (p, c), of the free parameters with all that the prior rows (m₀, c) are by.
+    """
+    places = layout(of.rig.n, of.still.motions)
+    groups = {PRIORS[group]: place for group, place in places.items()}
+    groups[MOTION] = slice(places["drift"].stop, len(of.active))
+    columns, rows, still = np.flatnonzero(of.active), of.prior_jacobian, of.still_priors
+    earlier = 0 if of.rig.earlier is None else len(of.rig.earlier.root)
+    before, common, after = np.split(rows, [still - earlier, still])
+    own, by = np.concatenate([before, after]), {EARLIER: common}
+    for name, place in groups.items():
+        inside = np.flatnonzero((columns >= place.start) & (columns < place.stop))
+        by[name] = own[np.abs(own[:, inside]).any(axis=1)]
+    if not len(columns) or columns[-1] < groups[MOTION].start:
+        del by[MOTION]
+    halves = {name: posterior @ part.T for name, part in by.items()}
+    return {name: half @ half.T for name, half in halves.items()}
+
+
+def blind_turns(parts: Spectrum, count: int) -> FloatArray:
+    """Turns (r, count) in rad that no row sees, longest component 1, from the null space."""
+    null = parts.null[:, :count]
+    null = null[np.abs(null).max(axis=1, initial=0.0) > _ROUNDING] / parts.scale[:count]
+    return np.asarray(null / np.abs(null).max(axis=1, initial=0.0, keepdims=True))
+
+
+def without_faked(covariance: FloatArray, faked: FloatArray, blind: FloatArray) -> FloatArray:
+    """Covariance (3n, 3n) without the faked information N, and with the unseen turns.
+
+    With Λ = C⁻¹ the true information is Λ − N, while the score's variance is at most Λ, hence
+    C' = (Λ − N)⁻¹ Λ (Λ − N)⁻¹. Where noise fakes all there is (μ ≥ 1), and along blind turns,
+    nothing is known; but no turn is less known than one spread evenly over the circle.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    mu, V = np.linalg.eigh(root.T @ faked @ root)
+    half = root @ V
+    gain = 1 / np.maximum(1 - mu, _ROUNDING)
+    corrected = (half * gain**2) @ half.T + EVEN_TURN**2 * blind.T @ blind
+    values, vectors = np.linalg.eigh(corrected)
+    return np.asarray((vectors * np.clip(values, 0.0, EVEN_TURN**2)) @ vectors.T)
+
+
+def parameter_std(active: BoolArray, posterior: FloatArray, parts: Spectrum) -> FloatArray:
+    """Standard uncertainty (P,) of every parameter; posterior : (p, p), of the active ones."""
+    std = np.zeros(len(active))
+    blind = np.abs(parts.null).max(axis=0, initial=0.0)[: len(posterior)] > _ROUNDING
+    std[active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
+    return std
+
+
+def calibrated(
+    of: Fitted,
+    posterior: FloatArray,
+    rotation_covariance: FloatArray,
+    rotation: FloatArray | None = None,
+) -> Calibrated:
+    """All parameters of a rig with their joint posterior covariance, for those who use them.
+
+    posterior : (p, p), of the free parameters. rotation_covariance : (3n, 3n), rad², as published;
+    it may differ from the fit's own (Birge ratio, noise that fakes information, a tracker's share).
+    rotation : (n, 3, 3), as published, where it is not the fit's. The other parameters keep their
+    distribution given the rotations. Combinations that no row sees (theory, section 4) carry no
+    variance: they do not show in any contact wrench at rest either.
+    """
+    size, turns = parameter_count(of.rig.n), 3 * of.rig.n
+    # How zeros moved, and what only motion has, belongs to this campaign alone.
+    free = np.flatnonzero(of.active)
+    full = np.zeros((len(of.active),) * 2)
+    full[np.ix_(free, free)] = posterior
+    full, state = full[:size, :size], with_motions(of.still, 0)
+    if rotation is not None:
+        turn = so3.log(rotation @ np.swapaxes(state.rotation, 1, 2)).ravel()
+        along = np.linalg.solve(full[:turns, :turns], turn)
+        state = replace(retract(state, full[:, :turns] @ along), rotation=rotation)
+    return Calibrated(
+        rig=of.rig,
+        state=state,
+        covariance=with_rotations(full, turns, rotation_covariance),
+        open=np.zeros(size, dtype=np.bool_),
+        joint=True,
+    )
