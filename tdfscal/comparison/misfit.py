@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.comparison.common import Common
 from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.walk import others
-from tdfscal.estimation.observation import Eliminated, stated
+from tdfscal.estimation.observation import Observation, stated
 from tdfscal.estimation.priors import Priors
 from tdfscal.model.earlier import free_constants, information_of, of_load
 from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
@@ -50,7 +50,7 @@ class Misfit:
     detectable: FloatArray | None = None
 
 
-def within(part: Eliminated, prior: Information) -> tuple[float, int]:
+def within(part: Observation, prior: Information) -> tuple[float, int]:
     """χ² and degrees of freedom of a campaign with the constants at its own best.
 
     prior : what is stated of the constants, beside which the campaign says something of them.
@@ -109,7 +109,7 @@ def scatter_of(fits: Sequence[tuple[float, int]]) -> FloatArray:
     return np.array([birge_of([f]) if own else common for f, own in zip(fits, noisy, strict=True)])
 
 
-def misfit_of(rig: Rig, name: str, part: Eliminated, level: float) -> Misfit:
+def misfit_of(rig: Rig, name: str, part: Observation, level: float) -> Misfit:
     """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
 
     level : of all tests together.

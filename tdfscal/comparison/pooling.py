@@ -16,7 +16,7 @@ from tdfscal.comparison.common import Common, common, with_load
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.comparison.walk import forward, others
 from tdfscal.estimation.observation import (
-    Eliminated,
+    Observation,
     eliminate,
     of_estimate,
     of_survey,
@@ -75,7 +75,7 @@ class Member:
 
     name: str
     month: float
-    reduced: Eliminated
+    reduced: Observation
     fit: Fit | None
     state: State | None
     rejected: dict[int, Finding]
@@ -198,7 +198,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     return Pool(shared, references, prior, steps, tuple(members), found)
 
 
-def _fresh(known: Information, part: Eliminated) -> float:
+def _fresh(known: Information, part: Observation) -> float:
     """χ² that a campaign adds to those before it."""
     both = known + part.information
     return max(0.0, float(known.mean @ known.score + part.chi2 - both.mean @ both.score))
@@ -264,7 +264,7 @@ def _reduced(
     fits: Sequence[Fit | None],
     references: Sequence[State],
     shared: Common,
-) -> list[Eliminated]:
+) -> list[Observation]:
     """What each campaign says of the common parameters, counted from the references."""
     parts = []
     for k, (item, at, reference) in enumerate(zip(ordered, fits, references, strict=True)):
@@ -282,7 +282,7 @@ def _reduced(
     return parts
 
 
-def _own_state(item: Recorded, at: Fit | None, part: Eliminated, reference: State) -> State | None:
+def _own_state(item: Recorded, at: Fit | None, part: Observation, reference: State) -> State | None:
     """A campaign's own parameters at the reference, whose constants it has."""
     if at is not None:
         return at.state
@@ -296,7 +296,7 @@ def _own_state(item: Recorded, at: Fit | None, part: Eliminated, reference: Stat
 def _moved(
     item: Recorded,
     at: Fit | None,
-    part: Eliminated,
+    part: Observation,
     reference: State,
     constants: FloatArray,
     move: FloatArray,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.estimation.fit import Fitted
 from tdfscal.estimation.priors import Priors
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants
@@ -33,15 +34,16 @@ from tdfscal.model.parameters import (
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
 from tdfscal.records import BoolArray, FloatArray, Rotations
-from tdfscal.selfcal.estimator import Fit
 
 #: A share of a direction that no row sees below this is rounding.
 _OPEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Eliminated:
-    """A campaign whose own parameters are eliminated at a state.
+class Observation:
+    """What was observed of the rig's constants; observations add.
+
+    A campaign at rest or in motion, or a survey, its own parameters eliminated at a state.
 
     chi2 : with the constants at the reference and the own parameters at their best. rows : number
     of residuals, own priors included, less the own parameters that they determine.
@@ -60,25 +62,20 @@ class Eliminated:
     open: BoolArray
 
 
-def eliminate(fit: Fit, reference: State) -> Eliminated:
+def eliminate(of: Fitted, reference: State) -> Observation:
     """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
     constants are left out, those of its own parameters are kept.
+
+    of : a fit whose parameters are those of statics.
     """
-    shared = np.pad(free_constants(fit.rig), (0, len(fit.active) - parameter_count(fit.rig.n)))
-    common = shared[fit.active]
-    root, used = fit.root, fit.weight > 0
-    own_rows = np.abs(fit.prior_jacobian[:, ~common]).any(axis=1)
-    J = np.concatenate(
-        [
-            (root @ fit.jacobian)[used].reshape(-1, len(common)),
-            fit.prior_jacobian[own_rows],
-        ]
-    )
-    r = np.concatenate(
-        [(root @ fit.residual[..., None])[used].ravel(), fit.prior_residual[own_rows]]
-    )
+    shared = np.pad(free_constants(of.rig), (0, len(of.active) - parameter_count(of.rig.n)))
+    common = shared[of.active]
+    own_rows = np.asarray(np.abs(of.prior_jacobian[:, ~common]).any(axis=1))
+    r, J = of.whitened()
+    kept = np.concatenate([np.ones(len(r) - len(own_rows), dtype=np.bool_), own_rows])
+    r, J = r[kept], J[kept]
     # Residual at the reference's constants, to the first order.
-    away = deviation(fit.state, with_motions(reference, fit.state.motions))[fit.active][common]
+    away = deviation(of.still, with_motions(reference, of.still.motions))[of.active][common]
     A, B = J[:, common], J[:, ~common]
     r = r - A @ away
     scale = np.linalg.norm(B, axis=0)
@@ -88,11 +85,11 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     U = U[:, :rank]
     back = -(Vt[:rank].T / s[:rank]) @ U.T / scale[:, None]
     free_A, free_r = A - U @ (U.T @ A), r - U @ (U.T @ r)
-    return Eliminated(
+    return Observation(
         information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
         chi2=float(free_r @ free_r),
-        rows=fit.rows + int(own_rows.sum()) - rank,
-        places=fit.active & ~shared,
+        rows=of.rows + int(own_rows.sum()) - rank,
+        places=of.active & ~shared,
         own=back @ r,
         give=back @ A,
         spread=back @ back.T,
@@ -100,7 +97,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     )
 
 
-def of_survey(survey: Rotations, reference: State, size: int) -> Eliminated:
+def of_survey(survey: Rotations, reference: State, size: int) -> Observation:
     """What an estimate of the rotations alone says, as a tracker's survey gives it."""
     n = len(survey.rotation)
     away = so3.log(survey.rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
@@ -111,7 +108,7 @@ def of_survey(survey: Rotations, reference: State, size: int) -> Eliminated:
     return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
 
 
-def of_estimate(known: Calibrated, prior: Information, reference: State) -> Eliminated:
+def of_estimate(known: Calibrated, prior: Information, reference: State) -> Observation:
     """What a campaign says that was calibrated by itself, as one in motion is.
 
     Its posterior less its prior (C, C) of the constants, both counted from the reference: the noise
@@ -130,10 +127,10 @@ def of_estimate(known: Calibrated, prior: Information, reference: State) -> Elim
 
 def _alone(
     found: Information, places: BoolArray, give: FloatArray, spread: FloatArray, away: FloatArray
-) -> Eliminated:
+) -> Observation:
     """An estimate without residuals: χ² is its distance from the reference."""
     chi2, rank = Contrast(found.matrix, found.score).chi2()
-    return Eliminated(
+    return Observation(
         information=found,
         chi2=chi2,
         rows=rank,
