@@ -42,8 +42,6 @@ class Case:
 FAST = "--postures 4"
 CASES = [
     Case("apply own.yaml campaign -o out/w.csv", 0, "largest: force"),
-    Case("apply own.yaml campaign -o out/w.txt", 2, ".csv"),
-    Case("apply own.yaml campaign", 2, "--output"),
     Case("apply own.yaml badrig -o out/kept.csv", 2, "mass"),
     Case("apply own.yaml damaged -o out/kept.csv", 3, "log.parquet"),
     Case("apply broken.yaml campaign -o out/kept.csv", 3, "broken.yaml"),
@@ -51,11 +49,7 @@ CASES = [
     Case("calibrate strict -o out/kept.yaml --trials 0", 1, "REJECTED"),
     Case("calibrate strict -o out/kept.yaml --html out/page.html --trials 0", 1, "REJECTED"),
     Case("calibrate strict -o out/rejected.yaml --trials 0 --allow-rejected", 1, "REJECTED"),
-    Case("calibrate badrig -o out/kept.yaml", 2, "mass"),
-    Case("calibrate nowhere -o out/kept.yaml", 2, "nowhere"),
-    Case("calibrate campaign -o campaign/rig.yaml", 2, "replace an input"),
     Case("calibrate campaign --html - -o out/kept.yaml", 2, "standard output"),
-    Case("calibrate campaign --method guess", 2, "guess"),
     Case("calibrate damaged -o out/kept.yaml", 3, "log.parquet"),
     Case("calibrate brief -o out/kept.yaml --trials 0", 4, "do not determine"),
     Case("calibrate brief -o out/kept.yaml --trials 0 --html out/page.html", 4, "page.html shows"),
@@ -68,7 +62,6 @@ CASES = [
     Case("export own.yaml --to dcc", 0, "DRAFT"),
     Case("export rejected.yaml --to ros --allow-rejected", 0, "REJECTED"),
     Case("export rejected.yaml --to ros -o out/kept.yaml", 1, "--allow-rejected"),
-    Case("export own.yaml --to matlab", 2, "matlab"),
     Case("export own.yaml", 2, "--to"),
     Case("export own.yaml --to ros -o own.yaml", 2, "replace an input"),
     Case("export broken.yaml --to csv -o out/kept.csv", 3, "broken.yaml"),
@@ -76,7 +69,6 @@ CASES = [
     Case("init campaign", 0, "# confirm"),
     Case("init nowhere", 2, "nowhere"),
     Case("init empty.csv -o out/kept.yaml", 3, "empty.csv"),
-    Case("info nowhere", 2, "nowhere"),
     Case("info empty.csv", 3, "empty.csv"),
     Case("monitor own.yaml survey.json", 0, "NO ALARM"),
     Case("monitor own.yaml turned", 1, "ALARM"),
@@ -94,12 +86,10 @@ CASES = [
     Case("report own.yaml survey.json", 0, "survey.json"),
     Case("report rejected.yaml", 0, "REJECTED"),
     Case("report nowhere.yaml --html out/kept.html", 2, "nowhere.yaml"),
-    Case("report own.yaml --html own.yaml", 2, ".html"),
     Case("report broken.yaml --html out/kept.html", 3, "broken.yaml"),
     Case("schema out/schemas", 0, "rig.schema.json"),
     Case("schema empty.csv", 2, "empty.csv"),
     Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),
-    Case("simulate out/odd --scenario odd", 2, "zero-shift"),
     Case("simulate campaign", 2, "campaign"),
     Case("update own.yaml brief -o out/u.yaml --trials 0", 0, "ACCEPTED"),
     Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
@@ -113,18 +103,69 @@ CASES = [
     Case("validate own.yaml nowhere", 2, "nowhere"),
     Case("validate own.yaml damaged", 3, "log.parquet"),
 ]
+#: Mistakes that a person makes: the status, and words of the cure.
+MISTAKES = [
+    ("calibrte campaign", 2, "did you mean calibrate?"),
+    ("Calibrate campaign", 2, "did you mean calibrate?"),
+    ("calibrate", 2, "Example: tdfscal calibrate campaign"),
+    ("calibrate campain", 2, "campain: there is no such file or folder"),
+    ("calibrate campaign --trails 100", 2, "did you mean --trials?"),
+    ("calibrate campaign --trials many", 2, "'--trials': this is no whole number"),
+    ("calibrate campaign --trials -5", 2, "greater than or equal to 0"),
+    ("calibrate campaign --trials", 2, "--trials"),
+    ("calibrate campaign --method slef", 2, "'self', 'tracker', 'joint'"),
+    ("calibrate campaign --estimator LS", 2, "'ml', 'linear'"),
+    ("calibrate campaign --samples dynamic", 2, "'static', 'moving', 'all'"),
+    ("calibrate campaign -o result.txt", 2, ".json"),
+    ("calibrate campaign -o nowhere/deep/result.yaml", 2, "folder"),
+    ("calibrate campaign -o campaign/rig.yaml", 2, "Choose another name"),
+    ("calibrate campaign --html page.pdf", 2, ".html"),
+    ("calibrate campaign --trials 1.5", 2, "'--trials': this is no whole number"),
+    ("calibrate campaign --from noon", 2, "12.5, 1.5min or 2h"),
+    ("calibrate hollow", 2, "rig.yaml"),
+    ("calibrate move.csv", 2, "--rig"),
+    ("calibrate campaign/rig.yaml", 2, "log"),
+    ("calibrate campaign --rig missing.yaml", 2, "missing.yaml"),
+    ("calibrate campaign --rig campaign/log.parquet", 2, "campaign/log.parquet"),
+    ("calibrate badrig", 2, "mass"),
+    ("calibrate empty.csv --rig campaign/rig.yaml", 3, "empty.csv"),
+    ("calibrate campaign --method tracker --samples moving", 2, "leave one of the two out"),
+    ("update own.yaml campaign", 2, "Example: tdfscal update"),
+    ("apply own.yaml", 2, "Example: tdfscal apply"),
+    ("apply own.yaml campaign", 2, "--output"),
+    ("apply own.yaml campaign -o wrench.xls", 2, ".csv, .parquet or .mcap"),
+    ("apply campaign own.yaml -o wrench.csv", 2, "a calibration file is wanted here"),
+    ("apply own.yaml campaign -o wrench.csv --filter median", 2, "'kalman'"),
+    ("apply own.yaml campaign -o wrench.csv --at 1,2", 2, "--at"),
+    ("validate campaign campaign", 2, "a calibration file is wanted here"),
+    ("validate campaign/rig.yaml campaign", 3, "Name the file that `tdfscal calibrate` wrote"),
+    ("report broken.yaml", 3, "status"),
+    ("report own.yaml own.yaml", 2, "name each file once"),
+    ("report own.yaml --html -  --json", 2, "name a file"),
+    ("export own.yaml --to xml", 2, "'urdf', 'ros'"),
+    ("export rejected.yaml --to urdf", 1, "--allow-rejected"),
+    ("register points.csv", 2, "REFERENCE is missing"),
+    ("register unitless.csv unitless.csv", 3, "unit"),
+    ("plan campaign", 2, "--output"),
+    ("plan campaign -o plan.csv --travel far", 2, "0.1,0.1,0.2"),
+    ("plan campaign -o plan.csv --home 1,2", 2, "0,0,0"),
+    ("plan campaign -o plan.yaml", 2, ".csv"),
+    ("simulate new --scenario zero-shft", 2, "the nearest one is 'zero-shift'"),
+    ("simulate new --scenario fire", 2, "self, tracker, contact"),
+    ("simulate new --format xlsx", 2, "'csv', 'parquet', 'mcap'"),
+    ("simulate new --postures 0", 2, "greater than or equal to 1"),
+    ("monitor", 2, "Example: tdfscal monitor"),
+    ("info log.csv", 2, "log.csv"),
+    ("info campaign/rig.yaml", 2, "not a log"),
+    ("--verison", 2, "did you mean --version?"),
+    ("-x", 2, "--help"),
+]
+CASES += [Case(*mistake) for mistake in MISTAKES]
 GOOD = [case for case in CASES if case.status == 0]
-BAD = [case for case in CASES if case.status in ERRORS]
-#: Validating on the log that was calibrated from is no proof, and said to be none.
-WARNS = {"validate"}
 each = pytest.mark.parametrize
 
 
 COMMANDS = {name: made(name) for name in app.COMMANDS}
-
-
-def options(command: str) -> set[str]:
-    return {word for p in COMMANDS[command].params for word in p.opts}
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +194,7 @@ def messages(seen: Run) -> list[str]:
 
 
 def test_the_table_knows_every_command() -> None:
-    assert {case.command for case in CASES} == set(COMMANDS)
+    assert {case.command for case in CASES} >= set(COMMANDS)
     assert {case.command for case in GOOD} == set(COMMANDS)
 
 
@@ -171,6 +212,9 @@ def test_the_reference_states_the_statuses_of_every_command() -> None:
 def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = contents(home)
     seen = run(capsys, *case.line.split())
+    if case.status in ERRORS and case.command in COMMANDS:
+        again = run(capsys, *case.line.split(), "--json")
+        assert (again.status, again.out) == (case.status, "")
     assert seen.status == case.status, seen.err
     said = messages(seen)
     if case.status in ERRORS:
@@ -183,7 +227,8 @@ def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixtur
         (line,) = said
         assert line.startswith("tdfscal: ")
         assert line.endswith(".")
-        assert case.said in line
+        assert case.said.lower() in line.lower()
+        assert not re.search(r"Value error|Input should", line)
         return
     assert all(line.startswith("tdfscal: ") for line in said)
     if case.command == "export" and case.status == 1:
@@ -198,27 +243,6 @@ def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixtur
             assert b"REJECTED" in after.pop("out/page.html")  # whatever the verdict
             before.pop("out/page.html", None)
         assert after == before
-
-
-@each("case", [c for c in CASES if c.status in (0, 1)], ids=lambda case: case.line)
-def test_json_is_one_object(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """And with `-q`, which stands wherever there is progress, nothing is said beside it."""
-    before, words = contents(home), [*case.line.split(), "--json"]
-    assert "--json" in options(case.command)
-    seen = run(capsys, *words, *(["-q"] if "-q" in options(case.command) else []))
-    assert seen.status == case.status, seen.err
-    if case.command == "export" and case.status == 1:
-        assert (seen.out, contents(home)) == ("", before)
-        return
-    assert isinstance(json.loads(seen.out, parse_constant=pytest.fail), dict)
-    warned = case.status == 1 or "rejected" in case.line or case.command in WARNS
-    assert bool(seen.err) <= warned, seen.err
-
-
-@each("case", BAD, ids=lambda case: case.line)
-def test_json_of_an_error_is_nothing(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys, *case.line.split(), "--json")
-    assert (seen.status, seen.out) == (case.status, "")
 
 
 def test_the_bare_program_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 
 import tdfscal
-from tdfscal.errors import UsageError
 from tests.cli.running import SAMPLES, run
 from tests.words import in_words
 
@@ -135,8 +134,3 @@ def test_what_is_no_part_of_the_log(
     assert said in done.err
     assert len(done.err.splitlines()) == 1
     assert not (campaign / "out.yaml").exists()
-
-
-def test_python_takes_numbers_and_dates() -> None:
-    with pytest.raises(UsageError):
-        tdfscal.info(SAMPLES / "parquet", from_=5.0, to=4.0)

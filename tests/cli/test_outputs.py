@@ -102,36 +102,6 @@ def test_no_output_replaces_an_input(
     assert contents(home) == before
 
 
-@pytest.mark.parametrize(
-    ("line", "name"),
-    [
-        ("schema FOLDER", None),
-    ],
-)
-def test_folders_of_outputs_never_replace_an_input(
-    line: str, name: str | None, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The input is in the place of a figure, by each route."""
-    if name is None or "C" in line.split():
-        before = contents(home / "C")
-        run(capsys, *line.replace("FOLDER", "C").split())
-        after = contents(home / "C")
-        assert {key: after[key] for key in before} == before
-        for key in set(after) - set(before):
-            (home / "C" / key).unlink()
-        return
-    for route in (os.symlink, os.link):
-        folder = tmp_path / route.__name__
-        folder.mkdir()
-        route(Path(name).resolve(), folder / "angles.svg")
-        own = Path(name).read_bytes()
-        seen = run(capsys, *line.replace("FOLDER", str(folder)).split())
-        assert seen.status == 2
-        assert "replace an input" in seen.err
-        assert Path(name).read_bytes() == own
-        assert [p.name for p in folder.iterdir()] == ["angles.svg"]
-
-
 def test_two_outputs_of_one_name_are_refused(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,26 +111,6 @@ def test_two_outputs_of_one_name_are_refused(
     assert (seen.status, seen.out) == (2, "")
     assert "--html" in seen.err
     assert not Path("both.yaml").exists()
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "calibrate C -o out/c.html",
-        "calibrate C --html out/page.yaml",
-        "validate own.yaml C --html out/page.csv",
-        "report own.yaml --html out/page",
-        f"plan C -o out/plan.yaml {FAST}",
-        "apply own.yaml C -o out/w.html",
-    ],
-)
-def test_a_name_ends_in_what_the_file_is(
-    line: str, home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = contents(home)
-    seen = run(capsys, *line.split())
-    assert (seen.status, seen.out) == (2, "")
-    assert contents(home) == before
 
 
 @pytest.mark.parametrize(

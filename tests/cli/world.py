@@ -23,6 +23,7 @@ def build(home: Path) -> None:
     _calibrations(home)
     _points(home)
     (home / "out").mkdir()
+    (home / "hollow").mkdir()
     for name in ("kept.yaml", "kept.csv"):
         (home / "out" / name).write_text("kept")
     (home / "empty.csv").write_text("")
