@@ -49,7 +49,7 @@ def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
         rig["supports"][1]["hinge"][2] += lift
         stated = tmp_path / f"rig{lift}.yaml"
         stated.write_text(yaml.safe_dump(rig), encoding="utf-8")
-        tdfscal.simulate(tmp_path / f"at{lift}", rig=stated, seed=3)
+        tdfscal.simulate(tmp_path / f"at{lift}", rig=stated, seed=3, postures=8, rate=20.0)
         made.append(tmp_path / f"at{lift}.yaml")
         tdfscal.calibrate(tmp_path / f"at{lift}", trials=0, output=made[-1])
     done = run(capsys, "compare", *made, "-q")

@@ -62,7 +62,7 @@ def spoken(**settings: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("shell", ["zsh", "powershell", "pwsh"])
+@pytest.mark.parametrize("shell", ["zsh", "powershell"])
 def test_completion_of_a_shell(shell: str) -> None:
     """The script names the program, and the program answers it with the commands that fit."""
     script = spoken(**{VARIABLE: f"source_{shell}"})

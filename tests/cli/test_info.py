@@ -134,9 +134,8 @@ def test_refusals(capsys: pytest.CaptureFixture[str], tmp_path: Path, content: b
 
 
 def test_a_name_that_is_not_utf8(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for log in LOGS:
-        path = tmp_path / f"l\udcffg{log.suffix}"
-        path.write_bytes(log.read_bytes())
-        result = run(capsys, "info", path, "--json")
-        assert result.status == 0
-        assert json.loads(result.out)["inputs"][0]["path"].endswith(f"l\\xffg{log.suffix}")
+    path = tmp_path / "l\udcffg.mcap"
+    path.write_bytes(LOGS[2].read_bytes())
+    result = run(capsys, "info", path, "--json")
+    assert result.status == 0
+    assert json.loads(result.out)["inputs"][0]["path"].endswith("l\\xffg.mcap")

@@ -346,7 +346,7 @@ def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
     assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a (line 1)"]'
 
 
-@pytest.mark.parametrize("cell", ["-1e308", "1e300", "nan"])
+@pytest.mark.parametrize("cell", ["1e300", "nan"])
 def test_a_cell_beyond_all_bounds_ends_nothing(
     frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path, cell: str
 ) -> None:

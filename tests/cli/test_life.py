@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import yaml
 
+import tdfscal
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.records import Measured
@@ -37,6 +38,16 @@ def months(tmp_path_factory: pytest.TempPathFactory) -> Path:
         recorder=Recorder(mean_sd=0.0),
     )
     return folder / "months"
+
+
+@pytest.fixture(scope="module")
+def files(months: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The calibration of each month."""
+    home = tmp_path_factory.mktemp("calibrated")
+    made = [home / f"{folder.name}.yaml" for folder in folders(months, 0, 8)]
+    for folder, path in zip(folders(months, 0, 8), made, strict=True):
+        tdfscal.calibrate(folder, trials=0, output=path)
+    return made
 
 
 def angles(path: Path) -> np.ndarray:
@@ -66,8 +77,9 @@ def test_a_pattern_names_what_is_no_check_too(
 
 
 def test_months_are_pooled_and_updated_to_the_same_numbers(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The truth lies within the stated uncertainty."""
     known = folders(months, 0, 4)
     pooled = tmp_path / "pooled.yaml"
     assert run(capsys, "calibrate", *known, "--trials", 0, "-o", pooled, "-q").status == 0
@@ -76,8 +88,11 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     assert content["measured"]["source"] == "rig"
     zeros = [np.array(c["zero"]) for c in content["campaigns"]]
     assert np.abs(zeros[0] - zeros[1]).max() > 0.1
-    last = tmp_path / "0.yaml"
-    assert run(capsys, "calibrate", known[0], "--trials", 0, "-o", last, "-q").status == 0
+    truth = yaml.safe_load((known[-1] / "truth.yaml").read_text())
+    for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
+        away = np.array(ours["rpy"]) - theirs["rpy"]
+        assert np.all(np.abs(away) < 4 * np.array(ours["rpy_std"]))
+    last = files[0]
     for k, folder in enumerate(known[1:], 1):
         new = tmp_path / f"{k}.yaml"
         done = run(capsys, "update", last, folder, "--trials", 0, "-o", new, "-q")
@@ -90,19 +105,6 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
 
 
-def test_truth_lies_within_the_pooled_uncertainty(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    known = folders(months, 0, 5)
-    path = tmp_path / "pooled.json"
-    run(capsys, "calibrate", *known, "--trials", 0, "-o", path, "-q")
-    found = json.loads(path.read_text())
-    truth = yaml.safe_load((known[-1] / "truth.yaml").read_text())
-    for ours, theirs in zip(found["supports"], truth["supports"], strict=True):
-        away = np.array(ours["rpy"]) - theirs["rpy"]
-        assert np.all(np.abs(away) < 4 * np.array(ours["rpy_std"]))
-
-
 def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
     done = run(capsys, "monitor", *arguments, "--json", "-q")
     assert done.status == status, done.err
@@ -110,18 +112,18 @@ def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: objec
 
 
 def test_a_turned_sensor_alarms_and_is_named_in_its_month(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "history.html"
-    result = monitored(capsys, 1, months, "--html", page)
+    result = monitored(capsys, 1, *files, "--html", page)
     (alarm,) = result["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
-    assert alarm["onset_check"] == str(folders(months, 5, 6)[0])
+    assert alarm["onset_check"] == str(files[5])
     truth = yaml.safe_load((months / "truth.yaml").read_text())["steps"][0]["turn"]
     assert np.abs(np.array(alarm["turn"]) - truth).max() < 4 * max(alarm["turn_std"])
     assert page.read_text().count("<svg") >= 3
-    assert monitored(capsys, 0, *folders(months, 0, 5))["alarms"] == []
-    later = monitored(capsys, 0, months, "--since", "2099-01-01")
+    assert monitored(capsys, 0, *files[:5])["alarms"] == []
+    later = monitored(capsys, 0, *files, "--since", "2099-01-01")
     assert len(later["older_alarms"]) == 1
 
 
@@ -150,10 +152,11 @@ def test_calibrations_that_stand_on_each_other_are_taken_apart(
 
 
 def test_a_noisy_month_is_named_and_turns_no_sensor(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first, *known, last = folders(months, 0, 5)
-    sound = monitored(capsys, 0, first, *known)
+    base, *known = files[:4]
+    second, last = folders(months, 1, 2)[0], folders(months, 4, 5)[0]
+    sound = monitored(capsys, 0, base, *known)
     loud = edited(last, tmp_path / "loud")
     header, *lines = (loud / "log.csv").read_text().splitlines()
     forces = [name.startswith("TDFS") for name in header.split(",")]
@@ -163,26 +166,25 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
         cells = zip(line.split(","), noise, strict=True)
         rows.append(",".join(f"{float(cell) + part:.7f}" for cell, part in cells))
     (loud / "log.csv").write_text("\n".join(rows) + "\n")
-    result = monitored(capsys, 0, first, *known, loud)
+    result = monitored(capsys, 0, base, *known, loud)
     assert [text for text in texts(result) if str(loud) in text]
     now, before = (np.array(r["checks"][-1]["path_rpy_std"]) for r in (result, sound))
     assert np.all(now < 1.05 * before)
-    base = tmp_path / "base.yaml"
-    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
     done = run(capsys, "update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q")
     assert done.status == 1
     assert "turned" not in done.out.split("Installation")[0]
     pools: list[Any] = []
     for extra in ((), (loud,)):
         target = tmp_path / f"pool{len(pools)}.yaml"
-        run(capsys, "calibrate", first, *known, *extra, "--trials", 0, "-o", target, "-q")
+        run(capsys, "calibrate", *folders(months, 0, 4), *extra, "--trials", 0, "-o", target, "-q")
         pools.append(yaml.safe_load(target.read_text()))
     without, beside = pools
     assert beside["covariance"] == without["covariance"]
     assert len(beside["campaigns"]) == len(without["campaigns"])
     assert any(str(loud) in text and "takes no part" in text for text in texts(beside))
-    assert run(capsys, "calibrate", first, loud, "--trials", 0, "-o", target, "-q").status == 1
-    done = run(capsys, "update", base, known[0], "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
+    one = folders(months, 0, 1)[0]
+    assert run(capsys, "calibrate", one, loud, "--trials", 0, "-o", target, "-q").status == 1
+    done = run(capsys, "update", base, second, "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
     assert "would have been seen with 95% probability" in " ".join(done.out.split())
 
 
@@ -196,11 +198,9 @@ def edited(folder: Path, target: Path, **changes: Any) -> Path:
 
 
 def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_together(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first, second, *_ = folders(months, 0, 3)
-    base = tmp_path / "base.yaml"
-    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
+    (first, second, *_), base = folders(months, 0, 3), files[0]
     rig = yaml.safe_load((second / "rig.yaml").read_text())
     moved = [dict(s) for s in rig["supports"]]
     moved[1]["hinge"] = [c + 0.01 for c in moved[1]["hinge"]]
@@ -235,11 +235,9 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
 
 
 def test_one_posture_finds_new_zeros(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first, second, *_ = folders(months, 0, 3)
-    base, new = tmp_path / "base.yaml", tmp_path / "new.yaml"
-    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
+    second, base, new = folders(months, 1, 2)[0], files[0], tmp_path / "new.yaml"
     short = edited(second, tmp_path / "short")
     log = short / "log.csv"
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))

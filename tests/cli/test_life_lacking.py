@@ -108,6 +108,7 @@ def test_a_sensor_determined_in_one_campaign_keeps_its_angles(
     assert any("leaves ncp3 undetermined" in warning for warning in texts(result))
 
 
+@pytest.mark.slow
 def test_the_others_are_watched(
     months: dict[str, list[Path]], capsys: pytest.CaptureFixture[str]
 ) -> None:

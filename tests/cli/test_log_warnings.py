@@ -102,9 +102,9 @@ def test_clocks_come_first_and_long_lists_are_cut() -> None:
         raise DataError("what", where="log", hint="do it")
 
 
-@pytest.mark.parametrize("capacity", [None, [3000, 300, 5000]])
 @pytest.mark.parametrize(
-    ("name", "limit", "axis"), [("ncp2.fy", 300.0, "y"), ("ncp2.fz", 1650.0, "z")]
+    ("name", "limit", "axis", "capacity"),
+    [("ncp2.fy", 300.0, "y", [3000, 300, 5000]), ("ncp2.fz", 1650.0, "z", None)],
 )
 def test_a_clipped_sensor_is_saturated_and_not_dead(
     campaign: Path,

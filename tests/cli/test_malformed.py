@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from tests.cli.running import Run, run
-from tests.files.logs.log_making import SUPPORTS
-from tests.files.logs.test_log_bag_kinds import ROS1_FAULTS, SQLITE_FAULTS, ros1_bag, sqlite_bag
 from tests.files.logs.test_log_text_kinds import FRAME, scope, turns
-from tests.tracker.test_points import BAD as POINT_FAULTS
 
 HEAD = """format: tdfscal-rig/1
 name: foreign
@@ -23,10 +20,6 @@ supports:
   - {name: ncp2, hinge: [-0.3, 0.5, 0]}
   - {name: ncp3, hinge: [-0.3, -0.5, 0]}
 """
-FIELDS = ", ".join(
-    f"{s}: {{position: /{s}/position.point, force: /{s}/wrench.wrench.force}}" for s in SUPPORTS
-)
-BY_TOPIC = f"log: {{time: {{source: header}}, supports: {{{FIELDS}}}}}\n"
 IN_MS = "log: {time: {field: time, unit: ms}}\n"
 
 
@@ -49,19 +42,6 @@ def check_log(
     done = run(capsys, *asked)
     check(done)
     assert "log positions" not in done.err
-
-
-@pytest.mark.parametrize("fault", SQLITE_FAULTS)
-def test_sqlite(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (path,) = sqlite_bag(tmp_path / "bag").glob("*.db3")
-    check_log(tmp_path / "bag", BY_TOPIC, lambda: SQLITE_FAULTS[fault](path), capsys)
-
-
-@pytest.mark.parametrize("fault", ROS1_FAULTS)
-def test_ros1(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = ros1_bag(tmp_path / "log.bag")
-    spoilt = ROS1_FAULTS[fault](path.read_bytes())
-    check_log(path, BY_TOPIC, lambda: path.write_bytes(spoilt), capsys)
 
 
 def cell(number: int, text: str) -> Callable[[str], str]:
@@ -120,10 +100,3 @@ def test_tables_apart_by_tabs(
     np.savetxt(path, FRAME.to_numpy(), header="\t".join(FRAME.columns), delimiter="\t")
     spoilt = TEXT_FAULTS[fault](path.read_text())
     check_log(path, "", lambda: path.write_text(spoilt), capsys)
-
-
-@pytest.mark.parametrize("fault", POINT_FAULTS)
-def test_point_files(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "points.csv"
-    path.write_text(POINT_FAULTS[fault][0])
-    check(run(capsys, "register", path, path, "--unit", "mm"))

@@ -93,7 +93,7 @@ def test_creep_is_told_from_a_step() -> None:
     assert called.count("creep") >= 5
 
 
-@pytest.mark.parametrize("gap", [1.0, 1 / 30.4375])
+@pytest.mark.parametrize("gap", [1.0, pytest.param(1 / 30.4375, marks=pytest.mark.slow)])
 def test_the_rate_of_false_alarms_is_kept_whatever_the_interval(gap: float) -> None:
     """A third of sound rig-years at most is to alarm at a rate of 0.4; half of it is too few."""
     rng, months, histories = np.random.default_rng(5), 13, 60

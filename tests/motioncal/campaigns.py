@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -24,8 +25,20 @@ DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 def played(
     options: MovingOptions, seed: int = 0, rig: Rig | None = None
 ) -> tuple[MovingCampaign, Slow, tuple[Block, ...]]:
-    """One campaign, its slow streams and its blocks."""
-    rig = rig or reference_rig()
+    """One campaign, its slow streams and its blocks; the reference rig's are kept."""
+    return _of_reference_rig(options, seed) if rig is None else _played(options, seed, rig)
+
+
+@cache
+def _of_reference_rig(
+    options: MovingOptions, seed: int
+) -> tuple[MovingCampaign, Slow, tuple[Block, ...]]:
+    return _played(options, seed, reference_rig())
+
+
+def _played(
+    options: MovingOptions, seed: int, rig: Rig
+) -> tuple[MovingCampaign, Slow, tuple[Block, ...]]:
     campaign = simulate_moving(rig, options, np.random.default_rng(seed))
     slow = slow_streams([campaign.log], rig.capacity)
     return campaign, slow, blocks(slow, np.ones(len(slow.time), dtype=np.bool_))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ NOTHING = UncertainValue(np.array(0.0), np.array(np.inf))
 MINUTE = MovingOptions(rate=100.0, noise=1.1)
 
 
+@cache
 def calibrated(options: MovingOptions, seed: int = 5) -> tuple[MovingCampaign, MotionCalibration]:
     campaign, slow, _ = played(options, seed)
     return campaign, calibrate_moving(campaign.rig, slow, NOTHING)

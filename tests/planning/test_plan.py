@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -42,10 +41,7 @@ def reference() -> Plan:
     """24 postures of the reference rig."""
     rig = reference_rig()
     request = Request(limits(rig, squeeze=800.0, stiffness=STIFFNESS), noise=1.0)
-    start = time.process_time()
-    plan = make_plan(rig, request, 24, RNG(1))
-    assert time.process_time() - start < 20.0  # of a slow machine; 2 s on a usual one
-    return plan
+    return make_plan(rig, request, 24, RNG(1))
 
 
 @pytest.mark.slow
@@ -70,10 +66,13 @@ def test_a_simulated_campaign_confirms_the_forecast(reference: Plan) -> None:
     assert scatter < 0.1 / 3
 
 
-def test_displacements_make_the_planned_forces(reference: Plan) -> None:
-    moved = reference.position - reference.postures.place
-    assert np.allclose(moved * STIFFNESS, reference.postures.squeeze)
+def test_displacements_make_the_planned_forces() -> None:
     rig = reference_rig()
+    request = Request(limits(rig, squeeze=800.0, stiffness=STIFFNESS), noise=1.0, candidates=50)
+    squeezed = make_plan(rig, request, 4, RNG(1))
+    moved = squeezed.position - squeezed.postures.place
+    assert np.abs(moved).max() > 0
+    assert np.allclose(moved * STIFFNESS, squeezed.postures.squeeze)
     servoed = make_plan(rig, Request(limits(rig), candidates=50), 4, RNG(2))
     assert servoed.postures.displacement(servoed.request.limits) is None
     assert np.array_equal(servoed.position, servoed.postures.place)

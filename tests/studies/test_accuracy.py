@@ -69,6 +69,7 @@ def test_eq_24_alone_of_noise_is_exact_without_it() -> None:
         assert np.abs(error).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_where_eq_24_is_below_the_tracker_and_where_not() -> None:
     """Theory, section 17: ahead with 100 postures and 1000 N, behind with 24 and 200 N."""
     own = campaigns.papers_sources(RIG)
@@ -85,6 +86,7 @@ def test_where_eq_24_is_below_the_tracker_and_where_not() -> None:
     assert found.every.value == pytest.approx(100 * (share - 1))
 
 
+@pytest.mark.slow
 def test_the_map_has_every_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table2, "NOISES", (0.1,))
     monkeypatch.setattr(table2, "POSTURES", (6, 24))
@@ -98,6 +100,7 @@ def test_the_map_has_every_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     assert study.drawings[0].paint()
 
 
+@pytest.mark.slow
 def test_causes_are_those_that_were_taken_away() -> None:
     study = causes.run(RIG, SurveyOptions(), 6, 1)
     table = study.tables[0]

@@ -58,6 +58,7 @@ def test_free_space_and_taring(compared: tuple[Arm, ...]) -> None:
     assert position["Eq. 24, tared"].mean() > position["tracker, tared"].mean()
 
 
+@pytest.mark.slow
 def test_damping_against_the_way_lags_and_damping_against_the_reference_does_not(
     compared: tuple[Arm, ...],
 ) -> None:

@@ -28,12 +28,6 @@ def test_sensitivity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert max(float(row["force, N"]) for row in rows(out / "plain.csv")) > 80.0
     assert (out / "fig-4.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (out / "study.html").read_text(encoding="utf-8")
-    # The same folder again; and in words.
-    (out / "plain.csv").unlink()
-    assert main(["sensitivity", str(RIG), "-o", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert "81.71" in said
-    assert "49.1 N·m" in said
 
 
 def rig_of(folder: Path, **changes: object) -> Path:

@@ -108,6 +108,7 @@ def test_the_product_has_the_same_linear_method(batch: Batch) -> None:
         np.testing.assert_allclose(ours[run], theirs, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_deviation_in_free_space() -> None:
     """Eq. 9 at the target with the forces of Eq. 18, over K of the impedance, once it rests.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +29,7 @@ class World:
     """Campaigns (trials) of USED + HELD dwells, and their calibrations from the first USED."""
 
     batch: Batch
-    given: tuple[Calibrated, ...]
+    given: Sequence[Calibrated]
 
     def __len__(self) -> int:
         return len(self.given)
@@ -59,9 +61,27 @@ def simulated(
 
 @cache
 def world(trials: int, seed: int = 1) -> World:
-    """Calibrate each campaign."""
+    """Campaigns, calibrated when their calibrations are asked for."""
     batch = simulated(trials, seed=seed)
-    return World(batch, tuple(calibrate(RIG, batch.dwells(t)) for t in range(trials)))
+    return World(batch, _Calibrations(batch, trials))
+
+
+class _Calibrations(Sequence[Calibrated]):
+    """Of campaigns of a batch, each made when it is asked for."""
+
+    def __init__(self, batch: Batch, trials: int) -> None:
+        self.batch, self.trials = batch, trials
+        self.made: dict[int, Calibrated] = {}
+
+    def __len__(self) -> int:
+        return self.trials
+
+    def __getitem__(self, trial: Any) -> Any:
+        if not 0 <= trial < self.trials:
+            raise IndexError(trial)
+        if trial not in self.made:
+            self.made[trial] = calibrate(RIG, self.batch.dwells(trial))
+        return self.made[trial]
 
 
 def calibrate(rig: Rig, dwells: Dwells) -> Calibrated:
