@@ -169,7 +169,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 @given(st.dictionaries(st.sampled_from("abc"), values, max_size=3))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_what_is_written_reads_back_to_the_bit(content: dict[str, Any]) -> None:
     """With our reader (YAML 1.2 scalars), PyYAML (1.1) and the json module alike."""
     text = to_yaml(content)
@@ -209,19 +209,19 @@ def no_surprise(raw: bytes) -> None:
 
 
 @given(st.binary(max_size=300))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_fuzz_bytes(raw: bytes) -> None:
     no_surprise(raw)
 
 
 @given(st.text("[]{}:,-?&*!|>'\"%@`#\n\t ab01.e~<=\\\u2028\x85", max_size=60))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_fuzz_syntax(text: str) -> None:
     no_surprise(text.encode())
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_fuzz_altered_rig(data: st.DataObject) -> None:
     raw = bytearray(RIG.encode())
     for _ in range(data.draw(st.integers(1, 3))):
@@ -249,7 +249,7 @@ PLACES = places(yaml.safe_load(RIG))[1:]
 
 
 @given(st.sampled_from(PLACES), values)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_fuzz_values_of_the_rig(place: tuple[str | int, ...], value: Any) -> None:
     content = yaml.safe_load(RIG)
     inner = content

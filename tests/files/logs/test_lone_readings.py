@@ -16,7 +16,7 @@ from tests.files.logs.log_making import SUPPORTS, make_truth, table
 from tests.words import in_words
 
 
-@pytest.fixture(scope="module", params=[50.0, 1000.0])
+@pytest.fixture(scope="module", params=[50.0, pytest.param(1000.0, marks=pytest.mark.slow)])
 def campaign(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     folder = tmp_path_factory.mktemp("campaign") / "c"
     tdfscal.simulate(folder, postures=4, seed=2, rate=request.param)
