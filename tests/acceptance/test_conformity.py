@@ -27,12 +27,6 @@ def test_coverage_radius_in_one_two_and_three_dimensions() -> None:
     assert coverage_radius(np.zeros((3, 3))) == 0.0
 
 
-def test_probability_of_a_ball_is_chi_square() -> None:
-    for limit in (0.5, 2.0, 4.0, 8.0):
-        expected = stats.chi2.cdf(limit**2 / 4, 3)
-        assert within(4 * np.eye(3), limit) == pytest.approx(expected, abs=1e-12)
-
-
 def test_probability_of_an_ellipsoid_by_monte_carlo() -> None:
     rng, draws = np.random.default_rng(2), 400_000
     A = rng.standard_normal((3, 3)) * np.array([5.0, 1.0, 0.1])
@@ -64,14 +58,6 @@ def test_limits_come_from_the_rig_file() -> None:
     assert not found.force.conforms
     assert found.torque.conforms
     assert found.force.exceeding == pytest.approx(1.0, abs=1e-4)
-
-
-def test_open_parameters_never_conform_to_a_limit() -> None:
-    unknown = np.zeros_like(GIVEN.open)
-    unknown[9:12] = True
-    found = limited(replace(GIVEN, open=unknown), 1e6)
-    assert not found.force.conforms
-    assert found.force.exceeding == 1.0
 
 
 def test_the_posture_is_at_rest() -> None:

@@ -123,16 +123,6 @@ def test_what_is_no_campaign_is_still_described(
     assert "no mapping is guessed" in result.out
 
 
-@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\nxx"])
-def test_refusals(capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes) -> None:
-    for name in ("a.csv", "a.mcap", "a.parquet"):
-        path = tmp_path / name
-        path.write_bytes(content)
-        result = run(capsys, "info", path)
-        assert result.status == 3
-        assert name in result.err
-
-
 def test_a_name_that_is_not_utf8(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "l\udcffg.mcap"
     path.write_bytes(LOGS[2].read_bytes())

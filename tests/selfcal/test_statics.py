@@ -12,7 +12,7 @@ from tdfscal import simulation
 from tdfscal.model.parameters import State, layout, nominal, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
-from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig
 from tdfscal.simulation import Options, Recorder
 
 EXACT = DeclaredUncertainty()
@@ -128,14 +128,3 @@ def test_noise_columns_by_differences() -> None:
     predicted = np.einsum("kab,kb->ka", at.noise_turn, turn)
     change = moved.design @ features(state, moved, g) - e
     assert np.allclose(change, predicted, rtol=0, atol=1e-5 * np.abs(predicted).max())
-
-
-def test_weight_of_a_known_prior_is_a_known_parameter() -> None:
-    """std 0 drops the column: nothing but rotations is active on an exact rig."""
-    from tdfscal.estimation.priors import Priors
-
-    known = UncertainValue(np.zeros((3, 3)), np.zeros((3, 3)))
-    rig = replace(exact_rig(), zero=known)
-    rig = replace(rig, mass=UncertainValue(rig.mass.value, np.asarray(0.0)))
-    rig = replace(rig, barycentre=UncertainValue(rig.barycentre.value, np.zeros(3)))
-    assert Priors(rig).active.sum() == 9

@@ -184,7 +184,7 @@ def test_adaptive_stop_and_validation() -> None:
 def test_vertical_loads_show_no_yaw_however_many_postures() -> None:
     """Only noise would seem to know the yaw, and it is not believed."""
     soft = replace(RIG, declared=DeclaredUncertainty(force_noise=0.1))
-    options = Options(postures=200, stiffness=1.0, recorder=Recorder(mean_sd=0.5))
+    options = Options(postures=60, stiffness=1.0, recorder=Recorder(mean_sd=0.5))
     options = replace(options, stiffness=np.diag([1e3, 1e3, 1e9]), travel=0.0)
     batch = simulation.simulate_dwells(soft, options, np.random.default_rng(0), 1)
     with pytest.raises(NotIdentifiableError, match="yaw of ncp1, yaw of ncp2, yaw of ncp3"):

@@ -65,28 +65,6 @@ def test_positions_are_interpolated_across_the_borders_of_pieces() -> None:
     assert tally.used + tally.uncovered == int(np.ceil(2.0 * 333.0))
 
 
-def test_nothing_is_interpolated_over_a_gap() -> None:
-    def gap() -> Iterator[Log]:
-        yield log(50.0, 100.0, 0.0, 1.0)
-        yield replace(log(50.0, 100.0, 1.0, 3.0), position=log(50.0, 100.0, 2.5, 3.0).position)
-
-    tally = Tally()
-    found = joined(aligned(gap(), tally))
-    assert not np.any((found.time > 0.98 + 1e-9) & (found.time < 2.5 - 1e-9))
-    assert tally.uncovered == int(np.sum(np.arange(99, 250) / 100.0 > 0.98)) + 1
-
-
-def test_what_is_no_number_is_left_out_and_counted() -> None:
-    whole = log(100.0, 100.0, 0.0, 1.0)
-    value = whole.force[1].value.copy()
-    value[[3, 7]] = np.nan
-    force = (whole.force[0], Series(whole.force[1].time, value), whole.force[2])
-    tally = Tally()
-    found = joined(aligned([replace(whole, force=force)], tally))
-    assert (tally.used, tally.unreadable) == (98, 2)
-    assert not np.isin(found.time, [0.03, 0.07]).any()
-
-
 def test_pieces_give_what_the_whole_gives() -> None:
     def moving(position: FloatArray, time: FloatArray) -> FloatArray:
         swing = np.sin(3 * time)[:, None] * np.array([0.02, 0.01, -0.006])
