@@ -26,13 +26,15 @@ class Judged:
     """Residual wrenches held against what the stated uncertainties explain.
 
     white : the residual wrench, all that correlates it taken away. causes : held against each
-    other. p_value : of its χ². search_p : as `searched` has it.
+    other. p_value : of its χ². search_p : as `searched` has it. tared : as white, by zeros drawn
+    anew; what stands out of it passes for no tare.
     """
 
     white: Whitened
     causes: Causes
     p_value: float
     search_p: float
+    tared: Whitened | None = None
 
     @property
     def holds(self) -> bool:
@@ -125,11 +127,12 @@ class Verdict:
     def detectable(self) -> FloatArray:
         """Smallest turns (n, 3), rad, of one sensor about x, y, z of the BCS that are found.
 
-        With probability DETECTION_POWER; ∞ where none is.
+        With probability DETECTION_POWER, though the zeros may have been tared; ∞ where none is.
         """
         threshold = special.chdtri(3, _SEARCH * _TURNED / self.rig.n)
         offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
-        turns = self.white.columns[:, layout(self.rig.n)["rotation"]]
+        white = self.judged.tared or self.white
+        turns = white.columns[:, layout(self.rig.n)["rotation"]]
         with np.errstate(divide="ignore"):
             return np.asarray(np.sqrt(offset / np.sum(turns**2, axis=0))).reshape(-1, 3)
 

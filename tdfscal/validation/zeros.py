@@ -62,7 +62,8 @@ def judged_with_zeros(
 
     rivals = tuple(cause for cause in same.causes.best if no_tare(cause))
     moved = _moved(same, fresh, rivals)
-    return fresh if moved else same, _zeros(at, given, step, std, moved=moved)
+    chosen = replace(fresh if moved else same, tared=fresh.white)
+    return chosen, _zeros(at, given, step, std, moved=moved)
 
 
 def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
