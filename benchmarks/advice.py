@@ -227,6 +227,26 @@ def _free(world: World, found: re.Match[str]) -> World:
     return _without(world, contacts=kept)
 
 
+def _look_at(world: World, found: re.Match[str]) -> World:
+    """Whatever touched is taken away; where nothing did, the sensor's amplifier is put right."""
+    i, f = RIG.supports.index(found[1]), world.options.faults
+    if f.contacts:
+        return _without(world, contacts=())
+    return _without(
+        world,
+        gains=tuple(g for g in f.gains if g.sensor != i),
+        crosstalk=tuple(c for c in f.crosstalk if c.sensor != i),
+    )
+
+
+def _part_before(world: World, found: re.Match[str]) -> World:
+    """The postures before a zero jumped, as a campaign of its own."""
+    i, f = RIG.supports.index(found[1]), world.options.faults
+    kept = tuple(s for s in f.zero_shifts if s.sensor != i)
+    before = replace(world.options, postures=int(found[2]))
+    return _without(replace(world, options=before), zero_shifts=kept)
+
+
 def _repair(world: World, found: re.Match[str]) -> World:
     axis, i = "xyz".index(found[1]), RIG.supports.index(found[2])
     dead = world.options.faults.dead_axes
@@ -294,6 +314,11 @@ Act = Callable[[World, re.Match[str]], World]
 ACTS: tuple[tuple[str, Act], ...] = (
     (r"widen the range of sensor and amplifier", _range),
     (r"see that forces and positions share one clock", _one_clock),
+    (
+        r"zero of (ncp\d) jumped by .* between postures (\d+) and .* one of them by --from",
+        _part_before,
+    ),
+    (r"ind what touched the terminal or a sensor at .* look at F. of (ncp\d)", _look_at),
     (r"asten the sensor of (ncp\d)", _fasten),
     (r"ind what touched the terminal at postures ([\d, …]+)", _free),
     (r"ook at the sensor's cable and amplifier: the (.) axis of the sensor of (ncp\d)", _repair),
@@ -305,7 +330,7 @@ ACTS: tuple[tuple[str, Act], ...] = (
     (r"as if they were in (\w+) where N is declared", _unit("log.force_unit")),
     (r"et log.force_on in rig.yaml to the other value", _other_sign),
     (r"the opposite sign of F(.) of (ncp\d)", _turn_axis),
-    (r"the sensors of ncp.*, and not as they are named. Correct the force fields", _rename),
+    (r"the sensors of ncp.*, and not as they are named.* Correct the force fields", _rename),
     (r"easure the hinges again", _measure_hinges),
 )
 LINE = re.compile(r"`([a-z_.]+): ([^`]+)`(?: for (ncp\d))?")
