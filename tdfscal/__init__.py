@@ -35,6 +35,7 @@ __all__ = [
     "angles_frame",
     "apply",
     "calibrate",
+    "capability",
     "compare",
     "dwells_frame",
     "export",

@@ -22,6 +22,7 @@ from tdfscal.workflows.calibrate import calibrate as calibrate
 from tdfscal.workflows.calibration import Calibration as Calibration
 from tdfscal.workflows.calibration import angles_frame as angles_frame
 from tdfscal.workflows.calibration import load_calibration as load_calibration
+from tdfscal.workflows.capability import capability as capability
 from tdfscal.workflows.compare import compare as compare
 from tdfscal.workflows.export import export as export
 from tdfscal.workflows.info import info as info

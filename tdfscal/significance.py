@@ -77,6 +77,11 @@ OVERSTATED_NOISE: Final = 1e-4
 #: too many costs data and puzzles the operator, and the contacts that spoil angles are far above.
 CONTACT_IN_MOTION: Final = 1e-4
 
+# Thresholds of a machine --------------------------------------------------------------------------
+
+#: That a path without contact is said to hold one, of all six components of the wrench.
+CONTACT_ON_PATH: Final = 1e-3
+
 # Two calibrations, and a calibration on new data --------------------------------------------------
 
 #: Joint χ² of two calibrations less probable than this: not metrologically compatible.

@@ -15,10 +15,9 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 #: The rooms from the ground up; each imports only from those before it.
 ORDER = (
     "findings", "errors", "memory", "records", "significance", "numerics", "model", "simulation",
-    "dwells", "clocks", "wrench", "checks", "acceptance", "estimation", "selfcal", "motioncal",
-    "trackercal",
-    "comparison", "validation", "planning", "catalogue", "files", "logs", "reporting", "exports",
-    "workflows", "api", "cli",
+    "dwells", "clocks", "wrench", "detection", "checks", "acceptance", "estimation", "selfcal",
+    "motioncal", "trackercal", "comparison", "validation", "planning", "catalogue", "files",
+    "logs", "reporting", "exports", "workflows", "api", "cli",
 )  # fmt: skip
 #: Rooms whose folders are in order too.
 SORTED = {"files", "reporting", "exports"}

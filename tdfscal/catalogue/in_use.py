@@ -179,4 +179,49 @@ IN_USE: dict[str, Entry] = {
         "angles, and its turn raises no alarm",
     ),
     "sensor-overdue": Entry("warns", "the sensor of {subject} was due for calibration on {due}"),
+    "path-in-contact": Entry(
+        "rejects",
+        "{subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one stays "
+        "below {limit:.3g}: it was in contact, or the calibration no longer holds",
+        "drive it free, or see whether it holds: tdfscal validate",
+    ),
+    "moves-beyond": Entry(
+        "warns",
+        "{subject}: on the move the wrench reaches {size}, {time:.4g} s into the path, where "
+        "{limit:.3g} may stand on a free one: what moving adds is in no threshold",
+        "state terminal.inertia, drive slower, or watch at rest only",
+    ),
+    "threshold-unbounded": Entry(
+        "rejects",
+        "{subject}: nothing bounds what stands on it without contact, for zeros, load or their "
+        "drift are unknown",
+        "tare or weigh, and state it in the rig file",
+    ),
+    "covariance-in-part": Entry(
+        "warns",
+        "{subject} has no joint covariance: angles, zeros and load count as independent, which "
+        "makes thresholds too high",
+        "calibrate anew",
+    ),
+    "zeros-aged": Entry(
+        "warns",
+        "the zeros are {days:.3g} days old: their drift makes {number:.0%} of what stands on the "
+        "wrench",
+        "tare, or calibrate anew",
+    ),
+    "drift-undeclared": Entry(
+        "warns",
+        "the zeros are {number:.3g} days old and the rig file declares no drift: they count as "
+        "they were",
+        "tare, or declare drift in the rig file",
+    ),
+    "path-without-noise": Entry(
+        "notes", "the path shows no noise of samples: thresholds are for what it is without"
+    ),
+    "contact-unseen": Entry(
+        "rejects",
+        "of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen "
+        "(acceptance.contact)",
+        "tare, filter lower, or calibrate with more postures and a harder squeeze",
+    ),
 }

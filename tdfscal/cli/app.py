@@ -30,6 +30,11 @@ PURPOSES = CALIBRATE, CHECK, USE, PLAN = "Calibrate", "Check", "Put to work", "P
 COMMANDS = {
     "apply": (USE, "Work out the contact force and torque over a whole log."),
     "calibrate": (CALIBRATE, "Calibrate the sensors of a rig from a recorded campaign."),
+    "capability": (
+        USE,
+        "Find thresholds for a machine, and the smallest contact it then notices, along a free "
+        "path.",
+    ),
     "compare": (
         CHECK,
         "Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.",

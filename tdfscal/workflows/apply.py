@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from tdfscal.catalogue import told_of
-from tdfscal.checks.log_against_calibration import Inspection
-from tdfscal.dwells.temperature import Thermometer
-from tdfscal.errors import DataError
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
@@ -21,7 +18,6 @@ from tdfscal.files.writers.wrenches import (
     read_recording,
     write_wrenches,
 )
-from tdfscal.model.calibrated import about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
@@ -34,9 +30,9 @@ from tdfscal.workflows.arguments import (
     window,
 )
 from tdfscal.workflows.calibration import paths_of
-from tdfscal.workflows.calibration_in_use import InUse, take, zeros_since
+from tdfscal.workflows.calibration_in_use import take, zeros_since
 from tdfscal.workflows.campaign import inputs_read
-from tdfscal.workflows.log_pass import LogPass, Settings
+from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.options import (
     Begin,
     End,
@@ -50,19 +46,18 @@ from tdfscal.workflows.options import (
 )
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
+from tdfscal.workflows.wrench_pass import WrenchPass
 from tdfscal.workflows.wrench_summary import (
     Totals,
     filter_effect,
-    left_out,
     metadata,
     noise_effect,
     summary_of,
     zero_effect,
 )
-from tdfscal.wrench.contact_wrench import COMPONENTS, at_rest, in_motion
+from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
-from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, take_head, with_sample_noise
+from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, with_sample_noise
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -161,15 +156,11 @@ def apply(
     point = np.array(triple("--at", at))
     settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))
-    given = about_point(use.given, point)
-    moving = use.given.rig.inertia is not None
-    log = LogPass(use.campaign, settings)
+    passing = WrenchPass.of(use, settings, point)
+    log, given, moving = passing.log, passing.given, passing.moving
     progress.stage("reading the log and working out the contact wrench")
-    tally, noises = Tally(), list[SampleNoise]()
-    totals = Totals()
-    inspection, thermometer = Inspection(use.given), Thermometer()
-    samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
-    head, samples = take_head(samples, log.rig.supports, averaged=use.campaign.averaged)
+    noises, totals = list[SampleNoise](), Totals()
+    head, samples = passing.samples()
     effect = None
     if walk is not None and head is not None:
         noise = coloured_noise(head, log.rig.axes)
@@ -179,16 +170,16 @@ def apply(
             filtered(samples, filter, model),
             filter_effect(filter, walk, model, noise),
         )
-    wrenches = in_motion(given, samples) if moving else at_rest(given, samples)
-    age, moved, scatter = ZeroAge(), None, _posture_std(use)
+    wrenches = passing.wrenches(samples)
+    age, moved, scatter = ZeroAge(), None, use.posture_std
     if head is not None:
-        age, moved = zeros_since(use, head, thermometer, scatter)
+        age, moved = zeros_since(use, head, passing.thermometer, scatter)
         wrenches = with_sample_noise(
             wrenches,
             head,
             given,
             posture_std=scatter,
-            shares=_shares(use),
+            shares=use.sensor_shares,
             zero_variance=moved,
             tell=noises.append,
         )
@@ -202,35 +193,14 @@ def apply(
         else:
             kept += [columns_of(piece) for piece in numbers_only(wrenches)]
         if not totals.rows:
-            raise DataError(
-                "there is no instant at which every NCP's position and force are known",
-                where=", ".join(map(str, files)),
-                hint="check that all streams were recorded at the same time",
-            )
-        notes = [*log.messages, *inspection.finish(), *left_out(tally, use)]
+            raise passing.nothing()
+        notes = passing.findings()
     columns = None
     if target is None:
         columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
-    summary = summary_of(use, target, tally, totals, notes, moving=moving)
+    summary = summary_of(use, target, passing.tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
     summary["zeros"] = zero_effect(age, moved, summary["end"])
     summary["filter"] = effect
     return ApplyResult(summary, target, columns)
-
-
-def _posture_std(use: InUse) -> float:
-    """Noise of a force at a posture, N per axis, as the calibration's own residuals show it."""
-    fit = use.calibration.fit
-    if fit is None or fit.dof <= 0:
-        return 0.0
-    return use.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
-
-
-def _shares(use: InUse) -> FloatArray | None:
-    """Share (n,) of each sensor in the noise of a posture, 1 on average; None where alike."""
-    fit = use.calibration.fit
-    if fit is None or fit.channel_noise is None:
-        return None
-    variance = np.sum(np.square(fit.channel_noise), axis=1)
-    return np.asarray(variance / variance.mean())

@@ -51,6 +51,23 @@ class InUse:
         # The residual force of a posture is the sum of n readings, three axes each.
         return 0.0 if fit is None else float(fit.rms_force / np.sqrt(3 * self.given.rig.n))
 
+    @property
+    def posture_std(self) -> float:
+        """Noise of a force at a posture, N per axis, as the calibration's own residuals show it."""
+        fit = self.calibration.fit
+        if fit is None or fit.dof <= 0:
+            return 0.0
+        return self.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
+
+    @property
+    def sensor_shares(self) -> FloatArray | None:
+        """Share (n,) of each sensor in a posture's noise, 1 on average; None where alike."""
+        fit = self.calibration.fit
+        if fit is None or fit.channel_noise is None:
+            return None
+        variance = np.sum(np.square(fit.channel_noise), axis=1)
+        return np.asarray(variance / variance.mean())
+
 
 def calibrated(calibration: CalibrationFile, source: Path | str = "calibration") -> Calibrated:
     """Return the parameters of a calibration file with their covariance; source is for messages."""
@@ -184,18 +201,32 @@ def zeros_since(
     posture_std : N per axis, by which the calibration's postures scatter.
     """
     rig, start = use.campaign.rig.rig, float(head.samples.time[0])
-    warm = rig.drift.temperature > 0
 
     def temperature(time: FloatArray) -> FloatArray | None:
-        return thermometer.at(time, time, rig.n) if warm else None
+        return temperatures(use, thermometer, time)
 
-    first = temperature(np.array([start]))
-    age = zero_age(use, start, None if first is None else first[0])
-    epoch = zero_epoch(use.calibration)
-    scatter = posture_std**2 - rig.declared.force_noise**2
-    level = flicker_level(head, rig.axes, scatter, epoch.span, epoch.dwell)
+    age, slow = zeros_at(use, head, thermometer, posture_std)
     declared = moved_zeros(rig.drift, start, age, temperature)
-    slow = flicker(level, start, age, epoch.span)
     if declared is None or slow is None:
         return age, declared or slow
     return age, lambda time: np.asarray(declared(time) + slow(time))
+
+
+def zeros_at(
+    use: InUse, head: LogHead, thermometer: Thermometer, posture_std: float
+) -> tuple[ZeroAge, ZeroVariance | None]:
+    """Age of the zeros at a log's first sample, and the variance of 1/f noise since they held."""
+    start = float(head.samples.time[0])
+    first = temperatures(use, thermometer, np.array([start]))
+    age = zero_age(use, start, None if first is None else first[0])
+    epoch = zero_epoch(use.calibration)
+    rig = use.campaign.rig.rig
+    scatter = posture_std**2 - rig.declared.force_noise**2
+    level = flicker_level(head, rig.axes, scatter, epoch.span, epoch.dwell)
+    return age, flicker(level, start, age, epoch.span)
+
+
+def temperatures(use: InUse, thermometer: Thermometer, time: FloatArray) -> FloatArray | None:
+    """Temperature (N, n), °C, at times (N,), s, where zeros move with it; None without a record."""
+    rig = use.campaign.rig.rig
+    return thermometer.at(time, time, rig.n) if rig.drift.temperature > 0 else None

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import documents
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import Walk
-from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
 from tdfscal.wrench.sample_noise import ColouredNoise, SampleNoise
 from tdfscal.wrench.zero_wander import ZeroVariance
@@ -110,21 +109,6 @@ def metadata(
         f"{use.calibration.status}",
         "rig": use.given.rig.name,
     }
-
-
-def left_out(tally: Tally, use: InUse) -> list[Finding]:
-    """Name what is left out, and what stays unknown."""
-    found = []
-    if tally.uncovered:
-        found.append(Finding("samples-uncovered", size=tally.uncovered))
-    if tally.unreadable:
-        found.append(Finding("samples-unreadable", size=tally.unreadable))
-    if not use.given.rig.axes.all():
-        values: dict[str, Value] = {"components": observable_text(use.given)}
-        found.append(Finding("wrench-in-part", values=values))
-    if use.given.open.any():
-        found.append(Finding("calibration-open"))
-    return found
 
 
 def summary_of(

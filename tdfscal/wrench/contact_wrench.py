@@ -143,6 +143,29 @@ def _friction_variance(given: Calibrated) -> float:
     return n**2 * (tau**2 + variance) / 3.0
 
 
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Contact wrenches at K places at rest as they follow their errors, LCS.
+
+    jacobian : (K, 6, P), by the calibrated parameters. declared : (K, 6, 6), covariance by what is
+    declared per posture. open : (K, 6), components that nothing bounds.
+    """
+
+    jacobian: FloatArray
+    declared: FloatArray
+    open: BoolArray
+
+
+def linearised(given: Calibrated, position: FloatArray, force: FloatArray) -> Linear:
+    """Linearise at positions (K, n, 3), m, BCS, and readings (K, n, 3), N."""
+    posture = single(given, position, measured(given, force))
+    at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
+    T, J = to_lcs(at), jacobian(given, at)
+    unknown = (np.abs(J[:, :, given.open]) > _ROUNDING).any(axis=2)
+    unknown |= reached(T @ free(at.noise_force, given.rig.axes))
+    return Linear(J, np.asarray(T @ at.cov @ np.swapaxes(T, 1, 2)), unknown)
+
+
 def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> FloatArray:
     """Covariance (K, 6, 6) of contact wrenches at rest from the calibration, LCS; ∞ where open.
 
@@ -155,16 +178,12 @@ def _covariances(
     given: Calibrated, position: FloatArray, force: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Covariances (K, 6, 6) by the calibration, as above, and by what is declared per posture."""
-    posture = single(given, position, measured(given, force))
-    at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
-    T, J = to_lcs(at), jacobian(given, at)
-    half = J @ given.root
+    linear = linearised(given, position, force)
+    half = linear.jacobian @ given.root
     out = half @ np.swapaxes(half, 1, 2)
-    unknown = (np.abs(J[:, :, given.open]) > _ROUNDING).any(axis=2)
-    unknown |= reached(T @ free(at.noise_force, given.rig.axes))
     diagonal = np.arange(6)
-    out[:, diagonal, diagonal] = np.where(unknown, np.inf, out[:, diagonal, diagonal])
-    return np.asarray(out), np.asarray(T @ at.cov @ np.swapaxes(T, 1, 2))
+    out[:, diagonal, diagonal] = np.where(linear.open, np.inf, out[:, diagonal, diagonal])
+    return np.asarray(out), linear.declared
 
 
 def reached(columns: FloatArray) -> BoolArray:

@@ -195,8 +195,7 @@ def with_sample_noise(
             break
     if not held:
         return
-    B = wrench(given.state.hinge)
-    each = np.einsum("nab,nab->na", B, B)  # by one of each axis of a sensor, per N²
+    each = by_sensor(given)
     slow = posture_std**2 - given.rig.declared.force_noise**2
     alike = np.ones(len(each)) if shares is None else shares
     noise = _noise(held, head, alike @ each, slow)
@@ -207,6 +206,12 @@ def with_sample_noise(
             moved = np.broadcast_to(zero_variance(piece.time), (len(variance), len(each)))
             variance = variance + moved @ each
         yield replace(piece, std=np.sqrt(variance))
+
+
+def by_sensor(given: Calibrated) -> FloatArray:
+    """Variance (n, 6) of the wrench by one of each axis of a sensor, per N²."""
+    B = wrench(given.state.hinge)
+    return np.asarray(np.einsum("nab,nab->na", B, B))
 
 
 def _noise(held: list[Wrenches], head: LogHead, each: FloatArray, slow: float) -> SampleNoise:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from tdfscal.errors import DataError
 from tdfscal.files.escaping import csv_comment
 from tdfscal.planning import Candidates, Plan
 from tdfscal.planning.moving_plan import MovingPlan
@@ -14,6 +18,50 @@ from tdfscal.records import ANGLES, FloatArray
 AXES = ("x", "y", "z")
 #: How far beyond a posture its approach starts, m: more than any backlash.
 OVERSHOOT = 1.0e-3
+_TITLE = "# tdfscal plan for "
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """The rows of a plan.
+
+    time : (K,), s, of a motion; the number of the row where they are postures. averaged : they are.
+    position : (K, n, 3), m, BCS. squeeze : (K, n, 3), N, BCS.
+    """
+
+    supports: tuple[str, ...]
+    time: FloatArray
+    averaged: bool
+    position: FloatArray
+    squeeze: FloatArray
+
+
+def read_plan(path: Path) -> Driven | None:
+    """Read a plan that `plan` wrote; None where a file is none. Raises DataError."""
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return None
+    with path.open(encoding="utf-8", errors="replace") as file:
+        if not file.readline().startswith(_TITLE):
+            return None
+        rows = list(csv.reader(line for line in file if not line.startswith("#")))
+    names = [name[:-2] for name in (rows or [[]])[0] if name.endswith(".x")]
+    places, squeezes = (
+        [f"{name}.{word}{axis}" for name in names for axis in AXES] for word in ("", "squeeze_")
+    )
+    try:
+        columns = {name: [float(row[k] or 0) for row in rows[1:]] for k, name in enumerate(rows[0])}
+        position, squeeze = (
+            np.array([columns[name] for name in group]).T.reshape(-1, len(names), 3)
+            for group in (places, squeezes)
+        )
+    except (IndexError, KeyError, ValueError) as error:
+        raise DataError(
+            "the plan is not as it was written", where=str(path), hint="make it anew by plan"
+        ) from error
+    if not len(position):
+        raise DataError("the plan has no rows", where=str(path), hint="make it anew by plan")
+    time = np.array(columns.get("t", range(len(position))), dtype=np.float64)
+    return Driven(tuple(names), time, "t" not in columns, position, squeeze)
 
 
 def plan_csv(plan: Plan, command: str) -> str:
@@ -106,7 +154,7 @@ def _notes(
             f"expected {name}: {f'{angles} mrad' if known else 'undetermined, as it lacks axes'}"
         )
     return [
-        f"tdfscal plan for {csv_comment(plan.rig.name)}{what}",
+        f"{_TITLE[2:]}{csv_comment(plan.rig.name)}{what}",
         f"command: {csv_comment(command)}",
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
         f"The terminal's LCS origin stands at ({home}) m at home, level.",

@@ -1,0 +1,255 @@
+"""Noise of the contact wrench behind a controller's filter, measured where the log lets it be seen.
+
+At rest it is the scatter within static dwells; where nothing rests, that about a parabola in
+windows. Its slow part comes from the spectrum of means over bins (`dwells.slow_noise`); what it
+loses to the mean or the parabola that is taken off is put back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.detection.exceedance import Noise
+from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
+from tdfscal.records import FloatArray
+
+#: Windows where nothing rests, s; what scatters this many times as much as usual is a touch.
+_WINDOW, _TOUCHED = 10.0, 4.0
+#: Bins of a window, and orders of its cosine transform that hold what is taken off.
+_BINS, _TAKEN = 128, {0: 1, 2: 4}
+#: Samples of a window, at least.
+_FEWEST = 16
+#: Cycles per bin up to which means over bins have the spectrum of the noise.
+_UNBINNED = 0.125
+#: Equivalent noise bandwidth of the filter over its cut-off: π / (2 √2).
+_BANDWIDTH = np.pi / np.sqrt(8.0)
+#: Sampling intervals without a sample, from which on a filter begins anew.
+_GAP = 3.0
+
+
+class LowPass:
+    """A causal Butterworth low-pass of the second order, over pieces of a signal in their order.
+
+    cutoff : Hz; None: nothing is filtered. White noise has no derivative and a level without a
+    filter is crossed as often as it is sampled; behind this one it is crossed upwards `cutoff`
+    times a second at most (Rice).
+    """
+
+    def __init__(self, cutoff: float | None, interval: float) -> None:
+        self._coefficients = None if cutoff is None else _butterworth(cutoff * interval)
+        self._longest = _GAP * interval
+        self._state: FloatArray | None = None
+        self._begins = 0.0 if cutoff is None else 2.0 / cutoff
+        self._ready = self._end = -np.inf
+
+    def __call__(self, time: FloatArray, value: FloatArray) -> FloatArray:
+        """Filtered piece (N, c) at times (N,), s; 0 until it has forgotten how it began.
+
+        After a gap it begins anew.
+        """
+        if self._coefficients is None or not len(value):
+            return value
+        from scipy.signal import lfilter  # slow to import
+
+        b, a = self._coefficients
+        out = np.empty_like(value)
+        cuts = np.flatnonzero(np.diff(time, prepend=self._end) > self._longest)
+        for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
+            if first == last:
+                continue
+            if first in cuts or self._state is None:
+                # Of a constant 1 the output is 1 at once.
+                settled = np.array([1.0 - b[0], b[2] - a[2]])
+                self._state = settled[:, None] * value[first]
+                self._ready = float(time[first]) + self._begins
+            out[first:last], self._state = lfilter(b, a, value[first:last], 0, self._state)
+        self._end = float(time[-1])
+        out[time < self._ready] = 0.0
+        return out
+
+
+def _butterworth(share: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the filter, its cut-off as a share of the sampling rate.
+
+    The bilinear transform of 1 / (s² + √2 s + 1).
+    """
+    k = np.tan(np.pi * share)
+    norm = 1.0 + np.sqrt(2.0) * k + k**2
+    b = k**2 / norm * np.array([1.0, 2.0, 1.0])
+    return b, np.array([1.0, 2.0 * (k**2 - 1.0) / norm, (1.0 - np.sqrt(2.0) * k + k**2) / norm])
+
+
+def _filtered(value: FloatArray, share: float) -> FloatArray:
+    """The whole of a signal (N, c) through the filter at once, as if it came again and again."""
+    b, a = _butterworth(share)
+    late = np.exp(-2j * np.pi * np.fft.rfftfreq(len(value)))[:, None] ** np.arange(3)
+    return np.fft.irfft(
+        np.fft.rfft(value, axis=0) * ((late @ b) / (late @ a))[:, None], len(value), axis=0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredNoise:
+    """Noise of each of the six components, and what it was measured on.
+
+    resting : in static dwells, else in windows of a motion. spans : how many there were; none
+    where the log shows no noise, which is 0 then. longest : s, of them.
+    """
+
+    components: tuple[Noise, ...]
+    resting: bool
+    spans: int
+    longest: float
+
+
+def measured_noise(
+    time: FloatArray,
+    value: FloatArray,
+    rest: Sequence[slice],
+    cutoff: float | None,
+    *,
+    window: float = _WINDOW,
+    degree: int = 2,
+) -> MeasuredNoise:
+    """Measure the noise of a wrench (N, 6) at times (N,), s.
+
+    rest : rows that lie in each static dwell. cutoff : of the filter, Hz. window : s, where nothing
+    rests, and degree : of the polynomial that is taken off there, 0 or 2.
+    """
+    count, resting = value.shape[1], bool(rest)
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    seen = value if cutoff is None else _filtered(value, cutoff * interval)
+    # A filter forgets what was before a dwell within a few of its time constants.
+    late = 0 if cutoff is None else int(np.ceil(1.0 / (cutoff * interval)))
+    spans = [slice(row.start + late, row.stop) for row in rest]
+    spans = [row for row in spans if row.stop - row.start >= _FEWEST]
+    if not resting:
+        size = max(_FEWEST, round(window / interval))
+        spans = [slice(k, min(k + size, len(time))) for k in range(late, len(time), size)]
+        # The last one is a remnant, unless it is the only one.
+        spans = [row for row in spans if 2 * (row.stop - row.start) >= size] or spans[:1]
+    spans = _untouched([row for row in spans if row.stop - row.start >= _FEWEST], value, degree)
+    if not spans:
+        none = Noise(0.0, 0.0, 0.0, 1.0, interval)
+        return MeasuredNoise((none,) * count, resting, 0, 0.0)
+    longest = interval * max(row.stop - row.start for row in spans)
+    slow, relaxation = _slow_part([value[row] for row in spans], interval, degree)
+    passed = np.array([_passed(tau, cutoff) for tau in relaxation])
+    slow = slow * passed * (relaxation > _memory(cutoff, interval))
+    total, step = np.zeros(count), np.zeros(count)
+    kept, samples = np.zeros(count), 0.0
+    for row in spans:
+        part = _detrended(seen[row], degree)
+        size = len(part)
+        free = size if cutoff is None else min(2.0 * _BANDWIDTH * cutoff * interval * size, size)
+        share = max(1.0 - (degree + 1) / free, 0.1)
+        total += np.sum(part**2, axis=0)
+        step += np.sum(np.diff(part, axis=0) ** 2, axis=0) * size / (size - 1)
+        kept += size * np.array([1.0 - _lost(tau, size * interval, degree) for tau in relaxation])
+        samples += size * share
+    fast = np.maximum(total - slow * kept, 0.0) / samples
+    rough = step / sum(row.stop - row.start for row in spans) / 2.0
+    if cutoff is None:
+        rough = rough - slow * -np.expm1(-interval / relaxation)
+    unlike = np.divide(rough, fast, out=np.ones(count), where=fast > 0)
+    return MeasuredNoise(
+        tuple(
+            Noise(float(np.sqrt(f)), float(np.clip(1.0 - u, -1.0, 1.0 - 1e-12)),
+                  float(np.sqrt(s)), float(tau), interval)
+            for f, u, s, tau in zip(fast, unlike, slow, relaxation, strict=True)
+        ),
+        resting,
+        len(spans),
+        longest,
+    )  # fmt: skip
+
+
+def _memory(cutoff: float | None, interval: float) -> float:
+    """How long the fast part remembers, s: what relaxes faster is a part of it."""
+    return 2.0 * interval if cutoff is None else 1.0 / (2.0 * cutoff)
+
+
+def _untouched(spans: list[slice], value: FloatArray, degree: int) -> list[slice]:
+    """Leave out windows that scatter far more than most."""
+    if len(spans) < 3:
+        return spans
+    variance = np.array([_detrended(value[row], degree).var(axis=0) for row in spans])
+    usual = np.median(variance, axis=0)
+    touched = (variance > _TOUCHED * usual).any(axis=1)
+    return [row for row, bad in zip(spans, touched, strict=True) if not bad] or spans
+
+
+def _detrended(part: FloatArray, degree: int) -> FloatArray:
+    """Part (N, c) less its mean, or its parabola."""
+    Q = _polynomials(len(part), degree)
+    return np.asarray(part - Q @ (Q.T @ part))
+
+
+def _polynomials(size: int, degree: int) -> FloatArray:
+    return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), degree + 1))[0])
+
+
+def _slow_part(
+    parts: Sequence[FloatArray], interval: float, degree: int
+) -> tuple[FloatArray, FloatArray]:
+    """Variance and relaxation, s, of the slow part of each component (c,)."""
+    count = parts[0].shape[1]
+    longest = max(map(len, parts))
+    size = max(1, longest // _BINS)  # samples in a bin
+    frequency, power = list[FloatArray](), list[FloatArray]()
+    for part in parts:
+        bins = len(part) // size
+        order = np.arange(_TAKEN[degree], bins)
+        order = order[order / (2.0 * bins) <= _UNBINNED] if size > 1 else order
+        if not len(order):
+            continue
+        mean = part[: bins * size].reshape(bins, size, count).mean(axis=1)
+        mean = _detrended(mean, degree)
+        basis = np.cos(np.pi * order[:, None] * (np.arange(bins) + 0.5) / bins)
+        frequency.append(order / (2.0 * bins))
+        power.append((np.sqrt(2.0 / bins) * basis @ mean) ** 2)
+    variance, relaxation = np.zeros(count), np.ones(count)
+    if not frequency:
+        return variance, relaxation
+    where = np.concatenate(frequency)
+    rank = np.argsort(where, kind="stable")
+    ordinates = np.concatenate(power)[rank].T
+    length = longest / size
+    for c, found in enumerate(slow_noise(where[rank], ordinates, length)):
+        if found is not None:
+            variance[c], relaxation[c] = _relaxing(found, length, size * interval)
+    return variance, relaxation
+
+
+def _relaxing(found: SlowNoise, length: float, bin_time: float) -> tuple[float, float]:
+    """One relaxation, variance and time, s, for all that are likely; rates add as variances do.
+
+    1/f noise is what it is from a window's length down to a bin.
+    """
+    forever = np.isinf(found.relaxation)
+    time = np.where(forever, length / 4.0, found.relaxation)
+    size = found.slow * np.where(forever, 2.0 * np.log(length), 1.0)
+    variance = float(size @ found.weight)
+    if not variance > 0.0:
+        return 0.0, 1.0
+    return variance, bin_time * variance / float((size / time) @ found.weight)
+
+
+def _lost(relaxation: float, length: float, degree: int) -> float:
+    """Share of the slow variance that a mean or parabola over a length, s, takes off."""
+    at = np.linspace(0.0, length, _BINS)
+    C = np.exp(-np.abs(at[:, None] - at) / relaxation)
+    Q = _polynomials(_BINS, degree)
+    return float(np.einsum("ik,ij,jk->", Q, C, Q) / _BINS)
+
+
+def _passed(relaxation: float, cutoff: float | None) -> float:
+    """Share of the variance of an Ornstein–Uhlenbeck process that the filter lets pass."""
+    if cutoff is None:
+        return 1.0
+    x = np.geomspace(1e-6, 1e4, 4001)  # 2π f τ
+    passed = 1.0 / (1.0 + (x / (2.0 * np.pi * cutoff * relaxation)) ** 4)
+    return float(np.trapezoid(passed / (1.0 + x**2), x) * 2.0 / np.pi)

@@ -1,0 +1,189 @@
+"""The threshold that a path without contact exceeds seldom enough, and the contact that exceeds it.
+
+What the calibration leaves uncertain is one draw x per machine: at a place of the path it makes a
+wrench a·x, the same noise on top everywhere. The probability that |a·x + noise| exceeds a threshold
+anywhere on the path is the mean over x of what the noise does given x (`exceedance`). It is worked
+out by importance sampling: with p_b what it would be if all of the path were like place b, a place
+is drawn with a probability as p_b, then a_b·x as it is where that stops, then the rest of x freely;
+the mean of P(stop | x) Σ p_b / Σ P(stop at b | x) is then the probability, with a relative error
+that does not grow as it gets small (Adler, Blanchet and Liu, Ann. Appl. Probab. 22, 2012).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from tdfscal.detection.exceedance import Crossings, Noise, crossings
+from tdfscal.records import FloatArray
+
+#: Draws behind a probability, and the places across which a single one is integrated.
+_DRAWS = 1024
+_ACROSS = np.linspace(-8.5, 8.5, 681)
+#: Places this close to each other, as a share of what stands at the worst, are one.
+_ALIKE = 0.02
+#: Share of the variance along the path that is left out with the least of its modes.
+_LEFT_OUT = 1e-4
+#: Steps that close in on a threshold, and how close in its probability is close.
+_STEPS, _CLOSE = 40, 2e-3
+_HALVES = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """A component along the path: what one machine has on it at B places, for r draws.
+
+    factor : (B, r), N or N·m by standard normal numbers. share : (B,), of the path's time.
+    """
+
+    factor: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of(cls, factor: FloatArray, weight: FloatArray, noise: float) -> Places:
+        """Reduce places (N, R) with times (N,): fewer draws, and like places together."""
+        values, vectors = np.linalg.eigh(factor @ factor.T)
+        values = np.maximum(values[::-1], 0.0)
+        most = 1 + int(np.searchsorted(np.cumsum(values), (1 - _LEFT_OUT) * values.sum()))
+        if values[0] > 0.0:
+            factor = vectors[:, ::-1][:, :most] * np.sqrt(values[:most])
+        else:
+            factor = np.zeros((len(factor), 1))
+        near = _ALIKE * (np.linalg.norm(factor, axis=1).max() + noise)
+        # The farthest from all that were taken is taken next.
+        taken = [int(np.argmax(np.linalg.norm(factor, axis=1)))]
+        away = np.linalg.norm(factor - factor[taken[0]], axis=1)
+        nearest = np.zeros(len(factor), dtype=np.intp)
+        while away.max() > near:
+            taken.append(int(np.argmax(away)))
+            new = np.linalg.norm(factor - factor[taken[-1]], axis=1)
+            nearest[new < away] = len(taken) - 1
+            away = np.minimum(away, new)
+        share = np.bincount(nearest, weight, len(taken))
+        return cls(factor[taken], share / share.sum())
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviation (B,) at each place."""
+        return np.asarray(np.linalg.norm(self.factor, axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """A threshold on one component over a path of a duration, s."""
+
+    places: Places
+    noise: Noise
+    duration: float
+
+    def threshold(self, probability: float) -> float:
+        """Return the threshold, N or N·m, that is exceeded on the path with this probability."""
+        total = float(np.hypot(self.places.std.max(), self.noise.std))
+        if total == 0.0:
+            return 0.0
+        chance = _Chance.of(self, total)
+        level, wanted = [total, 2.0 * total], float(np.log(probability))
+        value = [_log(chance(each)) - wanted for each in level]
+        while value[1] > 0.0:
+            level, value = [level[1], 1.5 * level[1]], [value[1], 0.0]
+            value[1] = _log(chance(level[1])) - wanted
+        if value[0] < 0.0:
+            level, value = [0.0, level[0]], [-wanted, value[0]]
+        last, middle = -1, level[1]
+        for _ in range(_STEPS):  # regula falsi, Illinois: ln P is nearly straight
+            share = value[0] / (value[0] - value[1])
+            middle = level[0] + share * (level[1] - level[0])
+            found = _log(chance(middle)) - wanted
+            if abs(found) <= _CLOSE:
+                return middle
+            side = int(found < 0.0)
+            if side == last:
+                value[1 - side] /= 2.0
+            level[side], value[side], last = middle, found, side
+        return middle
+
+    def smallest_contact(self, threshold: float, probability: float) -> float:
+        """Return the contact that exceeds a threshold with this probability at any time.
+
+        What is there at a time is what this machine has on it, and the noise of that sample.
+        """
+        std = np.hypot(self.places.std, self.noise.std)
+        if not std.max() > 0.0:
+            return threshold
+        low, high = threshold - 9.0 * std.max(), threshold + 9.0 * std.max()
+        for _ in range(_HALVES):
+            middle = 0.5 * (low + high)
+            up, down = (ndtr((sign * middle - threshold) / np.maximum(std, 1e-300))
+                        for sign in (1.0, -1.0))  # fmt: skip
+            if float(self.places.share @ (up + down)) < probability:
+                low = middle
+            else:
+                high = middle
+        return float(high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Chance:
+    """Probability that a threshold is exceeded, the same draws for every threshold."""
+
+    watch: Watch
+    table: Crossings
+    direction: FloatArray
+    free: FloatArray
+    uniform: FloatArray
+
+    @classmethod
+    def of(cls, watch: Watch, total: float) -> _Chance:
+        noise, std = watch.noise, watch.places.std
+        if noise.std <= 1e-6 * total:  # hardly any: it serves to smooth a step
+            noise = Noise(1e-3 * total, 0.0, 0.0, 1.0, max(watch.duration, 1e-9))
+        factor = watch.places.factor
+        unit = np.zeros_like(factor)
+        unit[:, 0] = 1.0
+        np.divide(factor, std[:, None], out=unit, where=std[:, None] > 0)
+        rng = np.random.default_rng(0)
+        free = rng.standard_normal((_DRAWS, factor.shape[1]))
+        uniform = (rng.permutation(_DRAWS) + 0.5) / _DRAWS
+        return cls(watch, crossings(noise), unit, free, uniform)
+
+    def __call__(self, threshold: float) -> float:
+        places, T = self.watch.places, self.watch.duration
+        spread = places.std[:, None] * _ACROSS  # (B, X)
+        rate, begun = self._crossed(threshold, spread)
+        alone = -np.expm1(-(rate * T + begun)) * np.exp(-0.5 * _ACROSS**2)
+        step = (_ACROSS[1] - _ACROSS[0]) / np.sqrt(2.0 * np.pi)
+        each = alone.sum(axis=1) * step
+        total = float(each.sum())
+        if not total > 0.0:
+            return 0.0
+        ends = np.cumsum(each) / total
+        which = np.minimum(np.searchsorted(ends, (np.arange(_DRAWS) + 0.5) / _DRAWS), len(each) - 1)
+        along = np.empty(_DRAWS)
+        for b in np.unique(which):
+            rows = which == b
+            cumulative = np.cumsum(alone[b])
+            along[rows] = np.interp(
+                self.uniform[rows], (cumulative - 0.5 * alone[b]) / cumulative[-1], _ACROSS
+            )
+        unit = self.direction[which]
+        x = self.free + (along - np.einsum("nr,nr->n", self.free, unit))[:, None] * unit
+        rate, begun = self._crossed(threshold, x @ places.factor.T)  # (N, B)
+        stopped = -np.expm1(-(rate @ places.share * T + begun.max(axis=1)))
+        each_alone = -np.expm1(-(rate * T + begun))
+        return total * float(np.mean(stopped / each_alone.sum(axis=1)))
+
+    def _crossed(self, threshold: float, there: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rate on both sides, 1/s, and what it begins with, with so much on the wrench."""
+        low, high = self.table.at(threshold - there), self.table.at(threshold + there)
+        return low[0] + high[0], low[1] + high[1]
+
+
+def _log(probability: float) -> float:
+    return float(np.log(max(probability, 1e-300)))
+
+
+def quantile(probability: float) -> float:
+    """Quantile of the standard normal distribution."""
+    return float(ndtri(probability))

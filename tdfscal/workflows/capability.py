@@ -1,0 +1,276 @@
+"""`capability`: thresholds for a machine, and the smallest contact that it notices with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from tdfscal.catalogue import documents, told
+from tdfscal.detection.capability import Capability, Request, assess, beyond_contact_free
+from tdfscal.detection.remedies import Remedy, remedies
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
+from tdfscal.findings import Finding, Value
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.reporting.capability import UNITS, capability_report
+from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.workflows.arguments import listed, one, triple
+from tdfscal.workflows.calibration import Calibration, paths_of
+from tdfscal.workflows.calibration_in_use import take
+from tdfscal.workflows.campaign import inputs_read
+from tdfscal.workflows.free_path import FreePath, planned_path, read_path
+from tdfscal.workflows.log_pass import Settings
+from tdfscal.workflows.options import (
+    LcsPoint,
+    OneCalibration,
+    Option,
+    Page,
+    Paths,
+    RigFile,
+    Telling,
+    command,
+)
+from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.result import Result, by_column
+from tdfscal.workflows.wrench_pass import WrenchPass
+from tdfscal.wrench.contact_wrench import COMPONENTS
+
+#: Cut-off of the filter that is tried where there is none, as a share of the sampling rate.
+_FILTER = 0.02
+#: Age of zeros, s, from which on a rig file is expected to say how they drift.
+_OLD = 86400.0
+#: Share of the variance from which on zeros have aged too far.
+_AGED = 0.5
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CapabilityResult(Result):
+    """Thresholds and smallest contacts along a path, with what was asked and what was found.
+
+    about : (3,), m, LCS, point of the moments. remedies : what would help, the best first.
+    """
+
+    calibration: Calibration
+    capability: Capability
+    request: Request
+    remedies: tuple[Remedy, ...]
+    findings: tuple[Finding, ...]
+    about: tuple[float, float, float]
+    timed: bool
+
+    @property
+    def exit_status(self) -> int:
+        """1 where a finding rejects the path, or the calibration for it."""
+        return int(any(finding.rejects for finding in self.findings))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found of calibration and path, beside what rejects them."""
+        return tuple(told(finding) for finding in self.findings if not finding.rejects)
+
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+        """Lay out thresholds, what they come from, and what would help."""
+        return capability_report(
+            self.capability, self.request, self.remedies, self.findings, self.about, drawings,
+            timed=self.timed,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return thresholds, contacts, shares and findings as plain JSON values."""
+        c = self.capability
+        return {
+            "calibration_status": self.calibration.status,
+            "false_stops": self.request.false_stops,
+            "detect": self.request.detect,
+            "filter": self.request.cutoff,
+            "about": list(self.about),
+            "duration": c.duration,
+            "timed": self.timed,
+            "axes": [
+                {
+                    "axis": axis,
+                    "unit": unit,
+                    "threshold": _plain(c.threshold[k]),
+                    "smallest_contact": _plain(c.smallest_contact[k]),
+                    "shares": {name: _plain(share[k]) for name, share in c.shares.items()},
+                    "noise": c.noise[k].std,
+                }
+                for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
+            ],
+            "remedies": [
+                {
+                    "kind": remedy.kind,
+                    "value": remedy.value,
+                    "smallest_contact": dict(
+                        zip(COMPONENTS, map(_plain, remedy.smallest_contact), strict=True)
+                    ),
+                }
+                for remedy in self.remedies
+            ],
+            "findings": documents(self.findings),
+        }
+
+    def table(self) -> dict[str, list[Any]]:
+        """One row per axis: threshold and smallest contact, N or N·m, shares of the variance."""
+        c = self.capability
+        names = " ".join(f"share_{source}" for source in c.shares)
+        rows = (
+            (axis, unit, c.threshold[k], c.smallest_contact[k], *(s[k] for s in c.shares.values()))
+            for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
+        )
+        return by_column(f"axis unit threshold smallest_contact {names}", rows)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of thresholds and contacts over the path."""
+        from tdfscal.reporting.figures.capability import over_path
+
+        return (over_path(self.capability, timed=self.timed),)
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+@command("capability calibration.yaml assembly/free.csv --filter 10")
+def capability(
+    calibration: OneCalibration,
+    paths: Paths,
+    *,
+    rig: RigFile = None,
+    false_stops: Annotated[
+        float, Option("false stops an hour that are borne on each axis", metavar="PER_HOUR")
+    ] = 0.1,
+    detect: Annotated[
+        float, Option("probability with which the smallest contact is seen", metavar="P")
+    ] = 0.95,
+    filter: Annotated[
+        float | None,
+        Option("cut-off of the controller's low-pass (Butterworth, 2nd order)", metavar="HZ"),
+    ] = None,
+    at: LcsPoint = (0.0, 0.0, 0.0),
+    html: Page = None,
+    progress: Telling = SILENT,
+) -> CapabilityResult:
+    """Find thresholds for a machine, and the smallest contact it then notices, along a free path.
+
+    Raises
+    ------
+    UsageError, RigError, DataError
+    """
+    files, page = listed(paths), one(html)
+    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
+    check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
+    request = _request(false_stops, detect, filter)
+    point = np.array(triple("--at", at))
+    path = planned_path(calibration, files, point)
+    if path is None:
+        use = take(calibration, files, one(rig))
+        progress.stage("reading the log and working out the contact wrench")
+        path = read_path(WrenchPass.of(use, Settings(progress), point), request.cutoff)
+    if not path.use.calibration.rotation_covariance.any():
+        raise DataError(
+            "the calibration states no covariance: nothing tells what it leaves open",
+            where=path.use.name,
+            hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
+        )
+    progress.stage("looking for thresholds")
+    result = _judged(path, request, point)
+    result.save_page(page, progress)
+    return result
+
+
+def _request(false_stops: float, detect: float, cutoff: float | None) -> Request:
+    """Check what is asked. Raises UsageError."""
+    if not 0.0 < false_stops < np.inf:
+        raise UsageError(
+            f"{false_stops:g} false stops an hour", where="--false-stops", hint="give one above 0"
+        )
+    if not 0.5 <= detect < 1.0:
+        raise UsageError(
+            f"a probability of {detect:g}", where="--detect", hint="give 0.5 or more, below 1"
+        )
+    if cutoff is not None and not 0.0 < cutoff < np.inf:
+        raise UsageError(f"a filter of {cutoff:g} Hz", where="--filter", hint="give hertz above 0")
+    return Request(false_stops, detect, cutoff)
+
+
+def _judged(path: FreePath, request: Request, point: FloatArray) -> CapabilityResult:
+    noise = path.noise(request.cutoff)
+    found = assess(path.given, path.errors, noise, path.places.time, path.duration, request)
+    lower = None
+    if path.interval is not None and noise.spans:
+        lower = (request.cutoff or 2 * _FILTER / path.interval) / 2
+    better = remedies(
+        path.given, path.errors, path.noise, found, path.duration, request, filtered_to=lower
+    )
+    findings = (*path.use.findings, *path.findings, *_findings(path, found, noise.spans > 0))
+    about = (float(point[0]), float(point[1]), float(point[2]))
+    timed = not path.places.averaged
+    return CapabilityResult(path.use.calibration, found, request, better, findings, about, timed)
+
+
+def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
+    """What the path and the calibration's use are to be judged by."""
+    out = []
+    # Without its inertia a terminal that moves shows a wrench, and no contact.
+    unmodelled = path.given.rig.inertia is None and path.in_motion
+    free = "moves-beyond" if unmodelled else "path-in-contact"
+    for code, largest, judged in ((free, path.largest, True), ("moves-beyond", path.moved, False)):
+        contact, limit = beyond_contact_free(path.errors, found, largest.size)
+        if contact.any():
+            worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
+            values: dict[str, Value] = {
+                "limit": float(limit[worst]),
+                "time": float(largest.when[worst] - path.places.time[0]),
+            }
+            size, unit = float(largest.size[worst]), UNITS[worst]
+            out.append(
+                Finding(
+                    code,
+                    _axes(contact),
+                    size,
+                    unit,
+                    None,
+                    None,
+                    values,
+                    rejects=judged,
+                )
+            )
+    if path.errors.open.any():
+        out.append(Finding("threshold-unbounded", _axes(path.errors.open), rejects=True))
+    use, drift = path.use, path.use.campaign.rig.rig.drift
+    if not path.given.joint and use.calibration.method != "tracker":
+        out.append(Finding("covariance-in-part", (use.name,)))
+    aged = np.mean(np.sum(path.errors.zeros**2, axis=2), axis=0)
+    whole = np.mean(np.sum(path.errors.factor**2, axis=2), axis=0)
+    share = float(np.max(np.divide(aged, whole, out=np.zeros(6), where=whole > 0)))
+    days = abs(path.age.seconds) / _OLD
+    if share > _AGED:
+        out.append(Finding("zeros-aged", size=share, values={"days": days}))
+    declared = drift.time > 0 or drift.walk > 0 or drift.temperature > 0
+    if not declared and path.age.known and days > 1.0:
+        out.append(Finding("drift-undeclared", size=days))
+    if not noisy:
+        out.append(Finding("path-without-noise"))
+    return [*out, *_stated_contact(path, found)]
+
+
+def _axes(which: BoolArray) -> tuple[str, ...]:
+    return tuple(axis for axis, there in zip(COMPONENTS, which, strict=True) if there)
+
+
+def _stated_contact(path: FreePath, found: Capability) -> list[Finding]:
+    """Whether the contact that the rig file states would be seen."""
+    limits = path.use.campaign.rig.rig.acceptance
+    out = []
+    for name, unit, limit, rows in (
+        ("force", "N", limits.contact_force, slice(0, 3)),
+        ("torque", "N·m", limits.contact_torque, slice(3, 6)),
+    ):
+        worst = float(np.max(found.smallest_contact[rows]))
+        if limit is not None and worst > limit:
+            values: dict[str, Value] = {"limit": limit}
+            out.append(Finding("contact-unseen", (name,), worst, unit, None, None, values, True))
+    return out

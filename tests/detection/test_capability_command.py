@@ -1,0 +1,242 @@
+"""`tdfscal capability` on simulated campaigns, by the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+import tdfscal
+from tdfscal.files.calibration.document import save_calibration
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.writers.campaign import write_campaign
+from tdfscal.records import Drift, Rig
+from tdfscal.simulation import (
+    Campaign,
+    Contact,
+    Faults,
+    Options,
+    Recorder,
+    make_rig,
+    simulate_campaign,
+)
+from tdfscal.workflows.calibration_in_use import calibrated
+from tdfscal.wrench.contact_wrench import covariance as wrench_covariance
+from tests.cli.running import run
+
+POSTURES, OFF = 12, 5
+FORCE = (60.0, -40.0, 80.0)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Folders, free and with a contact; the calibration's file."""
+
+    free: Path
+    touched: Path
+    calibration: Path
+
+
+def campaign(rig: Rig, faults: Faults | None = None) -> Campaign:
+    recorder = Recorder(dwell=(2.5, 3.0), move=(1.5, 2.0), force_rate=200.0, position_rate=200.0)
+    options = Options(
+        postures=POSTURES, squeeze=300.0, recorder=recorder, faults=faults or Faults()
+    )
+    return simulate_campaign(rig, options, np.random.default_rng(8))
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
+    home = tmp_path_factory.mktemp("capability")
+    write_campaign(campaign(make_rig()), home / "free", format="parquet")
+    write_campaign(
+        campaign(make_rig(), Faults(contacts=(Contact(OFF, FORCE),))), home / "touched",
+        format="parquet",
+    )  # fmt: skip
+    outcome = tdfscal.calibrate([home / "free"], trials=0)
+    assert outcome.status == "accepted"
+    save_calibration(outcome, home / "calibration.yaml")
+    return Places(home / "free", home / "touched", home / "calibration.yaml")
+
+
+def asked(capsys: pytest.CaptureFixture[str], *line: object) -> tuple[int, dict[str, Any]]:
+    seen = run(capsys, "capability", *line, "--json")
+    assert seen.out, seen.err
+    return seen.status, json.loads(seen.out)
+
+
+def codes(document: dict[str, Any]) -> set[str]:
+    return {finding["code"] for finding in document["findings"]}
+
+
+def test_a_free_log_gives_thresholds(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = asked(capsys, places.calibration, places.free)
+    assert status == 0
+    assert [a["axis"] for a in found["axes"]] == ["fx", "fy", "fz", "mx", "my", "mz"]
+    for axis in found["axes"]:
+        assert 0.0 < axis["threshold"] < axis["smallest_contact"]
+        assert sum(axis["shares"].values()) == pytest.approx(1.0, abs=1e-9)
+        assert min(axis["shares"].values()) > -1e-9
+    # White noise of the readings, √3 of it on the force of three sensors; 52 s of 200 Hz without a
+    # stop but in 0.14 % stay within 5.27 standard deviations.
+    log = tdfscal.read_log(places.free / "log.parquet", places.free / "rig.yaml")
+    steps = np.concatenate([np.diff(series.value, axis=0).ravel() for series in log.force])
+    noise = np.median(np.abs(steps)) / ndtri(0.75) / np.sqrt(2)
+    for axis in found["axes"][:3]:
+        assert axis["noise"] == pytest.approx(np.sqrt(3) * noise, rel=0.05)
+        assert axis["threshold"] == pytest.approx(5.27 * np.sqrt(3) * noise, rel=0.05)
+    assert not codes(found) & {"path-in-contact", "threshold-unbounded"}
+
+
+def test_the_text_fits_a_screen(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys, "capability", places.calibration, places.free, "--filter", "10", "-q")
+    assert len(seen.out.splitlines()) <= 20
+    assert max(map(len, seen.out.splitlines())) <= 80
+
+
+def test_a_lower_filter_sees_smaller_contacts(
+    places: Places, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain, slow = (
+        asked(capsys, places.calibration, places.free, *more)[1] for more in ((), ("--filter", "5"))
+    )
+    for before, after in zip(plain["axes"], slow["axes"], strict=True):
+        # Of white noise 1.11 · 5 Hz of 100 Hz are left.
+        assert after["noise"] == pytest.approx(before["noise"] * np.sqrt(0.0555), rel=0.15)
+        assert after["smallest_contact"] < 0.5 * before["smallest_contact"]
+    assert plain["remedies"][0]["kind"] == "filter"
+
+
+def test_a_path_in_contact_is_said(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = asked(capsys, places.calibration, places.touched, "--filter", "10")
+    assert status == 1
+    said = next(f for f in found["findings"] if f["code"] == "path-in-contact")
+    assert {"fx", "fy", "fz"} <= set(said["subject"])
+    assert all(axis["threshold"] for axis in found["axes"])
+
+
+def test_a_stated_contact_must_be_seen(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    found = asked(capsys, places.calibration, places.free)[1]
+    size = max(axis["smallest_contact"] for axis in found["axes"][:3])
+    text = (places.free / "rig.yaml").read_text()
+    text = text.replace("acceptance:", "acceptance:\n  contact: {force: SIZE}")
+    for share, status in ((1.02, 0), (0.98, 1)):
+        rig = tmp_path / "rig.yaml"
+        rig.write_text(text.replace("SIZE", str(share * size)))
+        seen, document = asked(capsys, places.calibration, places.free, "--rig", rig)
+        assert (seen, "contact-unseen" in codes(document)) == (status, bool(status))
+
+
+def test_zeros_that_drift_without_bound_have_no_threshold(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text((places.free / "rig.yaml").read_text() + "drift: {time: .inf}\n")
+    status, found = asked(capsys, places.calibration, places.free, "--rig", rig)
+    assert status == 1
+    assert "threshold-unbounded" in codes(found)
+    assert [axis["threshold"] for axis in found["axes"]] == [None] * 6
+
+
+def test_old_zeros_are_said(places: Places, tmp_path: Path) -> None:
+    loaded = load_rig(places.free / "rig.yaml").rig
+    rig = tmp_path / "rig.yaml"
+    rig.write_text((places.free / "rig.yaml").read_text() + "drift: {walk: 5.0}\n")
+    plain = tdfscal.capability(places.calibration, places.free)
+    drifting = tdfscal.capability(places.calibration, places.free, rig=rig)
+    assert loaded.drift == Drift()
+    assert np.all(drifting.capability.threshold >= plain.capability.threshold)
+    assert np.all(drifting.capability.shares["zeros"] > plain.capability.shares["zeros"])
+
+
+def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
+    tdfscal.plan(places.free, output=tmp_path / "plan.csv", postures=10)
+    found = tdfscal.capability(places.calibration, tmp_path / "plan.csv", false_stops=0.1)
+    assert found.exit_status == 0
+    # One posture's worth: not less than the calibration alone at any of them, k = 1.645 and 1.645.
+    assert found.capability.duration == 3600.0
+    least = np.sqrt(np.mean(found.capability.calibration_std**2, axis=0))
+    assert np.all(found.capability.threshold > 1.6 * least)
+
+
+def test_moments_about_a_point_have_its_lever(places: Places) -> None:
+    # 5 m below, a force noise turns into a moment noise of five times its size.
+    origin, below = (
+        tdfscal.capability(places.calibration, places.free, at=at)
+        for at in ((0.0, 0.0, 0.0), (0.0, 0.0, -5.0))
+    )
+    assert below.capability.threshold[:3] == pytest.approx(origin.capability.threshold[:3], 1e-3)
+    ratio = below.capability.noise[3].std / origin.capability.noise[1].std
+    assert ratio == pytest.approx(5.0, rel=0.05)
+
+
+def test_the_calibrations_part_is_that_of_apply(places: Places) -> None:
+    found = tdfscal.capability(places.calibration, places.free)
+    given = calibrated(found.calibration)
+    samples = tdfscal.read_log(places.free / "log.parquet", places.free / "rig.yaml")
+    position, force = (
+        np.stack([series.value[:1] for series in streams], axis=1)
+        for streams in (samples.position, samples.force)
+    )
+    std = np.sqrt(np.diagonal(wrench_covariance(given, position, force)[0]))
+    assert np.all(found.capability.calibration_std[0] > 0.9 * std)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (("--false-stops", "0"), "--false-stops"),
+        (("--detect", "1"), "--detect"),
+        (("--filter", "120"), "--filter"),
+        (("--filter", "-3"), "--filter"),
+        (("--at", "1,2"), "--at"),
+    ],
+)
+def test_what_cannot_be_asked(
+    places: Places, capsys: pytest.CaptureFixture[str], line: tuple[str, str], said: str
+) -> None:
+    seen = run(capsys, "capability", places.calibration, places.free, *line)
+    assert seen.status == 2
+    assert said in seen.err
+    assert not seen.out
+
+
+def test_a_page_holds_the_figure(places: Places, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    found = tdfscal.capability(places.calibration, places.free, html=page)
+    assert "<svg" in page.read_text()
+    assert list(found.to_frame()["axis"]) == ["fx", "fy", "fz", "mx", "my", "mz"]
+    assert found.plot() is not None
+
+
+def test_a_covariance_of_zeros_is_refused(places: Places) -> None:
+    loaded = tdfscal.load_calibration(places.calibration)
+    bare = loaded.model_copy(
+        update={
+            "covariance": loaded.covariance.model_copy(
+                update={
+                    "matrix": tuple(tuple(0.0 for _ in row) for row in loaded.covariance.matrix)
+                }
+            )
+        }
+    )
+    with pytest.raises(tdfscal.TdfscalError, match="no covariance"):
+        tdfscal.capability(bare, places.free)
+
+
+def test_a_covariance_in_part_is_said(places: Places) -> None:
+    loaded = tdfscal.load_calibration(places.calibration)
+    apart = loaded.model_copy(update={"parameters": None})
+    found = tdfscal.capability(apart, places.free)
+    assert "covariance-in-part" in {finding.code for finding in found.findings}
+    assert np.all(
+        found.capability.calibration_std
+        >= 0.99 * tdfscal.capability(loaded, places.free).capability.calibration_std
+    )
