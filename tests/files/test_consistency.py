@@ -153,3 +153,14 @@ def test_a_fit_without_degrees_of_freedom_states_no_p_value() -> None:
 def test_a_file_without_the_block_is_judged_by_the_rest() -> None:
     bare = altered("supports", 2, "zero", 1, by=1.0).model_copy(update={"parameters": None})
     check(bare)
+
+
+def test_what_is_left_open_is_compared_with_nothing() -> None:
+    """An interval and standard uncertainties that are null, though roll and yaw are separable."""
+    support = WHOLE.supports[0]
+    value = support.rpy_interval
+    assert value is not None
+    nothing = (None, None, None)
+    open_ends = value.model_copy(update={"low": nothing, "high": nothing})
+    changed = support.model_copy(update={"rpy_std": nothing, "rpy_interval": open_ends})
+    check(WHOLE.model_copy(update={"supports": (changed, *WHOLE.supports[1:])}))

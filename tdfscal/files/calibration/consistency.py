@@ -102,9 +102,9 @@ def _interval(c: Calibration, i: int) -> Iterator[Statement]:
     """Yield the middle of a support's interval, unless it is that of the Monte Carlo."""
     interval, trials = c.supports[i].rpy_interval, c.monte_carlo
     if interval is not None:
-        low, high = np.array(interval.low), np.array(interval.high)
-        ends = None if trials is None else [trials.low[i], trials.high[i]]
-        if ends is None or not np.allclose([low, high], ends, rtol=0, atol=SAME):
+        low, high = (np.array(ends, dtype=np.float64) for ends in (interval.low, interval.high))
+        drawn = None if trials is None else [trials.low[i], trials.high[i]]
+        if drawn is None or not np.allclose([low, high], drawn, rtol=0, atol=SAME):
             yield ("supports", i, "rpy_interval"), (low + high) / 2, c.rpy[i]
 
 
