@@ -37,7 +37,7 @@ def test_the_main_commands_run_without_posix(tmp_path: Path) -> None:
     """From no file at all to contact wrenches; every path holds a backslash and a letter beyond
     ASCII, and the console shows no letter that cp1252 lacks."""
     folder = "Prüf\\stand"
-    lines = (
+    lines: tuple[str, ...] = (
         f"simulate|{folder}|--postures|8|--seed|1|-q",
         f"init|{folder}\\..\\log.csv|-o|draft.yaml",
         f"info|{folder}",
