@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from studies import controlled
 from studies.arms import ORIGIN, Arm
 from studies.control.contact import GearPair
+from studies.control.gear_survey import survey_error
 from studies.control.reference import advance, require_within
 from studies.control.runs import PHASES, Controller, Docking, Result
 from studies.frame import Beside, Cell, Study, Table
@@ -23,7 +24,6 @@ from tdfscal.reporting.figures.style import figure, legend_outside
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.simulation.survey import survey_error
 
 #: Path beyond the planned seat, m: the seat is felt, not known.
 _ON = 0.01

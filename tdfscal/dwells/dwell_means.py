@@ -66,8 +66,7 @@ class Extent:
 class Moments:
     """Per dwell and stream: mean (K, S, 3), cov of the mean (K, S, 3, 3), count and effective
     (K, S); drift (K, S, 3), change over the dwell by the fitted line, with drift_std;
-    bow (K, S, 3), the quadratic term in standard deviations; density (K, S, 3), variance of a
-    sample as it counts in a long mean.
+    density (K, S, 3), variance of a sample as it counts in a long mean.
     """
 
     mean: FloatArray
@@ -76,7 +75,6 @@ class Moments:
     effective: FloatArray
     drift: FloatArray
     drift_std: FloatArray
-    bow: FloatArray
     density: FloatArray
 
 
@@ -92,7 +90,6 @@ class _Own:
     count: IntArray  # (K, S)
     drift: FloatArray
     length: FloatArray
-    bow: FloatArray
 
 
 def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
@@ -133,7 +130,6 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         effective=np.clip(n * share, 1.0, n),
         drift=own.drift,
         drift_std=sd / own.length,
-        bow=np.divide(own.bow, sd, out=np.zeros(shape), where=sd > 0),
         density=variance,
     )
 
@@ -179,7 +175,7 @@ def _spectra(bins: Bins, extents: Sequence[Extent]) -> list[tuple[int, Spectrum]
 
 def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
     shape = (len(extents), bins.count.shape[1], 3)
-    mean, scatter, drift, bow = (np.zeros(shape) for _ in range(4))
+    mean, scatter, drift = (np.zeros(shape) for _ in range(3))
     length, count = np.ones(shape), np.zeros(shape[:2], dtype=np.int64)
 
     def measure(part: list[int]) -> None:
@@ -201,26 +197,23 @@ def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
         x -= spread(offset)
         wx = w * x
         square = total(wx * x) + total(_taken(bins.scatter, rows).astype(np.float64))
-        # Line and bow: weighted orthogonal polynomials of the time as a fraction of the dwell.
+        # The line: the time as a fraction of the dwell, about its weighted mean.
         begin = rows[first]
         whole = rows[first + size - 1] - begin + 1
         t = (rows - spread(begin)) / spread(whole)
         line = t - spread(total(w * t) / n)
         line2 = total(w * line**2)
-        curve = line**2 - spread(line2 / n)
-        curve = curve - line * spread(total(w * line * curve) / line2)
         for result, found in (
             (mean, reference + offset),
             (scatter, square / np.maximum(n - 1.0, 1.0)),
             (drift, total(wx * line) / line2),
             (length, np.sqrt(line2)),
-            (bow, total(wx * curve) / np.sqrt(total(w * curve**2))),
         ):
             result[part] = found.transpose(2, 0, 1)
         count[part] = n[:, 0].T
 
     in_threads(measure, _portions(extents))
-    return _Own(mean, scatter, count, drift, length, bow)
+    return _Own(mean, scatter, count, drift, length)
 
 
 def _together(extents: Sequence[Extent]) -> tuple[IntArray, IntArray, IntArray]:

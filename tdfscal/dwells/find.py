@@ -23,10 +23,9 @@ from tdfscal.findings import Finding
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
 
-_SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
 _SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common
-_VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line or bow
+_VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line
 
 
 def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
@@ -121,26 +120,20 @@ def _long_run(bins: Bins, moments: Moments) -> FloatArray:
 def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut]) -> Dwells:
     bins, n = field.bins, len(field.bins.supports)
     moments = dwell_moments(bins, extents)
-    unsettled, found = _drifts(field, extents, moments)
-    keep = np.array([k for k in range(len(extents)) if k not in unsettled], dtype=np.int64)
-    left_out = left_out + [
-        field.out(extents[k].begin, extents[k].end, reason) for k, reason in unsettled.items()
-    ]
-    found += _interruptions(left_out)
-    force = moments.mean[:, n:]
+    found = _drifts(field, extents, moments) + _interruptions(left_out)
     low, high = force_extremes(bins, extents)
     return Dwells(
         supports=bins.supports,
-        start=np.array([field.time(extents[k].begin) for k in keep]),
-        end=np.array([field.time(extents[k].end - 1) + bins.width for k in keep]),
-        position=moments.mean[keep, :n],
-        position_cov=moments.cov[keep, :n],
-        force=force[keep],
-        force_cov=moments.cov[keep, n:],
-        force_min=low[keep],
-        force_max=high[keep],
-        count=moments.count[keep, n:],
-        effective=moments.effective[keep, n:],
+        start=np.array([field.time(extent.begin) for extent in extents]),
+        end=np.array([field.time(extent.end - 1) + bins.width for extent in extents]),
+        position=moments.mean[:, :n],
+        position_cov=moments.cov[:, :n],
+        force=moments.mean[:, n:],
+        force_cov=moments.cov[:, n:],
+        force_min=low,
+        force_max=high,
+        count=moments.count[:, n:],
+        effective=moments.effective[:, n:],
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
         findings=tuple(found),
         force_range=whole_range(bins),
@@ -154,18 +147,11 @@ def _interruptions(left_out: list[LeftOut]) -> list[Finding]:
     return [Finding("readings-return", size=len(found), values={"first": min(found)})]
 
 
-def _drifts(
-    field: Field, extents: list[Extent], moments: Moments
-) -> tuple[dict[int, Finding], list[Finding]]:
-    """Dwells that are not settled after all (index → reason), and those that drift slowly.
-
-    A line or a bow of the forces that neither the noise nor the drift common to all dwells
-    explains is settling in a short dwell, and drift in a long one.
-    """
+def _drifts(field: Field, extents: list[Extent], moments: Moments) -> list[Finding]:
+    """Dwells with a line that their noise does not explain."""
     if not extents:
-        return {}, []
+        return []
     bins, n = field.bins, len(field.bins.supports)
-    span = _spans(field, extents)
     z = float(-ndtri(0.5 * DRIFT_PER_LOG / moments.drift.size))
     limit = (
         z * moments.drift_std * _beyond_noise(moments.drift, moments.drift_std)
@@ -173,16 +159,9 @@ def _drifts(
         + 1e-12 * np.abs(moments.mean)
     )
     significant = np.abs(moments.drift) > limit
-    common = _common_drift(field, extents, moments).reshape(n, 3)
-    own = np.abs(moments.drift[:, n:] - common * span[:, None, None]) > limit[:, n:]
-    bow = moments.bow[:, n:]
-    bent = np.abs(bow) > z * _beyond_noise(bow, np.ones_like(bow))
-    unsettled: dict[int, Finding] = {}
     found: list[Finding] = []
     for k, extent in enumerate(extents):
-        if span[k] < _SETTLING and (own[k] | bent[k]).any():
-            unsettled[k] = Finding("stop-unsettled", size=float(span[k]), unit="s")
-        elif significant[k].any():
+        if significant[k].any():
             strength = np.where(significant[k], np.abs(moments.drift[k]) / limit[k], 0.0)
             stream, axis = np.unravel_index(int(np.argmax(strength)), strength.shape)
             found.append(
@@ -198,11 +177,11 @@ def _drifts(
                     },
                 )
             )
-    return unsettled, found
+    return found
 
 
 def _beyond_noise(value: FloatArray, std: FloatArray) -> FloatArray:
-    """Factor (S, 3) by which most dwells exceed their std: vibration leaves lines and bows too."""
+    """Factor (S, 3) by which most dwells exceed their std: vibration leaves lines too."""
     if len(value) < _MANY:
         return np.ones(value.shape[1:])
     z = np.divide(np.abs(value), std, out=np.zeros_like(value), where=std > 0)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import mmap
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +15,7 @@ Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
 _SLAB = 16384  # samples reduced at once; they stay in the cache
-_ROOM = 2**18  # bins at first: those of an hour and a half
+_ROOM = 2**14  # bins at first: those of five minutes
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,22 +173,15 @@ class Streams:
 
 
 def _room(streams: int, bins: int) -> Moments:
-    """Place for the moments of all streams; its pages take memory once they are written."""
-
-    def zeros(shape: tuple[int, ...], dtype: type[np.generic]) -> npt.NDArray[Any]:
-        # As an array of numpy's own they would come in huge pages.
-        size = math.prod(shape)
-        private = {"flags": mmap.MAP_PRIVATE} if hasattr(mmap, "MAP_PRIVATE") else {}
-        pages = mmap.mmap(-1, max(size * np.dtype(dtype).itemsize, 1), **private)
-        return np.frombuffer(pages, dtype, size).reshape(shape)
-
+    """Place for the moments of all streams."""
+    half = streams // 2
     return Moments(
-        zeros((streams, bins), np.int64),
-        zeros((streams, bins), np.int32),
-        zeros((streams, 3, bins), np.float64),
-        zeros((streams, 3, bins), np.float32),
-        zeros((streams // 2, 3, bins), np.float32),
-        zeros((streams // 2, 3, bins), np.float32),
+        np.zeros((streams, bins), np.int64),
+        np.zeros((streams, bins), np.int32),
+        np.zeros((streams, 3, bins)),
+        np.zeros((streams, 3, bins), np.float32),
+        np.zeros((half, 3, bins), np.float32),
+        np.zeros((half, 3, bins), np.float32),
     )
 
 

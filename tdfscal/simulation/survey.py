@@ -1,4 +1,4 @@
-"""Laser-tracker surveys, of the rig (Sect. 3.2) and of the outer gear (Sect. 5.2)."""
+"""Laser-tracker surveys of the rig (Sect. 3.2)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from tdfscal.simulation.truth import Truth
 
 SENSOR_BELOW = np.array([0.0, 0.0, -0.15])
 """From a hinge centre to the middle of its sensor, BCS, m."""
-#: Measuring points of the outer gear, on a circle about the bore's mouth, m; every second one lies
-#: deeper, m.
-_GEAR_POINTS, _GEAR_RADIUS, _GEAR_STEP = 6, 0.15, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,40 +108,3 @@ def _points(rig: Rig, prefix: str, xyz: FloatArray) -> PointSet:
         std=None,
         source="simulated",
     )
-
-
-def survey_error(
-    rig: Rig,
-    options: SurveyOptions,
-    mouth: FloatArray,
-    home: FloatArray,
-    runs: int,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Error of the surveyed bore in the BCS, one per run: rotation (runs, 3, 3), left, and
-    translation (runs, 3), m, of the mouth.
-
-    mouth, home : (3,), m, BCS. The tracker measures points of the gear, and one point of each NCP
-    at `options.moves` places, which give R_b^m and the BCS' origin; rigid fits without weights.
-    """
-    angle = 2.0 * np.pi * np.arange(_GEAR_POINTS) / _GEAR_POINTS
-    body = _GEAR_RADIUS * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    body[::2, 2] = _GEAR_STEP
-    R_all, t_all = np.empty((runs, 3, 3)), np.empty((runs, 3))
-    for run in range(runs):
-        azimuth = rng.uniform(-np.pi, np.pi)
-        station = home + options.distance * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        heading = rotations.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
-
-        def seen(point: FloatArray) -> FloatArray:
-            return measure((point - station) @ heading.T, options.instrument, rng)  # noqa: B023
-
-        places = (rig.hinge + home)[:, None, :] + options.travel * rng.uniform(
-            -1.0, 1.0, (rig.n, options.moves, 3)
-        )
-        places = places.reshape(-1, 3)
-        really = places + rig.declared.positioner * rng.standard_normal(places.shape)
-        A, a = rotations.fit(seen(really), places)
-        B, b = rotations.fit(body, seen(body + mouth) @ A.T + a)
-        R_all[run], t_all[run] = B, b - mouth
-    return R_all, t_all
