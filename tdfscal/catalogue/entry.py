@@ -66,7 +66,7 @@ class _Words(Formatter):
         if format_spec in _UNITS:
             return quantity(value, format_spec)
         if isinstance(value, Sequence) and not isinstance(value, str):
-            value = ", ".join(map(str, value))
+            value = ", ".join(format(each, format_spec) for each in value)
         if isinstance(value, str):
             return visible(value)
         return str(format(value, format_spec))

@@ -15,9 +15,9 @@ def _misfit(what: str) -> Entry:
     )
 
 
-def _change(remedy: str) -> Entry:
+def _change(what: str, remedy: str) -> Entry:
     """What may have changed since a calibration."""
-    return Entry("rejects", "{tied:or |}{said}", remedy)
+    return Entry("rejects", f"{{tied:or |}}{what}", remedy)
 
 
 IN_USE: dict[str, Entry] = {
@@ -84,30 +84,56 @@ IN_USE: dict[str, Entry] = {
         "the zeros have moved since the calibration, by up to {size}, as a tare moves them",
         "bring the new ones in by `tdfscal update`",
     ),
-    "change-sensor-turned": _change("look at the mounting of this sensor, then calibrate again"),
-    "change-zero-drifted": _change("tare, and validate again; if it returns, calibrate again"),
+    "change-sensor-turned": _change(
+        "the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the BCS, ± "
+        "{change_std:rad}",
+        "look at the mounting of this sensor, then calibrate again",
+    ),
+    "change-zero-drifted": _change(
+        "the zero of {subject} {stated:is off what the rig file states|has drifted} by {change:N} "
+        "along x, y, z of the sensor, ± {change_std:N}",
+        "tare, and validate again; if it returns, calibrate again",
+    ),
     "change-gain": _change(
+        "the gain of {subject} has changed by {change:+.3f} ± {change_std:.3f} % along {axes} of "
+        "the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}",
         "have this sensor, its amplifier and its cable checked; calibrate again with "
-        "uncertainty.force_sensitivity declared until then"
+        "uncertainty.force_sensitivity declared until then",
     ),
-    "change-load": _change("correct the load, or the rig file and calibrate again"),
+    "change-load": _change(
+        "the terminal's mass has changed by {mass:+.3f} ± {mass_std:.3f} kg, and its barycentre by "
+        "{barycentre:m}, ± {barycentre_std:m}",
+        "correct the load, or the rig file and calibrate again",
+    ),
     "change-base-tilted": _change(
-        "level the base, or calibrate again with gravity.tilt_std declared"
+        "the base is no longer level as it was: {change:rad} about x, y of the BCS, ± "
+        "{change_std:rad}",
+        "level the base, or calibrate again with gravity.tilt_std declared",
     ),
-    "change-contact": _change("free these postures and record them again before anything else"),
+    "change-contact": _change(
+        "contact in {more:postures|posture} {postures}: {size}, {torque:N·m}",
+        "free these postures and record them again before anything else",
+    ),
     "change-hinges-stick": _change(
-        "see whether the hinges move freely, or state uncertainty.hinge_moment"
+        "the moments scatter as friction of {size} in the hinges makes them",
+        "see whether the hinges move freely, or state uncertainty.hinge_moment",
     ),
     "change-noise-grown": _change(
-        "look for what shakes or hums, at cables and amplifiers, or state "
-        "uncertainty.force_noise, and validate again"
+        "the forces of {whose} scatter by {size} per axis and posture more than log and rig file "
+        "state",
+        "look for what shakes or hums, at cables and amplifiers, or state uncertainty.force_noise, "
+        "and validate again",
     ),
     "change-zeros-moved": _change(
-        "tare, or state in zero.std by how much zeros move, and validate again"
+        "the zeros of all sensors have moved by about {size} per axis, farther than the rig file's "
+        "zero.std has it",
+        "tare, or state in zero.std by how much zeros move, and validate again",
     ),
     "change-zeros-wander": _change(
+        "the zeros of all sensors wander by {size} per axis, from posture to posture and over the "
+        "whole log, as 1/f noise does",
         "let sensors and amplifiers warm up, keep cables and temperature still, or state "
-        "drift.walk, and validate again"
+        "drift.walk, and validate again",
     ),
     "change-unexplained": Entry(
         "rejects",

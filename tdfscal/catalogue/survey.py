@@ -3,10 +3,39 @@
 from __future__ import annotations
 
 from tdfscal.catalogue.entry import Entry
-from tdfscal.findings import Finding
 
 SURVEY: dict[str, Entry] = {
-    "point-remark": Entry("notes", "{said}"),
+    "columns-unused": Entry("notes", "{subject}: columns not used: {columns}"),
+    "columns-assumed": Entry("notes", "{subject}: no line names the columns; read as {columns}"),
+    "column-of-reflectors": Entry(
+        "notes", "{subject}: the column Target holds reflectors ({reflector}), not points"
+    ),
+    "points-numbered": Entry(
+        "notes", "{subject}: the points have no names; they are numbered by their rows"
+    ),
+    "measurements-averaged": Entry(
+        "notes",
+        "{subject}: {measurements} measurements of {points} points are averaged; they scatter by "
+        "{scatter:.3g} per coordinate in the file's unit",
+    ),
+    "uncertainty-expanded": Entry(
+        "notes",
+        "{subject}: U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}",
+    ),
+    "uncertainty-sigma": Entry(
+        "notes", "{subject}: its uncertainties are of {coverage:g} sigma, as it says"
+    ),
+    "uncertainty-standard": Entry(
+        "notes",
+        "{subject}: its uncertainties are taken as standard ones (1 sigma); no line says more",
+    ),
+    "uncertainty-rounded": Entry(
+        "notes", "{subject}: uncertainties printed as 0 are taken as {rounded:g}, as rounded"
+    ),
+    "uncertainty-missing": Entry("notes", "{subject}: {number:.0f} point(s) have no uncertainty"),
+    "uncertainty-unstated": Entry(
+        "notes", "{subject}: its uncertainties are all {zero:zero|blank}, which states none"
+    ),
     "point-left-out": Entry(
         "warns",
         "{subject} is left out: residual {size}, {ratio:.3g} times what its uncertainty allows",
@@ -91,8 +120,3 @@ SURVEY: dict[str, Entry] = {
         "register each by itself",
     ),
 }
-
-
-def point_remark(text: str) -> Finding:
-    """Take over what the reader of a point file says in words."""
-    return Finding("point-remark", values={"said": text})

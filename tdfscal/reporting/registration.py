@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import documents, sentence, told
-from tdfscal.catalogue.survey import point_remark
+from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Facts, Report, Section, Table
 from tdfscal.reporting.phrases import chi_squared
@@ -60,7 +60,7 @@ def _statistics(r: PointRegistration) -> tuple[tuple[str, str], ...]:
     return first, ("Scale", scale)
 
 
-def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
+def document(r: PointRegistration, found: Sequence[Finding] = ()) -> dict[str, Any]:
     """Return plain JSON values; m and rad."""
     return {
         "convention": SCALED if r.scaled else CONVENTION,
@@ -90,5 +90,5 @@ def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
         "rejected": [{"name": p.name, "reason": sentence(p.finding)} for p in r.rejected],
         "missing": list(r.missing),
         "extra": list(r.extra),
-        "findings": documents([*(point_remark(text) for text in notes), *r.findings]),
+        "findings": documents([*found, *r.findings]),
     }

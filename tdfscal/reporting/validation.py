@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
-from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue import cure, documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ResidualWrench
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting import phrases
 from tdfscal.reporting.layout import (
@@ -26,7 +26,7 @@ from tdfscal.reporting.layout import (
     illustrated,
 )
 from tdfscal.reporting.phrases import METHODS, chi_squared
-from tdfscal.reporting.validation_causes import CHANGES, REMEDIES, describe, lengths, start_of
+from tdfscal.reporting.validation_causes import change, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.in_motion import MovingValidation
@@ -174,7 +174,7 @@ def _cause(v: Tested, cause: Cause) -> dict[str, Any]:
         "chi2_explained": cause.gain,
         "unknowns": cause.unknowns,
         "remaining_p_value": cause.remaining_p,
-        "text": describe(v, cause),
+        "text": sentence(change(v, cause)),
     }
 
 
@@ -202,7 +202,8 @@ def reasons(v: Tested) -> list[str]:
         more = "one gain changed, a tilted base, contact in a few postures, or more noise"
         tried = f"one zero drifted, {'or another load' if moving else f'another load, {more}'}"
         return [*found, f"No single cause explains it: not one sensor turned, {tried}."]
-    found.append(REMEDIES[v.suspected[0].kind])
+    remedy = cure(change(v, v.suspected[0]))
+    found.append(f"{remedy[0].upper()}{remedy[1:]}.")
     if len(v.suspected) > 1:
         found.append(
             f"The {'motion does' if moving else 'postures do'} not tell the causes below apart, "
@@ -248,11 +249,7 @@ def changes(v: Tested) -> list[Finding]:
     if v.zeros.moved:
         most = float(np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max())
         found.append(Finding("zeros-moved", size=most, unit="N"))
-    for k, cause in enumerate(v.suspected):
-        subject = () if cause.support is None else (v.rig.supports[cause.support],)
-        values: dict[str, Value] = {"said": describe(v, cause), "tied": k > 0}
-        code = CHANGES[cause.kind]
-        found.append(Finding(code, subject, p_value=cause.p_value, values=values, rejects=True))
+    found += [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
     if not v.holds and not v.suspected:
         found.append(Finding("change-unexplained", p_value=v.p_value, rejects=True))
     return found
@@ -305,7 +302,7 @@ def validation_report(
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
         accepted=v.holds,
         claim=" ".join(reasons(v)),
-        reasons=tuple(describe(v, cause) for cause in v.suspected),
+        reasons=tuple(sentence(change(v, cause)) for cause in v.suspected),
         tiles=(
             tested,
             *phrases.residual_tiles(found),

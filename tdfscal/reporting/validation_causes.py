@@ -1,32 +1,15 @@
-"""What may have changed since a calibration, in words with its size, and what to do about it."""
+"""What may have changed since a calibration, as findings with their sizes."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tdfscal.files.calibration.log_time import clock_from
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray
-from tdfscal.validation.causes import Cause, Kind
+from tdfscal.validation.causes import NOISE, Cause, Kind
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.validation.verdict import Verdict
-
-#: What to do first about the likeliest cause.
-REMEDIES: dict[Kind, str] = {
-    "sensor turned": "Look at the mounting of this sensor, then calibrate again.",
-    "zero drifted": "Tare, and validate again; if it returns, calibrate again.",
-    "gain changed": "Have this sensor, its amplifier and its cable checked; calibrate again with "
-    "uncertainty.force_sensitivity declared until then.",
-    "load changed": "Correct the load, or the rig file and calibrate again.",
-    "base tilted": "Level the base, or calibrate again with gravity.tilt_std declared.",
-    "contact": "Free these postures and record them again before anything else.",
-    "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
-    "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
-    "uncertainty.force_noise, and validate again.",
-    "zeros moved": "Tare, or state in zero.std by how much zeros move, and validate again.",
-    "zeros wander": "Let sensors and amplifiers warm up, keep cables and temperature still, or "
-    "state drift.walk, and validate again.",
-}
-
 
 #: Codes of the causes' findings.
 CHANGES: dict[Kind, str] = {
@@ -43,69 +26,51 @@ CHANGES: dict[Kind, str] = {
 }
 
 
-def describe(v: Verdict, cause: Cause) -> str:
-    """One cause in words, with its size."""
-    value, std = cause.value, cause.std
-    whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
+def change(v: Verdict, cause: Cause, *, tied: bool = False) -> Finding:
+    """Return one cause with its size; tied : it is not told apart from a likelier one."""
+    value, std = cause.value.tolist(), cause.std.tolist()
+    support = None if cause.support is None else v.rig.supports[cause.support]
+    values: dict[str, Value] = {
+        "tied": tied, "whose": support or "all sensors", "change": value, "change_std": std
+    }  # fmt: skip
+    size, unit = None, ""
     match cause.kind:
         case "sensor turned":
-            return (
-                f"the sensor of {whose} has turned by {1e3 * np.linalg.norm(value):.2f} mrad: "
-                f"{_pairs(1e3 * value, 1e3 * std)} mrad about x, y, z of the BCS"
-            )
+            size, unit = float(np.linalg.norm(cause.value)), "rad"
         case "zero drifted":
-            moved = f"{_pairs(value, std)} N along x, y, z of the sensor"
-            if v.zeros.moved:
-                return f"the zero of {whose} is off what the rig file states by {moved}"
-            return f"the zero of {whose} has drifted by {moved}"
+            values["stated"] = v.zeros.moved
         case "load changed":
-            return (
-                f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
-                f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
-            )
+            values |= {"mass": value[0], "mass_std": std[0]}
+            values |= {"barycentre": value[1:], "barycentre_std": std[1:]}
         case "gain changed":
-            return f"the gain of {whose} has changed by {_gain(cause)}"
-        case "base tilted":
-            tilt = _pairs(1e3 * value, 1e3 * std)
-            return f"the base is no longer level as it was: {tilt} mrad about x, y of the BCS"
-        case "noise grown":
-            return (
-                f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than "
-                "log and rig file state"
-            )
-        case "zeros wander":
-            return (
-                f"the zeros of all sensors wander by {value[0]:.2g} N per axis, from posture to "
-                "posture and over the whole log, as 1/f noise does"
-            )
-        case "zeros moved":
-            return (
-                f"the zeros of all sensors have moved by about {value[0]:.2g} N per axis, farther "
-                "than the rig file's zero.std has it"
-            )
-        case "hinges stick":
-            return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
-    assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
-    named = ", ".join(f"{v.used[k] + 1} ({start_of(v, int(v.used[k]))} s)" for k in cause.postures)
-    force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
-    several = "s" if len(cause.postures) > 1 else ""
-    return f"contact in posture{several} {named}: {force:.2g} N, {moment:.2g} N·m"
+            values |= _gain(cause)
+        case "contact":
+            assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
+            which = [int(v.used[k]) for k in cause.postures]
+            force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+            size, unit = float(force), "N"
+            values["postures"] = [f"{k + 1} ({start_of(v, k)} s)" for k in which]
+            values |= {"more": len(which) > 1, "torque": float(moment)}
+    if cause.kind in NOISE:
+        size, unit = value[0], "N·m" if cause.kind == "hinges stick" else "N"
+    subject = () if support is None else (support,)
+    code = CHANGES[cause.kind]
+    return Finding(code, subject, size, unit, cause.p_value, values=values, rejects=True)
 
 
-def _gain(cause: Cause) -> str:
+def _gain(cause: Cause) -> dict[str, Value]:
     """Change of a gain, %, by the shape that was fitted."""
-    value, std = 100 * cause.value, 100 * cause.std
-    moved = np.flatnonzero(std > 0)
+    moved = np.flatnonzero(cause.std > 0)
+    axes = ["xyz"[k] for k in moved if k < 3]
     if cause.unknowns == 1:
-        where = "on all axes" if len(moved) == 3 else f"along {'xyz'[moved[0]]} of the sensor"
-        return f"{value[moved[0]]:+.3f} ± {std[moved[0]]:.3f} % {where}"
-    crosstalk = "" if cause.unknowns == 3 else ", with crosstalk yz, xz, xy"
-    sizes = ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved)
-    return f"{sizes} % along x, y, z of the sensor{crosstalk}"
-
-
-def _pairs(value: FloatArray, std: FloatArray) -> str:
-    return ", ".join(f"{a:+.2f} ± {s:.2f}" for a, s in zip(value, std, strict=True))
+        moved = moved[:1]
+    return {
+        "change": (100 * cause.value[moved]).tolist(),
+        "change_std": (100 * cause.std[moved]).tolist(),
+        "axes": axes,
+        "alike": cause.unknowns == 1 and len(axes) > 1,
+        "crosstalk": cause.unknowns > 3,
+    }
 
 
 def start_of(v: Validation, k: int) -> str:

@@ -183,12 +183,11 @@ def origin_of(
 
 def surveyed(
     campaign: Campaign, trials: int | None, rng: np.random.Generator
-) -> tuple[TrackerCalibration, list[InputFile], list[Finding]]:
+) -> tuple[TrackerCalibration, list[InputFile], tuple[Finding, ...]]:
     """Calibrate from a survey; also return its files, and what is found of them.
 
     Raises UsageError where the rig file declares none, DataError where its files are unusable.
     """
-    from tdfscal.catalogue.survey import point_remark
     from tdfscal.files.hashing import input_file, note_outside
     from tdfscal.files.points.reading import read_tracker_session
     from tdfscal.trackercal import calibrate_tracker
@@ -207,7 +206,7 @@ def surveyed(
             where=str(missing),
             hint="correct the paths of the tracker block in rig.yaml",
         )
-    session, notes = read_tracker_session(files)
+    session, found = read_tracker_session(files)
     options = {} if trials is None else {"trials": trials}
     result = calibrate_tracker(
         campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
@@ -216,7 +215,7 @@ def surveyed(
         input_file(path, "verified", note_outside(path, rig.parent, rig.name))
         for path in files.paths
     ]
-    return result, inputs, [point_remark(note) for note in notes]
+    return result, inputs, found
 
 
 def _with_survey(

@@ -11,8 +11,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from tdfscal import trackercal
+from tdfscal.catalogue import told
 from tdfscal.errors import UsageError
 from tdfscal.files.points.reading import read_point_file
+from tdfscal.findings import Finding
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
@@ -27,10 +29,15 @@ from tdfscal.workflows.result import Result
 
 @dataclass(frozen=True, slots=True, repr=False)
 class RegisterResult(Result):
-    """Best-fit transform reference → measured. registration : it. notes : of the files."""
+    """Best-fit transform reference → measured. registration : it. findings : of the files."""
 
     registration: PointRegistration
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found of the files."""
+        return tuple(map(told, self.findings))
 
     def to_report(self) -> Report:
         """Return transform, uncertainty, residuals."""
@@ -38,7 +45,7 @@ class RegisterResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values; m and rad."""
-        return document(self.registration, self.notes)
+        return document(self.registration, self.findings)
 
     def table(self) -> dict[str, Any]:
         """One row per point: its residual x, y, z and their length, in m."""
@@ -97,7 +104,7 @@ def register(
     fit = trackercal.register(
         first.points, second.points, instrument=instrument, match=match, groups=pairs, scale=scale
     )
-    return RegisterResult(fit, (*first.notes, *second.notes))
+    return RegisterResult(fit, (*first.findings, *second.findings))
 
 
 def _instrument(*given: float | None) -> Instrument | None:

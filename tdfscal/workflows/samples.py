@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -17,15 +17,17 @@ from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.motioncal.forecast import with_moves
-from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.workflows.log_pass import LogPass
 
+if TYPE_CHECKING:
+    from tdfscal.motioncal.pipeline import MotionCalibration
+
 Samples = Literal["static", "moving", "all"]
-Own = SelfCalibration | MotionCalibration
+Own: TypeAlias = "SelfCalibration | MotionCalibration"
 
 #: Dwells from which a log is taken for a campaign of dwells: five determine the angles at all.
 _ENOUGH = 5
@@ -165,6 +167,8 @@ def _moving(
     rng: np.random.Generator | None = None,
 ) -> MotionCalibration:
     """Calibrate from the motion; rng : of the Monte Carlo, None for none."""
+    from tdfscal.motioncal.pipeline import calibrate_moving
+
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
         rig or log.rig,

@@ -9,9 +9,10 @@ from pydantic import ValidationError
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.points.model import PointFile
-from tdfscal.files.points.reading import read_point_file, read_tracker_session
+from tdfscal.files.points.reading import PointReading, read_point_file, read_tracker_session
 from tdfscal.files.rig.model import TrackerBlock
 from tdfscal.files.rig.reading import TrackerFiles
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, PointSet
 
 PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"
@@ -28,6 +29,14 @@ METRES = np.array([[1.0, 2, 3], [4, 5, 6]])
 
 def read_points(path: Path, *, length_unit: str | None) -> PointSet:
     return read_point_file(path, length_unit=length_unit).points
+
+
+def codes(read: PointReading) -> list[str]:
+    return [finding.code for finding in read.findings]
+
+
+def found(read: PointReading, code: str) -> Finding:
+    return next(finding for finding in read.findings if finding.code == code)
 
 
 def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
@@ -96,7 +105,7 @@ def test_expanded_uncertainties_are_halved_and_said_so(tmp_path: Path) -> None:
     assert read.points.xyz == pytest.approx(np.array([[1.0, 2.0, 3.0]]), rel=1e-15)
     assert read.points.std is not None
     assert read.points.std[0] == pytest.approx([5e-5, 1e-4, 1.5e-4], rel=1e-12)
-    assert any("u = U(95)/2" in note for note in read.notes)
+    assert "uncertainty-expanded" in codes(read)
 
 
 def test_standard_uncertainties_are_taken_as_they_are(tmp_path: Path) -> None:
@@ -104,13 +113,13 @@ def test_standard_uncertainties_are_taken_as_they_are(tmp_path: Path) -> None:
     read = read_point_file(write(tmp_path, text), length_unit="mm")
     assert read.points.std is not None
     assert read.points.std[0] == pytest.approx([1e-4, 2e-4, 3e-4], rel=1e-12)
-    assert read.notes == ()
+    assert codes(read) == []
 
 
 def test_columns_not_used_are_said(tmp_path: Path) -> None:
     text = "group,point,x,y,z,operator\nncp1,P1,1,2,3,me\n"
     read = read_point_file(write(tmp_path, text), length_unit="mm")
-    assert any("operator" in note for note in read.notes)
+    assert found(read, "columns-unused").values["columns"] == ["operator"]
 
 
 HEAD = "group,point,x,y,z\n"
@@ -175,14 +184,14 @@ def test_a_tracker_export_without_names(tmp_path: Path) -> None:
     assert read.points.point == ("1", "2")
     assert read.points.std is not None
     assert read.points.std[0] == pytest.approx([1e-5, 2.5e-6, 1.5e-5], rel=1e-12)
-    assert any("RRR 1.5in" in note for note in read.notes)
+    assert found(read, "column-of-reflectors").values["reflector"] == "RRR 1.5in"
 
 
 def test_zeros_throughout_state_no_uncertainty(tmp_path: Path) -> None:
     text = LEICA_ROWS.replace("0.02", "0.00").replace("0.03", "0.00")
     read = read_point_file(write(tmp_path, text), length_unit=None)
     assert read.points.std is None
-    assert any("all zero" in note for note in read.notes)
+    assert found(read, "uncertainty-unstated").values["zero"]
 
 
 def test_a_target_column_of_names_names_the_points(tmp_path: Path) -> None:
@@ -330,7 +339,7 @@ def test_repeated_measurements_are_averaged_with_their_scatter(tmp_path: Path) -
     assert np.allclose(read.points.xyz, seen.mean(axis=0) * 1e-3, rtol=0, atol=1e-12)
     # 72 degrees of freedom: within four standard deviations of 0.02 mm / √5.
     assert read.points.repeatability == pytest.approx(2e-5 / 5**0.5, rel=4 / 144**0.5)
-    assert any("30 measurements of 6 points are averaged" in note for note in read.notes)
+    assert found(read, "measurements-averaged").values["measurements"] == 30
 
 
 def test_a_repeated_measurement_far_from_the_others_is_refused(tmp_path: Path) -> None:

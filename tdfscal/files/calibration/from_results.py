@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.comparison.joint import Joint
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
 from tdfscal.files.calibration import statistics
@@ -18,33 +17,36 @@ from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
-from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.planning.prospects import prospects
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.trackercal import TrackerCalibration
+
+if TYPE_CHECKING:
+    from tdfscal.comparison.joint import Joint
+    from tdfscal.motioncal.pipeline import MotionCalibration
+    from tdfscal.trackercal import TrackerCalibration
 
 
 def from_self(
     result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration, from postures or in motion."""
-    if isinstance(result, MotionCalibration):
-        found, state, given = result.uncertainty, result.fit.state.still, result.calibrated
-        std, exact = published_std(given, found.parameter_std), exact_quantities(result.fit)
-        parts = _own_parts(result, origin) | {
-            "parameters": parameters_document(given),
-            "motion": statistics.motion(result),
-        }
-    else:
+    if isinstance(result, SelfCalibration):
         found, state, std = result.uncertainty, result.fit.state, result.uncertainty.parameter_std
         parts, exact = _self_parts(result, origin), exact_quantities(result.fit)
         if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
             given = joint_posterior(result.fit, found.covariance)
             std = published_std(given, std)
             parts["parameters"] = parameters_document(given, _unscaled(result))
+    else:
+        found, state, given = result.uncertainty, result.fit.state.still, result.calibrated
+        std, exact = published_std(given, found.parameter_std), exact_quantities(result.fit)
+        parts = _own_parts(result, origin) | {
+            "parameters": parameters_document(given),
+            "motion": statistics.motion(result),
+        }
     angles = Angles(
         state.rotation,
         found.covariance,
@@ -140,7 +142,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
     """What a self-calibration says of itself, of postures or in motion."""
     return {
         "method": "self",
-        "estimator": "ml" if isinstance(result, MotionCalibration) else result.estimator,
+        "estimator": result.estimator if isinstance(result, SelfCalibration) else "ml",
         "fit": statistics.fit(result, origin.campaigns),
         "observability": statistics.observability(result.observability),
         "validation": statistics.validation(result.validation),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,14 +18,16 @@ from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.pose import register
-from tdfscal.motioncal.halves import HeldOut
-from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.cross_validation import CrossValidation
 from tdfscal.selfcal.nuisances import nuisances as nuisance_estimates
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
-from tdfscal.trackercal import TrackerCalibration
+
+if TYPE_CHECKING:
+    from tdfscal.motioncal.halves import HeldOut
+    from tdfscal.motioncal.pipeline import MotionCalibration
+    from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
 _LOOKED_AT = 2000
@@ -49,15 +51,15 @@ def fit(
 ) -> dict[str, Any]:
     """Residuals, rejected postures; χ² of all campaigns, where there are several."""
     said = asdict(result.quality)
-    if isinstance(result, MotionCalibration):
-        said["postures"] = result.dwells
-    else:
+    if isinstance(result, SelfCalibration):
         said |= {
             "postures": len(result.dwells) - len(result.rejected),
             "rejected": rejected(result.dwells, result.rejected),
             "channel_noise": result.channels,
             "kurtosis": result.validation.kurtosis,
         }
+    else:
+        said["postures"] = result.dwells
     if campaigns:
         said |= {key: sum(one[key] for one in campaigns) for key in ("postures", "chi2", "dof")}
         chi2, dof = said["chi2"], said["dof"]
@@ -98,7 +100,7 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
     if check is None:
         return None
     method, lengths = "leave one stretch of the motion out", [check.before, check.after]
-    if not isinstance(check, HeldOut):
+    if isinstance(check, CrossValidation):
         method = "leave one posture out"
         lengths = [np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in lengths]
     columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]

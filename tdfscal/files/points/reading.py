@@ -31,6 +31,7 @@ from tdfscal.files.points.text import (
     split,
 )
 from tdfscal.files.rig.reading import TrackerFiles
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
 
@@ -43,7 +44,7 @@ class PointReading:
     """A point file as read, and what a reader of the result should know of it."""
 
     points: PointSet
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,17 +78,17 @@ class _Table:
         return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
 
 
-def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[str, ...]]:
-    """Read a survey and the notes on its files; errors as `read_point_file`."""
+def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[Finding, ...]]:
+    """Read a survey and what is found of its files; errors as `read_point_file`."""
     read = [read_point_file(path, length_unit=files.stated.length_unit) for path in files.paths]
     session = TrackerSession(
         files.instrument, files.stated.drawing, *(file.points for file in read)
     )
-    return session, tuple(note for file in read for note in file.notes)
+    return session, tuple(found for file in read for found in file.findings)
 
 
 def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReading:
-    """Read a point file with notes on what was assumed: coverage, names, columns ignored.
+    """Read a point file, and find what was assumed: coverage, names, columns ignored.
 
     length_unit : of a file that names none. Coordinates in m, standard uncertainties with k = 1.
 
@@ -102,7 +103,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
         return PointReading(parse_json(text, source), ())
-    table, beside, notes = _table(split(text), source)
+    table, beside, found = _table(split(text), source)
     columns = table.columns
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
@@ -114,7 +115,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinate)
     std, stated = _stated(table, beside)
     if columns.ignored:
-        notes.append(f"{source}: columns not used: {', '.join(columns.ignored)}")
+        found.append(_found("columns-unused", source, columns=list(columns.ignored)))
     points = PointSet(
         group=tuple(names[k][0] for k in rows.first),
         point=tuple(names[k][1] for k in rows.first),
@@ -124,10 +125,10 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
         resolution=digit * max(coordinate),
         repeatability=rows.of_means * max(coordinate),
     )
-    return PointReading(points, (*named, *stated, *notes))
+    return PointReading(points, (*named, *stated, *found))
 
 
-def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[str]]:
+def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[Finding]]:
     """The table, what the lines beside it say, and a note where no line names the columns."""
     data = [line for line in lines if not line.comment]
     delimiter = delimiter_of(data[-1].text) if data else None
@@ -139,7 +140,7 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[s
         refuse(source, what, "check the export")
     others = [line for line in lines if line.comment or line.number <= begin]
     beside = read_preamble(others, source)
-    rows, notes, comma = [cells_of(line.text, delimiter) for line in body], [], delimiter != ","
+    rows, found, comma = [cells_of(line.text, delimiter) for line in body], [], delimiter != ","
     if header is not None:
         where = f"{source}, line {header.number}"
         columns = read_header(_cells_of_header(header, delimiter), where)
@@ -147,7 +148,7 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[s
         columns = known
     else:
         columns = by_cells(rows, beside.uncertain, comma, f"{source}, line {body[0].number}")
-        notes = [f"{source}: no line names the columns; read as {in_words(columns)}"]
+        found = [_found("columns-assumed", source, columns=in_words(columns))]
     table = _Table(columns, body, rows, comma, source)
     for k, cells in enumerate(rows):
         if not columns.needed <= len(cells) <= columns.count:
@@ -157,7 +158,7 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[s
                 "check the line; quote a name that has a comma or a blank in it",
             )
         cells += [""] * (columns.count - len(cells))
-    return table, beside, notes
+    return table, beside, found
 
 
 def _header(lines: Sequence[Line], delimiter: str | None) -> Line | None:
@@ -196,16 +197,16 @@ def _factors(
     return coordinate, np.where(np.isfinite(own), own, coordinate)
 
 
-def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
-    """Group and point of each row, and notes; rows are numbered where no column names them."""
+def _names(table: _Table) -> tuple[list[tuple[str, str]], list[Finding]]:
+    """Group and point of each row, and findings; without names they are numbered by their rows."""
     columns, source = table.columns, table.source
     points = None if columns.point is None else [row[columns.point] for row in table.rows]
-    notes = []
+    found = []
     if points and columns.reflector and 2 * len(set(points)) <= len(points):
-        notes.append(f"{source}: the column Target holds reflectors ({points[0]}), not points")
+        found.append(_found("column-of-reflectors", source, reflector=points[0]))
         points = None
     if points is None:
-        notes.append(f"{source}: the points have no names; they are numbered by their rows")
+        found.append(_found("points-numbered", source))
         points = [str(k + 1) for k in range(len(table.rows))]
     names = []
     for k, row in enumerate(table.rows):
@@ -213,12 +214,12 @@ def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
         if not name[1] or (columns.group is not None and not name[0]):
             table.refuse(k, "has no group or no point name", "name the point")
         names.append(name)
-    return names, notes
+    return names, found
 
 
 def _repeatability(
     table: _Table, names: Sequence[tuple[str, str]], rows: Repeated, xyz: FloatArray
-) -> str:
+) -> Finding:
     """What repeated measurements say; DataError where they are of different points."""
     if wrong := misplaced(rows, xyz):
         k, off = wrong
@@ -229,9 +230,12 @@ def _repeatability(
             "the file's unit: too far for a measurement repeated",
             "give each point of a group a name of its own, or leave one out",
         )
-    return (
-        f"{table.source}: {len(names)} measurements of {len(rows.first)} points are averaged; "
-        f"they scatter by {rows.scatter:.3g} per coordinate in the file's unit"
+    return _found(
+        "measurements-averaged",
+        table.source,
+        measurements=len(names),
+        points=len(rows.first),
+        scatter=float(rows.scatter),
     )
 
 
@@ -257,8 +261,8 @@ def _coordinates(table: _Table) -> FloatArray:
     return table.numbers(columns.coordinate)
 
 
-def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[str]]:
-    """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them, and notes."""
+def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Finding]]:
+    """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them; findings."""
     columns, source = table.columns, table.source
     if columns.uncertainty is None:
         return None, []
@@ -270,32 +274,34 @@ def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[st
             table.refuse(k, "has an uncertainty for some of x, y and z only", hint)
         if np.any(numbers[k] < 0):
             table.refuse(k, "has a negative uncertainty", "check the line")
-    notes = []
+    found = []
     if columns.expanded:
         coverage = COVERAGE_FACTOR
-        notes.append(f"U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}")
+        found.append(_found("uncertainty-expanded", source, coverage=coverage))
         if beside.coverage not in (None, 1.0, coverage):
             what = f"has U(95) columns and names a coverage of {beside.coverage:g} sigma"
             refuse(source, what, "correct one of them")
     else:
         coverage = beside.coverage or 1.0
         if beside.coverage is not None:
-            notes.append(f"its uncertainties are of {coverage:g} sigma, as it says")
+            found.append(_found("uncertainty-sigma", source, coverage=coverage))
         elif columns.bare:
-            notes.append(
-                "its uncertainties are taken as standard ones (1 sigma); no line says more"
-            )
+            found.append(_found("uncertainty-standard", source))
     std = None
     if np.any(numbers > 0):
         # A zero beside other uncertainties was rounded: it is anything below half a digit, and
         # the end of that interval is taken.
         rounded = table.last_digit(columns.uncertainty) / 2
         if np.any(numbers == 0):
-            notes.append(f"uncertainties printed as 0 are taken as {rounded:g}, as rounded")
+            found.append(_found("uncertainty-rounded", source, rounded=rounded))
         if not there.all():
-            notes.append(f"{np.sum(~there.all(axis=1))} point(s) have no uncertainty")
+            lacking = float(np.sum(~there.all(axis=1)))
+            found.append(Finding("uncertainty-missing", (source,), lacking))
         std = np.where(numbers == 0, rounded, numbers) / coverage
     else:
-        kind = "are all zero" if there.any() else "are all blank"
-        notes.append(f"its uncertainties {kind}, which states none")
-    return std, [f"{source}: {note}" for note in notes]
+        found.append(_found("uncertainty-unstated", source, zero=bool(there.any())))
+    return std, found
+
+
+def _found(code: str, source: str, **values: Value) -> Finding:
+    return Finding(code, (source,), values=values)
