@@ -15,7 +15,6 @@ from typing import IO
 
 import numpy as np
 
-from tdfscal.clocks import Reduction, Tracks, find_clock
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Log, LogMapping, RecorderClock, Series
 
@@ -70,6 +69,8 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Iterator[Log]]]) -> Iterato
     """
     with tempfile.TemporaryFile() as file:
         spools = [_Spool(file) for _ in sources]
+        from tdfscal.clocks import Reduction, Tracks, find_clock  # of several alone
+
         tracks: list[Tracks] = []
         for spool, (_, pieces) in zip(spools, sources, strict=True):
             reduction = Reduction()

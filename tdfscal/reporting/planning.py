@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.planning import Forecast, Plan
 from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.planning.plan import Plan
+from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.layout import Block, Report, Section, Table
 

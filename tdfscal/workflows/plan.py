@@ -14,17 +14,11 @@ from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
-from tdfscal.planning import (
-    Limits,
-    Objective,
-    Plan,
-    Request,
-    make_plan,
-    plan_for_target,
-    travel_limits,
-)
+from tdfscal.planning.choice import make_plan, plan_for_target
+from tdfscal.planning.limits import Limits, travel_limits
 from tdfscal.planning.moving_information import MovingRequest
 from tdfscal.planning.moving_plan import MovingPlan, plan_motion
+from tdfscal.planning.plan import Objective, Plan, Request
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.planning import (

@@ -25,7 +25,8 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
 from tdfscal.files.writers.wrenches import recording
 from tdfscal.findings import Finding
-from tdfscal.planning import Plan, Request, make_plan
+from tdfscal.planning.choice import make_plan
+from tdfscal.planning.plan import Plan, Request
 from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig
 from tdfscal.workflows.monitor import MonitorResult

@@ -10,8 +10,9 @@ import pytest
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
-from tdfscal.planning import Forecast, Plan, Request, make_plan, plan_for_target
-from tdfscal.planning.predicted_information import Sight, leaning
+from tdfscal.planning.choice import make_plan, plan_for_target
+from tdfscal.planning.plan import Plan, Request
+from tdfscal.planning.predicted_information import Forecast, Sight, leaning
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust

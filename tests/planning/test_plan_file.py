@@ -11,7 +11,8 @@ import pytest
 
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
-from tdfscal.planning import Request, make_plan
+from tdfscal.planning.choice import make_plan
+from tdfscal.planning.plan import Request
 from tdfscal.simulation import Recorder, reference_rig
 from tests.cli.running import run
 

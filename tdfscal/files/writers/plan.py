@@ -11,8 +11,9 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files.escaping import csv_comment
-from tdfscal.planning import Candidates, Plan
+from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
 
 AXES = ("x", "y", "z")

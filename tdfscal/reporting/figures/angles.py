@@ -15,8 +15,8 @@ from tdfscal.comparison.compatibility import Comparison
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.planning import Plan
 from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, legend_above, signed, tip
