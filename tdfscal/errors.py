@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Self
 
 from tdfscal.findings import Finding
@@ -21,12 +21,23 @@ def visible(text: str) -> str:
     )
 
 
+#: What a finding says, where, and what to do about it; the catalogue of findings gives these words.
+Words = Callable[[Finding], tuple[str, str, str]]
+_words: Words = lambda finding: (f"{finding.code} {finding}", "", "")  # noqa: E731
+
+
+def put_into_words(words: Words) -> None:
+    """Let errors that carry a finding speak."""
+    global _words
+    _words = words
+
+
 class TdfscalError(Exception):
     """What is wrong, where, and what to do about it: one paragraph.
 
     Parameters
     ----------
-    what : what is wrong, a sentence without its full stop.
+    what : what is wrong, a sentence without its full stop; or a finding, whose words say all.
     where : file, field, line or time; put in front of the sentence.
     hint : what to do, a sentence without its full stop.
     evidence : records of what was seen until then, for a page about it.
@@ -38,7 +49,7 @@ class TdfscalError(Exception):
 
     def __init__(
         self,
-        what: str,
+        what: str | Finding,
         *,
         where: str | None = None,
         hint: str | None = None,
@@ -46,6 +57,10 @@ class TdfscalError(Exception):
         fields: Sequence[str] = (),
         findings: tuple[Finding, ...] = (),
     ) -> None:
+        self.finding = what if isinstance(what, Finding) else None
+        if isinstance(what, Finding):
+            what, place, advice = _words(what)
+            where, hint = where or place or None, hint or advice or None
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
         self.fields, self.findings = tuple(fields), findings
         place = f"{where}: " if where else ""
@@ -56,7 +71,7 @@ class TdfscalError(Exception):
         self, *, what: str | None = None, where: str | None = None, hint: str | None = None
     ) -> Self:
         """The same error, with its evidence, in other words; those not given stay."""
-        return type(self)(
+        error = type(self)(
             what or self.what,
             where=where or self.where,
             hint=hint or self.hint,
@@ -64,6 +79,8 @@ class TdfscalError(Exception):
             fields=self.fields,
             findings=() if what else self.findings,
         )
+        error.finding = self.finding
+        return error
 
 
 class UsageError(TdfscalError):

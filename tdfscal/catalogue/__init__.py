@@ -12,8 +12,10 @@ from tdfscal.catalogue.campaign import CAMPAIGN, GATE, POSTURES
 from tdfscal.catalogue.entry import Entry
 from tdfscal.catalogue.in_use import IN_USE
 from tdfscal.catalogue.logs import LOGS
+from tdfscal.catalogue.refusals import REFUSALS
 from tdfscal.catalogue.survey import SURVEY
 from tdfscal.catalogue.suspects import SUSPECTS
+from tdfscal.errors import put_into_words
 from tdfscal.findings import Finding, Severity
 
 CATALOGUE: dict[str, Entry] = {
@@ -24,6 +26,7 @@ CATALOGUE: dict[str, Entry] = {
     **LOGS,
     **SURVEY,
     **IN_USE,
+    **REFUSALS,
 }
 
 
@@ -75,3 +78,10 @@ def documents(findings: Iterable[Finding]) -> list[dict[str, Any]]:
         if (entry := document(finding)) not in found:
             found.append(entry)
     return found
+
+
+def _of_error(finding: Finding) -> tuple[str, str, str]:
+    return sentence(finding), CATALOGUE[finding.code].where, cure(finding)
+
+
+put_into_words(_of_error)

@@ -33,13 +33,14 @@ class Entry:
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
     colon with a unit, or with words for yes|no, where ~ is the value; so have {subjects} for more
     than one name, {several} for a count above one. clauses : what the sentence goes on with where
-    a value holds.
+    a value holds. where : what of a campaign it is about, where an error says it.
     """
 
     severity: Severity
     sentence: str
     cure: str = ""
     clauses: tuple[tuple[str, str], ...] = ()
+    where: str = ""
 
     def words(self, finding: Finding) -> str:
         """Return what a finding says."""

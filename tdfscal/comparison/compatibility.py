@@ -94,7 +94,7 @@ def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
     Raises DataError where there are fewer than two, or where their supports differ.
     """
     if len(calibrations) < 2:
-        raise DataError("one calibration cannot be compared", hint="name two files or more")
+        raise DataError(Finding("comparison-of-one"))
     first = calibrations[0]
     ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
     against_first = tuple(compare_pair(later, first) for later in ordered[1:])
@@ -169,11 +169,8 @@ def smallest_changes(
 def in_order_of(model: Rotations, other: Rotations) -> Rotations:
     """`other` with its supports in the order of `model`; DataError where they differ."""
     if set(model.supports) != set(other.supports) or len(model.supports) != len(other.supports):
-        raise DataError(
-            f"the calibrations are of different supports: {', '.join(model.supports)} and "
-            f"{', '.join(other.supports)}",
-            hint="compare calibrations of the same rig",
-        )
+        values: dict[str, Value] = {"others": other.supports}
+        raise DataError(Finding("supports-differ", model.supports, values=values))
     order = np.array([other.supports.index(name) for name in model.supports])
     rows = (3 * order[:, None] + np.arange(3)).reshape(-1)
     return Rotations(model.supports, other.rotation[order], other.covariance[np.ix_(rows, rows)])
@@ -190,8 +187,4 @@ def _require_covariance(name: str, rotations: Rotations) -> None:
     if not (np.all(np.isfinite(C)) and np.all(scale > 0)) or (
         np.linalg.eigvalsh(C / scale[:, None] / scale)[0] <= 1e-12
     ):
-        raise DataError(
-            "the covariance of the rotations is not positive definite",
-            where=name,
-            hint="calibrate again; a rotation that the data do not determine cannot be compared",
-        )
+        raise DataError(Finding("covariance-singular"), where=name)

@@ -8,12 +8,11 @@ import numpy as np
 
 from tdfscal.comparison.compatibility import Comparison, compare_pair, in_order_of, rpy_std
 from tdfscal.errors import NotConvergedError
+from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
-from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.least_squares import block_diagonal, gauss_newton
 from tdfscal.records import FloatArray, Rotations
-
-_MAX_ITERATIONS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,29 +45,30 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
     """
     test = compare_pair(("self", self_calibration), ("tracker", tracker))
     second = in_order_of(self_calibration, tracker)
-    covariances = (self_calibration.covariance, second.covariance)
-    informations = [inverse(c) for c in covariances]
+    informations = [inverse(each.covariance) for each in (self_calibration, second)]
     covariance = inverse(informations[0] + informations[1])
     n = len(self_calibration.supports)
-    start = test.rotation_vector.reshape(-1)  # of self against tracker
-    X = so3.exp((covariance @ informations[0] @ start).reshape(n, 3)) @ second.rotation
+    roots = [np.linalg.cholesky(each).T for each in informations]
     estimates = (self_calibration.rotation, second.rotation)
-    for _ in range(_MAX_ITERATIONS):
-        H, gradient = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
-        for rotation, information in zip(estimates, informations, strict=True):
-            d = so3.log(X @ np.swapaxes(rotation, 1, 2))
-            J = block_diagonal(*np.linalg.inv(so3.left_jacobian(d)))
-            H += J.T @ information @ J
-            gradient += J.T @ information @ d.reshape(-1)
-        step = np.linalg.solve(H, -gradient)
-        X = so3.exp(step.reshape(n, 3)) @ X
-        if -gradient @ step < 1e-16:
-            break
-    else:
-        raise NotConvergedError(
-            "the joint estimate found no minimum",
-            hint="compare the two calibrations; they lie too far apart to be combined",
+
+    def rows(X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """W_a d_a of both, and their slopes by left turns of X."""
+        away = [so3.log(X @ np.swapaxes(rotation, 1, 2)) for rotation in estimates]
+        slopes = [block_diagonal(*np.linalg.inv(so3.left_jacobian(d))) for d in away]
+        return (
+            np.concatenate([W @ d.ravel() for W, d in zip(roots, away, strict=True)]),
+            np.concatenate([W @ J for W, J in zip(roots, slopes, strict=True)]),
         )
+
+    def turned(X: FloatArray, step: FloatArray) -> FloatArray:
+        return so3.exp(step.reshape(n, 3)) @ X
+
+    # The difference, shared out by the informations, is all but the answer.
+    start = covariance @ informations[0] @ test.rotation_vector.ravel()
+    found = gauss_newton(rows, turned, turned(second.rotation, start))
+    if not found.converged:
+        raise NotConvergedError(Finding("joint-unsettled"))
+    X = found.state
     X = so3.project(X)
     rotations = Rotations(self_calibration.supports, X, covariance)
     share = np.diag(covariance @ informations[1]).reshape(n, 3)

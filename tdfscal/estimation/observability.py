@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.acceptance.turns import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -18,6 +18,8 @@ _PRIOR_SHARE = 0.5
 _CORRELATED = 0.8
 #: Turning a sensor about its load is what no datum shows: within this angle it is the cause.
 _ALONG_LOAD = np.radians(20.0)
+#: Less than this across its load, N, and a sensor carries none.
+_CARRIED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +43,10 @@ class Angle:
 
 @dataclass(frozen=True, slots=True)
 class Weakness:
-    """An angle that the data do not determine, why, and what to do."""
+    """An angle that the data do not determine, and why."""
 
     angle: Angle
-    cause: str
-    advice: str
+    finding: Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +91,14 @@ class Observability:
         return max(stand or self.angles, key=lambda angle: angle.std)
 
     @property
-    def unseen(self) -> str:
-        """The angles that are not determined, without a number; the first's cause stands for all.
-
-        There is one.
-        """
-        names = ", ".join(self._open)
+    def unseen(self) -> Finding:
+        """The angles that are not determined; the first's cause stands for all. There is one."""
+        first = self.weak[0]
+        names = self._open
         if len(self.weak) == len(self.angles):
-            names = "any angle of any sensor"
-        return f"{names}; for {self.weak[0].angle.name}, {self.weak[0].cause}"
+            names = ["any angle of any sensor"]
+        values = {**first.finding.values, "angles": names, "first": first.angle.name}
+        return replace(first.finding, code=_OF_ALL[first.finding.code], values=values)
 
     @property
     def _open(self) -> list[str]:
@@ -111,35 +111,35 @@ class Observability:
         return [Finding("mounting-open", self.undetermined)] if self.undetermined else []
 
     @property
-    def verdict(self) -> str:
-        """One sentence on what is identified."""
-        w, every = self.weakest, "every angle"
-        if self.undetermined:
-            every = f"every angle of a sensor but {', '.join(self.undetermined)}"
-        return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
+    def finding(self) -> Finding:
+        """What is identified, and the weakest of it."""
+        w = self.weakest
+        but = ", ".join(self.undetermined)
+        values = {"angle": w.angle, "but": but, **_size(w.std)}
+        return Finding("angles-determined", (w.support,), w.std, "rad", values=values)
+
+
+#: Code of an angle's weakness, and of all of them by the first's.
+_OF_ALL = {
+    "angle-by-prior": "angles-by-prior",
+    "angle-few-postures": "angles-few-postures",
+    "angle-along-load": "angles-along-load",
+}
 
 
 def require_angles(
-    seen: Observability, settled: bool, iterations: int, evidence: object, data: str, more: str
+    seen: Observability, settled: bool, iterations: int, evidence: object, *, moving: bool = False
 ) -> None:
-    """Raise NotIdentifiableError or NotConvergedError where no angles can be given.
-
-    data, more : what there is, with its verb, and what to record.
-    """
+    """Raise NotIdentifiableError or NotConvergedError where no angles can be given."""
     if not seen.determined.any() or not seen.identified:
-        raise NotIdentifiableError(
-            f"{data} not determine {seen.unseen}", hint=seen.weak[0].advice, evidence=evidence
-        )
+        raise NotIdentifiableError(seen.unseen, evidence=evidence)
     if not settled:
-        raise NotConvergedError(
-            f"the estimate did not settle in {iterations} iterations",
-            hint=f"check mass, hinges and nominal mounting in rig.yaml, and record {more}",
-            evidence=evidence,
-        )
+        unsettled = Finding("estimate-unsettled", size=iterations, values={"moving": moving})
+        raise NotConvergedError(unsettled, evidence=evidence)
 
 
-def _mrad(std: float) -> str:
-    return f"±{1e3 * std:.2g} mrad" if std < 1 else "more than ±1 rad"
+def _size(std: float) -> dict[str, Value]:
+    return {"unknown": std >= 1, "mrad": 1e3 * std}
 
 
 def load_directions(state: State, postures: Postures) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -198,29 +198,21 @@ def _explain(
     angle: Angle, off: float, spread: float, across: float, limit: float, moving: bool
 ) -> Weakness:
     """Say why an angle is weak and what would help; off : rad, its axis from the loads'."""
-    longer = "move for longer" if moving else "record more postures"
-    seen = "too short or too small a motion" if moving else "too few or too similar postures"
+    values: dict[str, Value] = {"moving": moving, **_size(angle.std)}
+    code = "angle-along-load"
     if angle.std < limit:
-        return Weakness(
-            angle,
-            f"its standard uncertainty, {_mrad(angle.std)}, is mostly that of its prior",
-            f"{longer} or squeeze harder, or widen rpy_std to let the data speak",
-        )
-    if off > _ALONG_LOAD:
-        return Weakness(
-            angle,
-            f"standard uncertainty {_mrad(angle.std)} from {seen}",
-            f"{longer} with more tilt, tare the sensors, and weigh the terminal",
-        )
-    more = f" (they carry {across:.2g} N across it" if across >= 0.05 else " (they carry none"
-    if across >= 0.05 and angle.std < 1:
-        more += f"; about {_round_up(2 * across * angle.std / limit)} N would show it"
-    return Weakness(
-        angle,
-        f"the loads on this sensor stay within {np.degrees(spread):.2g}° of one direction, and "
-        "turning a sensor about its load changes nothing",
-        f"squeeze the NCPs against each other so that the sensors feel sideways loads{more})",
-    )
+        code = "angle-by-prior"
+    elif off > _ALONG_LOAD:
+        code = "angle-few-postures"
+    else:
+        enough = across >= _CARRIED and angle.std < 1
+        values |= {
+            "within": float(np.degrees(spread)),
+            "carried": across >= _CARRIED,
+            "across": across,
+            "enough": f"{_round_up(2 * across * angle.std / limit)} N" if enough else "",
+        }
+    return Weakness(angle, Finding(code, (angle.support,), angle.std, "rad", values=values))
 
 
 def _round_up(value: float) -> str:

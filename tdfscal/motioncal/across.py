@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Balance, Postures, balance, features, free
 from tdfscal.motioncal.blocks import Block, ComplexArray
@@ -150,11 +151,7 @@ def across(block: Block, at: Balance, measured: BoolArray) -> Across:
     left, size, _ = np.linalg.svd(np.linalg.solve(root, free(at.noise_force, measured)))
     reached = int(np.median((size > _ROUNDING * size[:, :1]).sum(axis=1)))
     if reached == 6:
-        raise NotIdentifiableError(
-            "the components that the sensors do not measure leave nothing of the balance of forces "
-            "and moments",
-            hint="measure more axes: a rigid terminal needs some beyond six that are missing",
-        )
+        raise NotIdentifiableError(Finding("axes-leave-nothing"))
     basis = _carried(left[:, :, reached:])
     seen = np.linalg.solve(root.T, basis[0]).T
     T = root @ basis[0] @ np.swapaxes(np.linalg.solve(root.T, basis), 1, 2)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.checks.faulty_sensors import AXES, axes_line, check_directions, check_unmeasured
+from tdfscal.checks.faulty_sensors import AXES, check_directions, check_unmeasured
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
@@ -61,11 +61,7 @@ def check_stream(rig: Rig, slow: Slow) -> None:
     coarse.
     """
     if rig.drift.temperature > 0 and slow.temperature is None:
-        raise DataError(
-            "zeros that follow the temperature are declared, and the log has no temperature",
-            where="rig.yaml, drift.temperature",
-            hint="name the field in log.temperature, or take drift.temperature out",
-        )
+        raise DataError(Finding("temperature-missing"))
     check_directions(rig)
     check_unmeasured(
         rig.supports,
@@ -76,32 +72,21 @@ def check_stream(rig: Rig, slow: Slow) -> None:
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
     for i, j in np.argwhere(still & rig.axes):
         check_unit(rig, slow.force)
-        raise DataError(
-            f"the {AXES[j]} axis of the sensor of {rig.supports[i]} reads "
-            f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",
-            where="log forces",
-            hint="check the sensor, its amplifier and the force fields in rig.yaml, or "
-            f"{axes_line(rig, int(i), int(j))}",
-        )
+        others = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
+        values: dict[str, Value] = {"axis": AXES[j], "others": others}
+        stuck = float(slow.force[0, i, j])
+        raise DataError(Finding("channel-dead", (rig.supports[i],), stuck, "N", values=values))
     rounding, own = slow.quantum / np.sqrt(12.0), rig.declared.positioner or _UNSTATED
     if rounding > _COARSE * own:
-        raise DataError(
-            f"the positions are recorded in steps of {1e6 * slow.quantum:.3g} µm, which is an "
-            f"error of {1e6 * rounding:.2g} µm where the NCPs' own is {1e6 * own:.2g} µm: in "
-            "motion no dwell averages it out",
-            where="log positions",
-            hint="record the positions with all their digits, or calibrate from dwells",
-        )
+        each = {"step": slow.quantum, "error": rounding, "own": own}
+        values = {name: 1e6 * float(size) for name, size in each.items()}
+        raise DataError(Finding("positions-coarse", size=slow.quantum, unit="m", values=values))
 
 
 def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
     """Raise DataError where nothing is left, or the motion is faster than the recording."""
     if not cut:
-        raise DataError(
-            f"no stretch of {SHORTEST:.0f} s is left to calibrate from in motion",
-            where="log",
-            hint="record half a minute of motion or more, without holes in the streams",
-        )
+        raise DataError(Finding("motion-short", size=SHORTEST, unit="s"))
     fast = total = 0.0
     for block in cut:
         place = slow.position[block.index].reshape(len(block), -1)
@@ -113,12 +98,8 @@ def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
     moved = max(np.ptp(slow.position[block.index], axis=0).max() for block in cut)
     noise = 10 * max(slow.quantum, 1e-6)
     if fast > _FAST * total and moved > noise:
-        raise DataError(
-            f"the NCPs move faster than {BAND / slow.step:.2g} Hz, the highest frequency that "
-            f"streams of {slow.rate:.3g} Hz show faithfully here",
-            where="log",
-            hint="record faster, or move more slowly",
-        )
+        edge, values = BAND / slow.step, {"rate": float(slow.rate)}
+        raise DataError(Finding("motion-fast", size=edge, unit="Hz", values=values))
 
 
 def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:

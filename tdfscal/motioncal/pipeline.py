@@ -191,9 +191,7 @@ def _judged(
     known = estimate(fit)
     verdict = observability.verdict(rig, still, used, known.uncertainty.covariance, moving=True)
     seen = UndeterminedMotion(rig, slow, keep, rejected, known.quality, verdict)
-    observability.require_angles(
-        verdict, fit.converged, fit.iterations, seen, "the motion does", "a longer motion"
-    )
+    observability.require_angles(verdict, fit.converged, fit.iterations, seen, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
@@ -249,13 +247,8 @@ def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
 def _one_delay(halves: Halves) -> None:
     """Raise where the halves of a log have different delays."""
     if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
-        raise DataError(
-            "the delay between forces and positions changes within the log, by "
-            f"{1e3 * halves.delay:.3g} ± {1e3 * halves.delay_std:.2g} ms from its first to its "
-            "second half: a clock was set anew, or samples are missing in one stream",
-            where="log",
-            hint="calibrate each half alone, and check the recorder's clocks",
-        )
+        values = {"ms": 1e3 * halves.delay, "ms_std": 1e3 * halves.delay_std}
+        raise DataError(Finding("delay-changed", (), halves.delay, "s", values=values))
 
 
 def _reasons(

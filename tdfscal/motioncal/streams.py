@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.records import BoolArray, FloatArray, Log, Series
 from tdfscal.wrench.resampling import joined, together
 
@@ -99,11 +100,7 @@ class Decimator:
             self._advance(0.0)
         samples = np.concatenate(self._out)
         if not len(samples):
-            raise DataError(
-                "the log is too short to tell a motion",
-                where="log",
-                hint="record at least a few seconds of every stream; check the unit of its time",
-            )
+            raise DataError(Finding("streams-short"))
         time, clipped, value = np.split(samples, [1, 2], axis=1)
         position, force = np.split(value.reshape(len(value), -1, 3), 2, axis=1)
         return Slow(

@@ -10,6 +10,7 @@ from pathlib import PurePath
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.catalogue import cure, sentence
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
@@ -118,9 +119,11 @@ def _advice(attempt: Attempt) -> Iterator[str]:
     if seen is None:
         return
     open_turns = seen.observability.weak
-    # One cure for several turns differs by its numbers only, which stand in brackets.
-    cures = {weakness.advice.split(" (")[0]: weakness.advice for weakness in open_turns}
-    yield from (_sentence(advice) for cure, advice in cures.items() if cure not in told)
+    # One cure for several turns differs by its numbers only.
+    cures = {weakness.finding.code: cure(weakness.finding) for weakness in open_turns}
+    if open_turns and cure(open_turns[0].finding) == told:
+        del cures[open_turns[0].finding.code]
+    yield from map(_sentence, cures.values())
     if open_turns:
         given = " --given LOG" if isinstance(seen, Undetermined) else " --motion"
         yield (
@@ -157,7 +160,7 @@ def _turns(seen: Seen) -> tuple[Table | Items, ...]:
     """What each weak turn lacks, and how far the loads on each sensor point apart."""
     causes: dict[str, list[str]] = {}
     for weakness in seen.observability.weak:
-        causes.setdefault(weakness.cause, []).append(weakness.angle.name)
+        causes.setdefault(sentence(weakness.finding), []).append(weakness.angle.name)
     said = tuple(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
     spread = np.degrees(seen.observability.spread)
     rows = tuple(

@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.uncertainty import Uncertainty
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
 from tdfscal.model.pose import register
 from tdfscal.model.statics import Postures, forces
@@ -106,12 +107,8 @@ def fit_linear(rig: Rig, observed: Postures) -> Fit:
     """
     need = 3 * rig.n
     if len(observed) < need:
-        raise DataError(
-            f"the linear method needs {need} postures for {rig.n} sensors and finds "
-            f"{len(observed)}",
-            where="log",
-            hint="record more postures, or use the default estimator",
-        )
+        values: dict[str, Value] = {"need": need, "sensors": rig.n}
+        raise DataError(Finding("linear-postures-few", size=len(observed), values=values))
     rotation = linear_rotations(linear_data(rig, observed))
     state = replace(nominal(rig), rotation=rotation)
     return at_state(rig, observed, state, np.ones(len(observed)))

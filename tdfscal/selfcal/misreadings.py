@@ -13,6 +13,7 @@ import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import nominal, starting_state
 from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
@@ -87,52 +88,33 @@ def likeliest_misreading(
 def refusal(
     rig: Rig, mistake: Misreading, before: float, number: IntArray, time: FloatArray | None
 ) -> DataError:
-    """The error that names a mistake, its evidence and what to do.
+    """The error that names a mistake with its evidence.
 
     before : variance of the residuals with it. number, time : (K,), of the postures.
     """
-    evidence = (
-        f"without it the residuals fall from {np.sqrt(before):.2g} to "
-        f"{np.sqrt(mistake.misfit):.2g} times what is stated"
-    )
-    if mistake.jump is not None:
-        return _jump_refused(rig, mistake, evidence, number, time)
+    values: dict[str, Value] = {
+        "before": float(np.sqrt(before)),
+        "after": float(np.sqrt(mistake.misfit)),
+    }
     if mistake.names:
-        said = f"the forces fit with {mistake.names}, and not as they are named"
-    else:
-        unit = log_against_rig.unit_of(mistake.factor)
-        whose = "every axis" if mistake.axis is None else f"F{'xyz'[mistake.axis]}"
-        said = (
-            f"{whose} of {rig.supports[mistake.support]} reads {mistake.factor:.3g} times what the "
-            f"other sensors ask of it{f', as if it were {unit}' if unit else ''}"
-        )
-    return DataError(
-        f"{said}; {evidence}",
-        where="log forces",
-        hint="correct the force fields of the log block in rig.yaml, or the cabling"
-        if mistake.names
-        else "look at the recorder's scaling of that channel, and at its amplifier; correct the "
-        "log, or leave the axis out of `axes` in rig.yaml",
-    )
-
-
-def _jump_refused(
-    rig: Rig, mistake: Misreading, evidence: str, number: IntArray, time: FloatArray | None
-) -> DataError:
-    assert mistake.jump is not None
+        return DataError(Finding("forces-exchanged", values=values | {"exchange": mistake.names}))
+    subject = (rig.supports[mistake.support],)
+    if mistake.jump is None:
+        axis = "" if mistake.axis is None else "xyz"[mistake.axis]
+        values |= {"axis": axis, "as_if": log_against_rig.unit_of(mistake.factor) or ""}
+        return DataError(Finding("force-rescaled", subject, mistake.factor, values=values))
+    assert time is not None  # without it no jump is looked for
     last, first = mistake.between
-    when = f"between postures {number[last]} and {number[first]}"
-    if time is not None:
-        when += f" ({time[last]:.1f} and {time[first]:.1f} s)"
-    jump = ", ".join(f"{value:.3g}" for value in mistake.jump)
-    tared = ", as a tare makes it" if mistake.tared else ""
-    return DataError(
-        f"the zero of {rig.supports[mistake.support]} jumped by ({jump}) N {when}{tared}; "
-        f"{evidence}",
-        where="log forces",
-        hint="give the parts before and after as two campaigns, each in a folder with a rig.yaml "
-        "(zeros are each campaign's own), or one of them by --from or --to",
-    )
+    values |= {
+        "jump": [f"{value:.3g}" for value in mistake.jump],
+        "last": float(number[last]),
+        "first": float(number[first]),
+        "end": float(time[last]),
+        "begin": float(time[first]),
+        "tared": mistake.tared,
+    }
+    size = float(np.linalg.norm(mistake.jump))
+    return DataError(Finding("zero-tared", subject, size, "N", values=values))
 
 
 def _fitted(

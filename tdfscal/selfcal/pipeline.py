@@ -202,12 +202,8 @@ def _linear(
 ) -> tuple[RobustFit, Estimate[Fit], None]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
-        raise RigError(
-            f"the sensor of {rig.supports[i]} does not measure {'xyz'[j]}, and the linear method "
-            "needs every component",
-            where="rig.yaml, supports",
-            hint="calibrate by maximum likelihood (--estimator ml)",
-        )
+        missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
+        raise RigError(missing)
     result = fit_linear(rig, observed)
     parts = information(result)
     spread = evaluate_linear(result, rng, trials)

@@ -52,12 +52,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     screened = faulty_sensors.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:
-        raise DataError(
-            "no posture can be used",
-            where="log forces",
-            hint="check the sensors, and supports.capacity in rig.yaml",
-            findings=(screened.reasons[0],),
-        )
+        raise DataError(Finding("postures-unusable"), findings=(screened.reasons[0],))
     _check_temperature(rig, dwells)
     observed = postures(rig, dwells).subset(index)
     scatter = np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured]
@@ -74,18 +69,10 @@ def _check_temperature(rig: Rig, dwells: Dwells) -> None:
     if not rig.drift.temperature > 0:
         return
     if dwells.temperature is None:
-        raise RigError(
-            "zeros are declared to follow the temperature, but the log has none",
-            where="drift.temperature",
-            hint="name the recorder's field as log.temperature, or declare drift.time",
-        )
+        raise RigError(Finding("temperature-missing"))
     if np.any(np.ptp(dwells.temperature, axis=0) == 0):
-        raise DataError(
-            f"the temperature is {dwells.temperature[0].min():.6g} °C in every posture, so that no "
-            "slope against it can be known",
-            where="log.temperature",
-            hint="check the sensor and the field, or take drift.temperature out of rig.yaml",
-        )
+        constant = float(dwells.temperature[0].min())
+        raise DataError(Finding("temperature-constant", size=constant, unit="°C"))
 
 
 def _with_noise(observed: Postures, level: float) -> Postures:

@@ -108,16 +108,12 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
     near : other mountings that may explain the postures as well.
     """
     rig, fit, verdict = seen.rig, seen.fit, seen.observability
-    require_angles(verdict, fit.converged, fit.iterations, seen, "the data do", "more postures")
+    require_angles(verdict, fit.converged, fit.iterations, seen)
     if near and near[0].as_likely:
         rival = near[0]
-        raise NotIdentifiableError(
-            "two mountings explain the log about equally well (χ² apart by "
-            f"{abs(rival.gap):.2g}): {describe(rig, fit.state, rival.state)}",
-            hint="state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or "
-            "squeeze harder, tilt more and record more postures",
-            evidence=seen,
-        )
+        values: dict[str, Value] = {"mountings": describe(rig, fit.state, rival.state)}
+        alike = Finding("mountings-alike", size=abs(rival.gap), values=values)
+        raise NotIdentifiableError(alike, evidence=seen)
 
 
 def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[Finding, ...]:

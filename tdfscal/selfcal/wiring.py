@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
@@ -67,13 +68,8 @@ def _mirrored(rig: Rig, start: Fit) -> DataError:
         for axis, M in zip("xyz", np.eye(3) - 2 * np.eye(3)[:, :, None] * np.eye(3), strict=True)
     }
     axis = min(turn, key=turn.__getitem__)
-    return DataError(
-        f"the forces fit a terminal of {start.state.mass:.4g} kg: {axis} of every sensor has "
-        "the opposite sign, or sensors record the reaction",
-        where="log forces",
-        hint="correct the force fields of the log block in rig.yaml (log.force_on for the "
-        "reaction), or the cabling",
-    )
+    mass = float(start.state.mass)
+    return DataError(Finding("forces-mirrored", size=mass, unit="kg", values={"axis": axis}))
 
 
 def _weakest(rig: Rig) -> float:

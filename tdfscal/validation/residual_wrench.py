@@ -78,11 +78,8 @@ def validate(
     screened = faulty_sensors.screen(rig, dwells)
     used = np.flatnonzero(screened.keep)
     if not used.size:
-        raise DataError(
-            "no dwell can be used",
-            where="log forces",
-            findings=tuple(screened.reasons.values())[:1],
-        )
+        reasons = tuple(screened.reasons.values())
+        raise DataError(Finding("dwells-unusable"), findings=reasons[:1])
     given = with_own_load(given, rig)
     observed, found = _with_noise(postures(rig, dwells, age).subset(used), noise)
     balanced, slopes, at = _linearised(given, known.scaled(observed))
@@ -138,11 +135,7 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
     if np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured].min() > 0:
         return observed, ()
     if not noise:
-        raise DataError(
-            "neither the log nor the rig file states a force noise",
-            where="log forces",
-            hint="set uncertainty.force_noise in rig.yaml",
-        )
+        raise DataError(Finding("noise-unstated"))
     cov = np.broadcast_to(noise**2 * np.eye(3), observed.force_cov.shape)
     return replace(observed, force_cov=cov), (
         Finding("noise-of-calibration", size=noise, unit="N"),

@@ -85,7 +85,7 @@ def rejected(dwells: Dwells, reasons: Mapping[int, Finding]) -> list[dict[str, A
 def observability(seen: Observability) -> dict[str, Any]:
     """Verdict, and each angle against its prior."""
     return {
-        "verdict": seen.verdict,
+        "verdict": sentence(seen.finding),
         "angles": [
             asdict(a)
             | {"prior_std": np.float64(a.prior_std)}

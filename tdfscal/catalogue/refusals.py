@@ -1,0 +1,193 @@
+"""What is said where no calibration can be given, by those who calibrate and validate."""
+
+from __future__ import annotations
+
+from tdfscal.catalogue.entry import Entry
+
+_LONGER = "{moving:move for longer|record more postures}"
+_SIZE = "{unknown:more than ±1 rad|±{mrad:.2g} mrad}"
+#: Why the data do not determine an angle, and what to do.
+_WEAK = {
+    "by-prior": (
+        f"its standard uncertainty, {_SIZE}, is mostly that of its prior",
+        f"{_LONGER} or squeeze harder, or widen rpy_std to let the data speak",
+    ),
+    "few-postures": (
+        f"standard uncertainty {_SIZE} from "
+        "{moving:too short or too small a motion|too few or too similar postures}",
+        f"{_LONGER} with more tilt, tare the sensors, and weigh the terminal",
+    ),
+    "along-load": (
+        "the loads on this sensor stay within {within:.2g}° of one direction, and turning a sensor "
+        "about its load changes nothing",
+        "squeeze the NCPs against each other so that the sensors feel sideways loads (they carry "
+        "{carried:{across:.2g} N across it|none}{enough:; about ~ N would show it|})",
+    ),
+}
+
+REFUSALS: dict[str, Entry] = {
+    **{f"angle-{name}": Entry("refuses", cause, cure) for name, (cause, cure) in _WEAK.items()},
+    **{
+        f"angles-{name}": Entry(
+            "refuses",
+            "{moving:the motion does|the data do} not determine {angles}; for {first}, " + cause,
+            cure,
+        )
+        for name, (cause, cure) in _WEAK.items()
+    },
+    "angles-determined": Entry(
+        "notes",
+        "every angle{but: of a sensor but ~|} is determined by the data; the weakest is {angle} of "
+        f"{{subject}}, {_SIZE}",
+    ),
+    "estimate-unsettled": Entry(
+        "refuses",
+        "the estimate did not settle in {number:.0f} iterations",
+        "check mass, hinges and nominal mounting in rig.yaml, and record "
+        "{moving:a longer motion|more postures}",
+    ),
+    "mountings-alike": Entry(
+        "refuses",
+        "two mountings explain the log about equally well (χ² apart by {number:.2g}): {mountings}",
+        "state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or squeeze "
+        "harder, tilt more and record more postures",
+    ),
+    "forces-exchanged": Entry(
+        "refuses",
+        "the forces fit with {exchange}, and not as they are named; without it the residuals fall "
+        "from {before:.2g} to {after:.2g} times what is stated",
+        "correct the force fields of the log block in rig.yaml, or the cabling",
+        where="log forces",
+    ),
+    "force-rescaled": Entry(
+        "refuses",
+        "{axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of "
+        "it{as_if:, as if it were ~|}; without it the residuals fall from {before:.2g} to "
+        "{after:.2g} times what is stated",
+        "look at the recorder's scaling of that channel, and at its amplifier; correct the log, or "
+        "leave the axis out of `axes` in rig.yaml",
+        where="log forces",
+    ),
+    "zero-tared": Entry(
+        "refuses",
+        "the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and {first:.0f} "
+        "({end:.1f} and {begin:.1f} s){tared:, as a tare makes it|}; without it the residuals fall "
+        "from {before:.2g} to {after:.2g} times what is stated",
+        "give the parts before and after as two campaigns, each in a folder with a rig.yaml (zeros "
+        "are each campaign's own), or one of them by --from or --to",
+        where="log forces",
+    ),
+    "forces-mirrored": Entry(
+        "refuses",
+        "the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the opposite "
+        "sign, or sensors record the reaction",
+        "correct the force fields of the log block in rig.yaml (log.force_on for the reaction), or "
+        "the cabling",
+        where="log forces",
+    ),
+    "postures-unusable": Entry(
+        "refuses",
+        "no posture can be used",
+        "check the sensors, and supports.capacity in rig.yaml",
+        where="log forces",
+    ),
+    "temperature-missing": Entry(
+        "refuses",
+        "zeros are declared to follow the temperature, but the log has none",
+        "name the recorder's field as log.temperature, or declare drift.time",
+        where="drift.temperature",
+    ),
+    "temperature-constant": Entry(
+        "refuses",
+        "the temperature is {number:.6g} °C in every posture, so that no slope against it can be "
+        "known",
+        "check the sensor and the field, or take drift.temperature out of rig.yaml",
+        where="log.temperature",
+    ),
+    "linear-axis-missing": Entry(
+        "refuses",
+        "the sensor of {subject} does not measure {axis}, and the linear method needs every "
+        "component",
+        "calibrate by maximum likelihood (--estimator ml)",
+        where="rig.yaml, supports",
+    ),
+    "linear-postures-few": Entry(
+        "refuses",
+        "the linear method needs {need} postures for {sensors} sensors and finds {number:.0f}",
+        "record more postures, or use the default estimator",
+        where="log",
+    ),
+    "channel-dead": Entry(
+        "refuses",
+        "the {axis} axis of the sensor of {subject} reads {number:.6g} N throughout: it is dead or "
+        "not connected",
+        "check the sensor, its amplifier and the force fields in rig.yaml, or write "
+        "`axes: [{others}]` for {subject} in rig.yaml",
+        where="log forces",
+    ),
+    "positions-coarse": Entry(
+        "refuses",
+        "the positions are recorded in steps of {step:.3g} µm, which is an error of {error:.2g} µm "
+        "where the NCPs' own is {own:.2g} µm: in motion no dwell averages it out",
+        "record the positions with all their digits, or calibrate from dwells",
+        where="log positions",
+    ),
+    "motion-short": Entry(
+        "refuses",
+        "no stretch of {number:.0f} s is left to calibrate from in motion",
+        "record half a minute of motion or more, without holes in the streams",
+        where="log",
+    ),
+    "motion-fast": Entry(
+        "refuses",
+        "the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of "
+        "{rate:.3g} Hz show faithfully here",
+        "record faster, or move more slowly",
+        where="log",
+    ),
+    "streams-short": Entry(
+        "refuses",
+        "the log is too short to tell a motion",
+        "record at least a few seconds of every stream; check the unit of its time",
+        where="log",
+    ),
+    "axes-leave-nothing": Entry(
+        "refuses",
+        "the components that the sensors do not measure leave nothing of the balance of forces and "
+        "moments",
+        "measure more axes: a rigid terminal needs some beyond six that are missing",
+    ),
+    "delay-changed": Entry(
+        "refuses",
+        "the delay between forces and positions changes within the log, by {ms:.3g} ± "
+        "{ms_std:.2g} ms from its first to its second half: a clock was set anew, or samples are "
+        "missing in one stream",
+        "calibrate each half alone, and check the recorder's clocks",
+        where="log",
+    ),
+    "dwells-unusable": Entry("refuses", "no dwell can be used", where="log forces"),
+    "noise-unstated": Entry(
+        "refuses",
+        "neither the log nor the rig file states a force noise",
+        "set uncertainty.force_noise in rig.yaml",
+        where="log forces",
+    ),
+    "comparison-of-one": Entry(
+        "refuses", "one calibration cannot be compared", "name two files or more"
+    ),
+    "supports-differ": Entry(
+        "refuses",
+        "the calibrations are of different supports: {subject} and {others}",
+        "compare calibrations of the same rig",
+    ),
+    "covariance-singular": Entry(
+        "refuses",
+        "the covariance of the rotations is not positive definite",
+        "calibrate again; a rotation that the data do not determine cannot be compared",
+    ),
+    "joint-unsettled": Entry(
+        "refuses",
+        "the joint estimate found no minimum",
+        "compare the two calibrations; they lie too far apart to be combined",
+    ),
+}
