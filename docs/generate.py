@@ -63,7 +63,7 @@ def rig() -> Iterator[str]:
 def _shown(default: Any) -> str:
     """Return a default; nothing of a block's."""
     if isinstance(default, list):
-        return ", ".join("unknown" if one is None else _shown(one) for one in default)
+        return ", ".join(map(_shown, default))
     if isinstance(default, dict):
         return ""
     return "none" if default is None else f"{default:g}" if isinstance(default, float) else default

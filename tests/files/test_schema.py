@@ -146,3 +146,13 @@ def test_every_key_is_described(name: str) -> None:
     found = list(properties(schemas()[name], ""))
     assert len(found) >= 10
     assert [place for place, value in found if not value.get("description", "").strip()] == []
+
+
+@pytest.mark.parametrize("name", sorted(schemas()))
+def test_defaults_are_valid(name: str) -> None:
+    """An editor may write them."""
+    schema = schemas()[name]
+    for place, value in properties(schema, ""):
+        if "default" in value:
+            own = jsonschema.Draft202012Validator({**value, "$defs": schema["$defs"]})
+            assert own.is_valid(value["default"]), place

@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from tdfscal.files.field_types import (
+    UNKNOWN,
     Date,
     Label,
     Matrix3,
@@ -183,7 +184,11 @@ class Support(Strict):
         VectorQuantity(value=(0.0, 0.0, 0.0), std=(math.inf,) * 3),
     )
     nominal_rpy: Angles = key("rad: nominal mounting", (0.0, 0.0, 0.0))
-    rpy_std: Stds = key("rad: prior about the nominal mounting", (math.inf,) * 3)
+    rpy_std: Stds = key(
+        "rad: prior about the nominal mounting",
+        (math.inf,) * 3,
+        json_schema_extra={"default": UNKNOWN},
+    )
     capacity: PositiveVector | None = key("N: full scale; a reading beyond it is saturated", None)
     axes: tuple[Axis, ...] = key(
         "what the sensor measures; [z] is a load cell, [] no sensor", ("x", "y", "z")
