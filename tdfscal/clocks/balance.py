@@ -107,15 +107,14 @@ class Balance:
     ) -> Model | None:
         """What balances best at instants (N,) and a lag, s; None where too few instants count.
 
-        start : (n, 3, 3), rotations to begin from besides those of the linear solution.
+        start : (n, 3, 3), rotations to begin from; by default those of the linear solution.
         """
         features, known = self._features(time, lag)
         if known.sum() < 6:
             return None
         rows = features.rows()[known].reshape(-1, 12 * self.n + 11)
         gram = rows.T @ rows / len(rows)
-        starts = [_linear_rotations(gram, self.n)] + ([] if start is None else [start])
-        return min((_search(gram, one) for one in starts), key=lambda model: model.misfit)
+        return _search(gram, _linear_rotations(gram, self.n) if start is None else start)
 
     def residual(
         self, time: FloatArray, lag: FloatArray | float, model: Model, ahead: float = 0.0

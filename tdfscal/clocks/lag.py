@@ -20,7 +20,8 @@ _WIDTH = 0.1  # s, of a bin of activity
 _BINS = 1 << 16
 _OVERLAP = 0.25  # shortest, as a share of the shorter recording
 _CANDIDATES = 24
-_REFINED = 5  # candidates whose lags are brought to the least misfit
+_REFINED = 5  # candidates whose lags are brought to the least misfit,
+_NEAR = 5.0  # where theirs is this many times the least, at most
 _INSTANTS = 240  # on which a candidate is judged
 _STEP = 0.3  # s, between the lags of which a parabola is the misfit
 _DENSE = 10_000  # instants on which offset and rate are refined
@@ -100,7 +101,8 @@ class _Search:
         """The lag that explains both recordings."""
         found = [self._judged(peak) for peak in self.candidates()]
         found.sort(key=lambda candidate: candidate.misfit)
-        fine = [self._nearer(candidate) for candidate in found[:_REFINED]]
+        near = [c for c in found[:_REFINED] if c.misfit <= _NEAR * found[0].misfit]
+        fine = [self._nearer(candidate) for candidate in near]
         fine = _apart(sorted(fine, key=lambda candidate: candidate.misfit))
         if not fine:
             raise _not_found(name)
@@ -170,7 +172,7 @@ class _Search:
         if candidate.model is None:
             return candidate
         best, step = candidate, 2.0 * _STEP
-        for _ in range(3):
+        for _ in range(2):
             at = [best.lag - step, best.lag + step]
             assert best.model is not None
             sides = [self._misfit(lag, best.model.rotation) for lag in at]

@@ -178,7 +178,9 @@ def origin_of(
     """Where a calibration comes from, by its campaign; when it was measured, if that is not it."""
     rig, settings = log.campaign.rig, log.settings
     when = when or measured(log)
-    return Provenance(rig, tuple(inputs), settings.command, settings.seed, when, **more)
+    return Provenance(
+        rig, tuple(inputs), settings.command, settings.seed, when, clocks=log.clocks, **more
+    )
 
 
 def surveyed(

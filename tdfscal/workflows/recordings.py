@@ -31,11 +31,8 @@ def measured(log: LogPass) -> Measured:
 
     Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
     """
-    for offset in (0.0, *(clock.offset for clock in log.clocks)):
-        begin, end = log.begin + offset, log.end + offset
-        if not by_wall_clock(begin, end):
-            continue
-        found = Measured(begin, end, "log")
+    if by_wall_clock(log.begin, log.end):
+        found = Measured(log.begin, log.end, "log")
         if found.end > time.time() + _DAY:
             raise DataError(
                 f"the log's clock says {day(found.end)}, which is in the future",
@@ -44,6 +41,10 @@ def measured(log: LogPass) -> Measured:
                 "campaign.date in rig.yaml",
             )
         return found
+    for clock in log.clocks:  # where the first recorder's is none
+        begin, end = log.begin + clock.offset, log.end + clock.offset
+        if by_wall_clock(begin, end) and end < time.time() + _DAY:
+            return Measured(begin, end, "log")
     rig, date = log.campaign.rig, log.rig.campaign.date
     if date is not None:
         found = stated_date(date)

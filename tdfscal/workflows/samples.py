@@ -16,9 +16,10 @@ from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
+from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.forecast import with_moves
 from tdfscal.motioncal.streams import Decimator, Slow
-from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
+from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.workflows.log_pass import LogPass
@@ -170,7 +171,7 @@ def _moving(
     from tdfscal.motioncal.pipeline import calibrate_moving
 
     log.progress.stage("calibrating from the motion")
-    return calibrate_moving(
+    found = calibrate_moving(
         rig or log.rig,
         slow,
         delay_of(log.campaign.rig),
@@ -180,6 +181,25 @@ def _moving(
         max_trials=log.settings.trials,
         progress=log.progress.stage,
     )
+    log.clocks = _with_delay(log, found, 0.5 * float(slow.time[0] + slow.time[-1]))
+    return found
+
+
+def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[RecorderClock, ...]:
+    """The second recorder's clock with the delay and rate that the motion has shown, at its middle.
+
+    Of more than two recorders nothing says whose delay it is.
+    """
+    if len(log.clocks) != 1:
+        return log.clocks
+    clock, moving, std = log.clocks[0], found.fit.state.moving, found.uncertainty.moving_std
+    late = any(log.campaign.rig.log[1].force)  # the forces are the second recorder's
+    delay, rate = (moving.delay, moving.rate) if late else (-moving.delay, -moving.rate)
+    since = middle - clock.reference
+    offset_std = float(np.hypot(std[DELAY], since * std[RATE]))
+    offset = clock.offset + delay - since * rate
+    return (replace(clock, offset=offset, offset_std=offset_std, rate=clock.rate + rate,
+                    rate_std=float(std[RATE])),)  # fmt: skip
 
 
 def delay_of(rig: LoadedRig) -> UncertainValue:

@@ -31,7 +31,7 @@ from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.numerics.propagation import MonteCarlo
-from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, Rig
+from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.significance import INTERVAL_COVERAGE
 
 _NORMAL = float(coverage_factor(INTERVAL_COVERAGE))
@@ -48,6 +48,7 @@ class Provenance:
     measured: Measured | None = None
     campaigns: tuple[Mapping[str, Any], ...] = ()
     history: tuple[Mapping[str, Any], ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,7 @@ def assembled(
         "command": origin.command,
         "seed": origin.seed,
         "inputs": origin.inputs,
+        "clocks": origin.clocks,
         "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
         "supports": _supports(rig, angles, zero, zero_std, sensitivity),
         "covariance": {

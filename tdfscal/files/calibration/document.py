@@ -88,6 +88,9 @@ class Calibration(Strict):
     tracker: parts.TrackerStatistics | None = key(
         "χ² and other numbers of the laser tracker's survey", None
     )
+    clocks: tuple[parts.ClockResult, ...] = key(
+        "of all recorders but the first, where there are several", ()
+    )
     motion: evidence.MotionResult | None = key("samples in motion, where they were used", None)
     postures: evidence.PostureTable | None = key("the postures in the fit, column by column", None)
     dwells: evidence.DwellTable | None = key(

@@ -476,6 +476,18 @@ class CampaignResult(Strict):
     dof: Count = key("degrees of freedom that it added")
 
 
+class ClockResult(Strict):
+    """A recorder's clock against the first one's; the offset is its stamp of the instant of the
+    first recorder's first stamp, less that, and grows by the rate.
+    """
+
+    recorder: Text = key("its files, as the rig file names them")
+    offset: Number = key("s: its stamps minus the first's, at the first's first stamp")
+    offset_std: NotNegative = key("s: standard uncertainty")
+    rate: Number = key("relative: growth of the offset")
+    rate_std: NotNegative = key("relative: standard uncertainty")
+
+
 class HistoryEntry(Strict):
     """A calibration that this one stands on, by the hash of its file; the oldest first."""
 
