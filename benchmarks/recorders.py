@@ -77,7 +77,7 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
     assert recorded is not None
     same = replace(how, offset=0.0, rate=0.0)
     with tempfile.TemporaryDirectory() as place:
-        found = {}
+        found: dict[str, Any] = {}
         for name, recorders in (("one", same), ("two", how)):
             folder = Path(place) / name
             parts = recorded_apart(recorded.log, recorders, np.random.default_rng(seed))
