@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,9 +28,10 @@ _DENSE = 10_000  # instants on which offset and rate are refined
 _ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
-_CLEAR = 1.4  # ratio of misfits from which a lag is told from chance,
+_CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
-_CHANCE = 12.0  # log-likelihood ratio of an activity that is no chance
+_CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
+_LIKE = 0.85  # and its correlation
 _ALSO = 0.6  # share of it from which another lag is as likely
 
 
@@ -114,16 +115,16 @@ class _Search:
                 if not np.isfinite(self.std) and self._alike(best, other, usual):
                     raise self._undecided(name, best, other)
             return best
-        return self._by_activity(name, found, usual)
+        return self._by_activity(name, found)
 
-    def _by_activity(self, name: str, found: Sequence[_Candidate], usual: float) -> _Candidate:
+    def _by_activity(self, name: str, found: Sequence[_Candidate]) -> _Candidate:
         """The lag by the moves alone, where the balance does not tell."""
         best, *others = sorted(found, key=lambda c: -c.peak.evidence)
-        if best.peak.evidence < _CHANCE * self.correlation_time:
+        if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
             raise _not_found(name)
         if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
             raise self._undecided(name, best, others[0])
-        return best
+        return replace(best, model=None)  # whose moves do not balance
 
     def _alike(self, best: _Candidate, other: _Candidate, usual: float) -> bool:
         """Whether another lag explains both as well: moves that repeat, or few of them."""

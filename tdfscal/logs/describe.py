@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from glob import escape
+from itertools import product, takewhile
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from tdfscal.catalogue import told
 from tdfscal.dwells import (
+    Bins,
     dwells_of_bins,
     find_dwells,
     motion_offset,
@@ -23,11 +27,15 @@ from tdfscal.logs.common.clock import Clock
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.description.info import LogInfo, Signal, Source
-from tdfscal.logs.description.mapping_guess import Guess, guess_mapping
+from tdfscal.logs.description.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.description.plausible_units import declared_time
 from tdfscal.logs.formats import contents_of, expand
 from tdfscal.logs.reader import iter_log
-from tdfscal.records import InputFile, Log, LogMapping
+from tdfscal.logs.recorders import owns
+from tdfscal.records import FloatArray, InputFile, Log, LogMapping, RecorderClock
+
+#: Instants that stand for a log without dwells.
+_SAMPLED = 400
 
 
 def describe_logs(
@@ -52,17 +60,18 @@ def describe_logs(
     if not files:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
     known = rig.rig if rig else None
-    opening = contents_of(files[0], opening=True)
-    seen = {files[0]: opening} if opening.format == "parquet" else {}
+    openings = {path: contents_of(path, opening=True) for path in files}
+    seen = {path: opening for path, opening in openings.items() if opening.format == "parquet"}
 
     def read(guess: Guess) -> LogInfo:
         return _read(paths, guess, rig, window, progress, seen)
 
-    info = read(guess_mapping(opening, known))
+    info = read(guess_recorders(_layouts(paths, openings), known))
     # What the reading has not seen to its end is looked through now.
-    contents = tuple(seen[path] if path in seen else contents_of(path) for path in files)
-    guess = guess_mapping(contents[0], known)
-    if _mapping(guess, rig)[0] != info.mapping:
+    looked = {path: seen[path] if path in seen else contents_of(path) for path in files}
+    contents = tuple(looked.values())
+    guess = guess_recorders(_layouts(paths, looked), known)
+    if _mappings(guess, rig)[0] != info.recorders:
         # Where a damaged line is why nothing is guessed any more, the first reading has named it.
         damaged = () if info.inputs else info.problems
         info = read(guess)
@@ -70,9 +79,14 @@ def describe_logs(
             info = replace(info, problems=damaged)
     problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
     problems += [f"{contents[0].path}: {what}" for what in guess.problems]
-    if info.mapping is not None and info.source == "rig":
-        mapping = info.mapping
-        problems += [f"{c.path}: {what}" for c in contents for what in declared_time(c, mapping)]
+    if info.source == "rig":
+        problems += [
+            f"{c.path}: {what}"
+            for c in contents
+            for mapping in info.recorders
+            if owns(mapping, c.path)
+            for what in declared_time(c, mapping)
+        ]
     problems += info.problems
     if info.mapping is None:
         problems += guess.notes
@@ -80,11 +94,41 @@ def describe_logs(
     return replace(info, contents=contents, guess=guess, problems=unique)
 
 
-def _mapping(guess: Guess, rig: LoadedRig | None) -> tuple[LogMapping | None, Source]:
+def _layouts(paths: Sequence[Path], contents: Mapping[Path, Contents]) -> dict[str, Contents]:
+    """One file of each layout of fields, by the pattern of the names that have it."""
+    names: dict[tuple[object, ...], list[str]] = {}
+    first: dict[tuple[object, ...], Contents] = {}
+    for path in paths:
+        for file in expand([path]):
+            own = contents[file]
+            layout = (own.by_topic, *(f.name for stream in own.streams for f in stream.fields))
+            first.setdefault(layout, own)
+            names.setdefault(layout, [])
+            if path.name not in names[layout]:
+                names[layout].append(path.name)
+    return {_pattern(own): first[layout] for layout, own in names.items()}
+
+
+def _pattern(names: Sequence[str]) -> str:
+    """A pattern that the names fit."""
+    if len(names) == 1:
+        return escape(names[0])
+    begin = _common(names)
+    end = _common([name[len(begin) :][::-1] for name in names])[::-1]
+    return f"{escape(begin)}*{escape(end)}"
+
+
+def _common(names: Sequence[str]) -> str:
+    """What all names begin with."""
+    letters = takewhile(lambda own: len(set(own)) == 1, zip(*names, strict=False))
+    return "".join(own[0] for own in letters)
+
+
+def _mappings(guess: Guess, rig: LoadedRig | None) -> tuple[tuple[LogMapping, ...], Source]:
     """What the logs are read with: the rig's own, or the guess."""
     if rig is not None and (rig.log or guess.mapping is None):
-        return (rig.log or (LogMapping.default(rig.rig.supports),))[0], "rig"
-    return guess.mapping, "guessed"
+        return rig.log or (LogMapping.default(rig.rig.supports),), "rig"
+    return guess.recorders, "guessed"
 
 
 def _read(
@@ -96,10 +140,13 @@ def _read(
     seen: dict[Path, Contents],
 ) -> LogInfo:
     """Read the logs once, to their dwells; seen : takes what else is in them."""
-    mapping, source = _mapping(guess, rig)
-    if mapping is None:
-        return LogInfo((), guess, None, source)
-    supports = rig.rig.supports if rig is not None and source == "rig" else mapping.supports
+    recorders, source = _mappings(guess, rig)
+    if not recorders:
+        return LogInfo((), guess, (), source)
+    paths = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
+    supports = rig.rig.supports if rig is not None and source == "rig" else recorders[0].supports
+    found: list[RecorderClock] = []
+    samples = None
     clocks = [Clock(name, "timeseries") for name in (*supports, *supports)]
     inputs: list[InputFile] = []
     problems: list[str] = []
@@ -110,15 +157,17 @@ def _read(
             for clock, series in zip(clocks, (*piece.position, *piece.force), strict=True):
                 clock.ascending(series.time)
             inputs.extend(piece.inputs)
+            found.extend(piece.clocks)
             problems.extend(map(told, piece.findings))
             yield piece
 
     try:
-        log = iter_log(paths, mapping, supports, window=window, progress=progress, seen=seen)
-        if mapping.rows == "postures":
+        log = iter_log(paths, recorders, supports, window=window, progress=progress, seen=seen)
+        if recorders[0].rows == "postures":
             dwells = find_dwells(passing(log))
         else:
             bins = reduce_to_bins(passing(log))
+            samples = _sampled(bins)
             dwells = dwells_of_bins(bins)
             offset = motion_offset(bins, dwells)
         problems += map(told, dwells.findings)
@@ -129,27 +178,47 @@ def _read(
         problems.append(str(error))
         dwells = None
         inputs.clear()
-    signals = _signals(clocks, mapping, supports)
     return LogInfo(
-        (), guess, mapping, source, signals, tuple(inputs), dwells, offset, tuple(problems)
+        (),
+        guess,
+        recorders,
+        source,
+        _signals(clocks, recorders, supports),
+        tuple(inputs),
+        dwells,
+        offset,
+        tuple(problems),
+        tuple(found),
+        samples,
     )
 
 
+def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:
+    """Positions in m and forces in N on the terminal, (K, n, 3), of instants over the log."""
+    n = len(bins.supports)
+    whole = np.flatnonzero((bins.count > 0).all(axis=1))
+    if not len(whole):
+        return None
+    some = whole[np.linspace(0, len(whole) - 1, min(len(whole), _SAMPLED)).astype(int)]
+    return bins.mean[some, :n], bins.mean[some, n:]
+
+
 def _signals(
-    clocks: Sequence[Clock], mapping: LogMapping, supports: Sequence[str]
+    clocks: Sequence[Clock], recorders: Sequence[LogMapping], supports: Sequence[str]
 ) -> tuple[Signal, ...]:
     """What the clocks of the positions, then the forces, have counted; none where none has."""
     kinds: tuple[Literal["position", "force"], ...] = ("position", "force")
     result = []
     for clock, (quantity, name) in zip(clocks, product(kinds, supports), strict=True):
-        fields = mapping.position if quantity == "position" else mapping.force
-        own = fields[mapping.supports.index(name)]
+        index = recorders[0].supports.index(name)
+        named = [(r.position if quantity == "position" else r.force)[index] for r in recorders]
         start, end = clock.span or (None, None)
         rate = None
         if start is not None and end is not None and end > start:
             rate = (clock.count - 1) / (end - start)
         longest, _ = clock.longest
         result.append(
-            Signal(name, quantity, own, clock.count, start, end, rate, clock.gaps, longest)
-        )
+            Signal(name, quantity, next(filter(None, named), ()), clock.count, start, end, rate,
+                   clock.gaps, longest)
+        )  # fmt: skip
     return tuple(result) if any(clock.count for clock in clocks) else ()

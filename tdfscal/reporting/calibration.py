@@ -187,6 +187,7 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         f = c.fit
         if c.motion is None or f.postures:
             facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
+        facts += [("Recorder", f"{k.recorder}: {phrases.told_clock(k)}") for k in c.clocks]
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),

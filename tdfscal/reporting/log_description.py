@@ -14,6 +14,7 @@ from tdfscal.errors import visible
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, mapping_block
+from tdfscal.reporting.phrases import told_clock
 from tdfscal.reporting.text import table, width, wrapped
 
 _LONGEST_NAME = 200
@@ -52,7 +53,7 @@ def _mapping(info: LogInfo) -> Iterator[str]:
         "whole rig file:",
         *_PLAIN,
     )
-    block = mapping_block(info.guess.mapping, by_topic=info.contents[0].by_topic)
+    block = mapping_block(info)
     yield from ("", *block.splitlines(), "")
     for note in info.guess.notes:
         yield from wrapped(f"- {note}", "")
@@ -112,6 +113,12 @@ def _signals(info: LogInfo) -> Iterator[str]:
         )  # fmt: skip
     header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
     yield from table(header, rows, left=2)
+    for clock in info.clocks:
+        yield from wrapped(
+            f"Recorder {clock.recorder}: {told_clock(clock)}; times are those of the first "
+            "recorder.",
+            hanging="",
+        )
     if info.offset is not None:
         yield from wrapped(f"{_sentence(info.offset)}.", hanging="")
 

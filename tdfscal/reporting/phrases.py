@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
-from tdfscal.files.calibration.parts import Input, RejectedPosture, ResidualWrench
-from tdfscal.records import InputFile
+from tdfscal.files.calibration.parts import ClockResult, Input, RejectedPosture, ResidualWrench
+from tdfscal.records import InputFile, RecorderClock
 from tdfscal.reporting.layout import Items, Row, Section, Table
 
 if TYPE_CHECKING:
@@ -90,6 +90,16 @@ def chi_squared(chi2: float, dof: int, p: float) -> str:
 def probability(p: float) -> str:
     """Two digits where they say something, else the magnitude."""
     return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+
+
+def told_clock(clock: ClockResult | RecorderClock) -> str:
+    """Write how far a recorder's clock is from the first one's."""
+    digits = ".4f" if abs(clock.offset) >= 1e3 else ".6g"
+    return (
+        f"its clock is {clock.offset:+{digits}} s from the first one's, ± "
+        f"{1e3 * clock.offset_std:.2g} ms, and faster by {1e6 * clock.rate:.3g} ± "
+        f"{1e6 * clock.rate_std:.2g} ppm"
+    )
 
 
 def utc(instant: str) -> str:

@@ -15,7 +15,7 @@ from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text
 from tdfscal.logs import expand
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.description.info import LogInfo, mapping_document
+from tdfscal.logs.description.info import LogInfo
 from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
@@ -105,8 +105,8 @@ def init(
     check_outputs({"--output": (target, (".yaml", ".yml"))}, inputs_read(listed(paths)))
     with progress.reading(expand(logs)) as share:
         info = describe_logs(logs, window=part, progress=share)
-    mapping, first = info.mapping, info.contents[0]
-    if mapping is None:
+    first = info.contents[0]
+    if info.mapping is None:
         raise DataError(
             _why_not(info),
             where=str(first.path),
@@ -118,7 +118,7 @@ def init(
         first.path.absolute().parent.name or "Rig",
         sketch,
         _notes(sketch, len(position)),
-        mapping_document(mapping, by_topic=first.by_topic)["log"],
+        info.block(info.recorders),
         info.guess.notes,
     )
     parse_rig(text.encode(), str(target or "rig.yaml"))
@@ -141,8 +141,10 @@ def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
     """Positions and forces (K, n, 3): of the dwells, or of samples where there is none."""
     if info.dwells is not None and len(info.dwells):
         return info.dwells.position, info.dwells.force
-    there = info.mapping and sampled(info.contents[0], info.mapping)
-    if not there:
+    there = info.samples
+    if there is None and len(info.recorders) == 1:
+        there = sampled(info.contents[0], info.recorders[0])
+    if there is None:
         absence = no_dwell(info.dwells) if info.dwells is not None else None
         raise DataError(
             absence.what if absence else "; ".join(info.problems),

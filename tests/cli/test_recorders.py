@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal import calibrate
+from tdfscal import calibrate, info, init
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.writers.apart import write_apart
 from tdfscal.files.writers.campaign import write_run
@@ -57,3 +57,21 @@ def test_recorders_of_different_campaigns(tmp_path: Path) -> None:
     (other / "daq.csv").replace(folder / "daq.csv")
     with pytest.raises(DataError, match="different campaigns"):
         calibrate([folder], trials=0)
+
+
+def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
+    """`init` finds who holds what, the units, the sign; the drafted rig calibrates."""
+    folder = apart(tmp_path / "two", played("self", 7), Apart(offset=1.7e9, late=1.0))
+    (folder / "rig.yaml").unlink()
+    files = [folder / "cnc.csv", folder / "daq.csv"]
+    looked = info(files).to_dict()
+    (clock,) = looked["clocks"]
+    assert abs(clock["offset"] - 1.7e9) < 4.0 * clock["offset_std"] < 0.2
+    blocks = looked["mapping"]["log"]
+    assert [block["files"] for block in blocks] == ["cnc.csv", "daq.csv"]
+    assert [block["time"]["unit"] for block in blocks] == ["ms", "s"]
+    assert (blocks[0]["length_unit"], blocks[1]["force_unit"]) == ("mm", "kN")
+    init(files, output=folder / "rig.yaml")
+    found = calibrate([folder], trials=0)
+    assert found.status == "provisional"
+    assert abs(found.clocks[0].offset - 1.7e9) < 0.05

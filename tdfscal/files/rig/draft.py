@@ -24,6 +24,7 @@ _WIDTH: Final = 90
 _KEY: Final = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
 #: What is said behind the keys of the log block.
 _MARKS: Final = {
+    "files": f"  # {CONFIRM}: the names of this recorder's files",
     "rows": f"  # {CONFIRM}: each row is one averaged posture",
     "time": f"  # {CONFIRM}: which field is the clock",
     "length_unit": f"  # {CONFIRM}: of the positions",
@@ -51,7 +52,7 @@ def draft(
     name: str,
     sketch: RigSketch,
     notes: Mapping[str, str],
-    log: Mapping[str, Any],
+    log: Mapping[str, Any] | Sequence[Mapping[str, Any]],
     reasons: Sequence[str],
 ) -> str:
     """Write a rig file's text.
@@ -60,7 +61,12 @@ def draft(
     the reasons for what it says.
     """
     mass, barycentre = sketch.mass, sketch.barycentre
-    head, fields = {k: v for k, v in log.items() if k != "supports"}, log["supports"]
+    blocks = [dict(block) for block in ([log] if isinstance(log, Mapping) else log)]
+    fields = list(dict.fromkeys(name for block in blocks for name in block["supports"]))
+    if len(blocks) == 1:  # of two recorders it is in the clocks
+        delay = {"value": 0.0, "std": 0.005}
+        supports = blocks[0].pop("supports")
+        blocks = [{**blocks[0], "delay": delay, "supports": supports}]
     lines = [
         "# yaml-language-server: $schema=rig.schema.json",
         "# (For editors; `tdfscal schema .` writes that file beside this one.)",
@@ -94,7 +100,7 @@ def draft(
     lines += [
         *_UNCERTAINTY,
         *(line for reason in reasons for line in _remark(reason)),
-        *log_lines({**head, "delay": {"value": 0.0, "std": 0.005}, "supports": fields}, _MARKS),
+        *log_lines(blocks[0] if len(blocks) == 1 else blocks, _MARKS),
         "acceptance:",
         "  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted",
         "  birge_max: 2.0",
@@ -142,17 +148,29 @@ def unconfirmed_in(path: Path) -> tuple[str, ...]:
         return ()
 
 
-def log_lines(log: Mapping[str, Any], marks: Mapping[str, str] | None = None) -> list[str]:
-    """The log block as YAML; marks : what is said behind a key, and behind each support's."""
-    said, lines = marks or {}, ["log:"]
-    for key, value in log.items():
+def log_lines(
+    log: Mapping[str, Any] | Sequence[Mapping[str, Any]], marks: Mapping[str, str] | None = None
+) -> list[str]:
+    """The log block as YAML, or a list of them; marks : what is said behind a key, and supports."""
+    if isinstance(log, Mapping):
+        return ["log:", *_block_lines(log, marks or {}, "  ")]
+    lines = ["log:"]
+    for block in log:
+        first, *rest = _block_lines(block, marks or {}, "    ")
+        lines += [f"  - {first.lstrip()}", *rest]
+    return lines
+
+
+def _block_lines(block: Mapping[str, Any], said: Mapping[str, str], indent: str) -> list[str]:
+    lines = []
+    for key, value in block.items():
         if key != "supports":
-            lines.append(f"  {key}: {_flow(value)}{said.get(key, '')}")
+            lines.append(f"{indent}{key}: {_flow(value)}{said.get(key, '')}")
             continue
-        lines.append("  supports:")
+        lines.append(f"{indent}supports:")
         for name, fields in value.items():
-            lines.append(f"    {_flow(name)}:{said.get('supports', '')}")
-            lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
+            lines.append(f"{indent}  {_flow(name)}:{said.get('supports', '')}")
+            lines += [f"{indent}    {what}: {_flow(which)}" for what, which in fields.items()]
     return lines
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -20,6 +20,9 @@ _LONGEST: Final = 1000
 _INDEXED: Final = re.compile(
     r"(?P<prefix>.{1,200}?)(?:(?P<mark>[_.])(?P<plain>\d)|\[(?P<inner>\d)\])"
 )
+
+_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)(?P<number>\d{1,4})")
+_CHANNELS: Final = 9
 
 Format = Literal["csv", "parquet", "mcap", "bag"]
 
@@ -143,6 +146,31 @@ def indexed_axes(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]
         for (prefix, _), own in groups.items()
         if sorted(own) in (list(range(3)), list(range(6)))
     ]
+
+
+def numbered_axes(
+    names: Sequence[str], units: Mapping[str, str | None]
+) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find nine or more channels of one unit that are numbered from 1 on, three by three.
+
+    `AI1 [kN]` to `AI12 [kN]` of a measuring amplifier: (name with the number of three, the three).
+    """
+    runs: dict[tuple[str, str], list[str]] = {}
+    for name in names:
+        match, unit = _NUMBERED.fullmatch(name), units.get(name)
+        if match is not None and unit is not None:
+            runs.setdefault((match["prefix"], unit), []).append(name)
+    found = []
+    for (prefix, _), own in runs.items():
+        numbers = [int(name.removeprefix(prefix)) for name in own]
+        if (
+            len(own) >= _CHANNELS
+            and len(own) % 3 == 0
+            and numbers == [*range(numbers[0], numbers[0] + len(own))]
+        ):
+            found += [(f"{prefix}* {k // 3 + 1}", (own[k], own[k + 1], own[k + 2]))
+                      for k in range(0, len(own), 3)]  # fmt: skip
+    return found
 
 
 def extremes(value: FloatArray) -> tuple[float | None, float | None]:

@@ -20,6 +20,7 @@ from tdfscal.logs.common.contents import (
     axes_of,
     extremes,
     indexed_axes,
+    numbered_axes,
 )
 from tdfscal.records import BoolArray, FloatArray
 
@@ -109,7 +110,9 @@ def table_contents(
     by_letter = axes_of(list(numbers))
     taken = {name for _, three in by_letter for name in three}
     by_index = indexed_axes([name for name in numbers if name not in taken])
-    for label, three in (*by_letter, *by_index):
+    taken |= {name for _, three in by_index for name in three}
+    by_number = numbered_axes([name for name in numbers if name not in taken], stated)
+    for label, three in (*by_letter, *by_index, *by_number):
         axes = [numbers[name] for name in three]
         there = axes[0].row
         for axis in axes[1:]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from fnmatch import fnmatch
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +15,7 @@ from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.description.mapping_guess import Guess
-from tdfscal.records import Dwells, InputFile, LogMapping
+from tdfscal.records import Dwells, FloatArray, InputFile, LogMapping, RecorderClock
 
 Source = Literal["rig", "guessed"]
 
@@ -40,25 +43,46 @@ class Signal:
 class LogInfo:
     """What is in some logs.
 
-    mapping : with which the signals were read: the rig's, or the guess. guess : for the first file.
-    problems : what keeps the logs from being used, or wants a look.
+    recorders : with which the signals were read: the rig's, or the guess. problems : what keeps the
+    logs from being used, or wants a look. clocks : of all recorders but the first. samples :
+    positions in m and forces in N, (K, n, 3), of instants over the log; None where it was not read.
     """
 
     contents: tuple[Contents, ...]
     guess: Guess
-    mapping: LogMapping | None
+    recorders: tuple[LogMapping, ...]
     source: Source
     signals: tuple[Signal, ...] = ()
     inputs: tuple[InputFile, ...] = ()
     dwells: Dwells | None = None
     offset: Offset | None = None
     problems: tuple[str, ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
+    samples: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def mapping(self) -> LogMapping | None:
+        """Of the first recorder; None where nothing is guessed."""
+        return self.recorders[0] if self.recorders else None
+
+    def block(self, recorders: Sequence[LogMapping]) -> dict[str, Any] | list[dict[str, Any]]:
+        """The `log` block of the recorders, as plain values, without what is the default."""
+        blocks = []
+        for recorder in recorders:
+            own = next((c for c in self.contents if owns_file(recorder, c.path)), self.contents[0])
+            blocks.append(mapping_document(recorder, by_topic=own.by_topic))
+        return blocks[0] if len(blocks) == 1 else blocks
+
+
+def owns_file(recorder: LogMapping, path: Path) -> bool:
+    """Tell whether a file, or the folder that it is in, is of a recorder's files."""
+    names = (path.name, path.parent.name)
+    return recorder.files is None or any(fnmatch(name, recorder.files) for name in names)
 
 
 def as_document(info: LogInfo) -> dict[str, Any]:
     """One object: files, mapping (also as YAML text), signals, dwells, problems."""
-    by_topic = info.contents[0].by_topic
-    guess, offset, dwells = info.guess.mapping, None, None
+    guess, offset, dwells = info.guess.recorders, None, None
     if info.offset is not None:
         definition = "time of the forces less that of the positions"
         offset = {**asdict(info.offset), "definition": definition}
@@ -72,14 +96,15 @@ def as_document(info: LogInfo) -> dict[str, Any]:
     return {
         "files": [_file(contents) for contents in info.contents],
         "read_with": info.source if info.mapping else None,
-        "mapping": mapping_document(guess, by_topic=by_topic) if guess else None,
-        "mapping_yaml": mapping_block(guess, by_topic=by_topic) if guess else None,
+        "mapping": {"log": info.block(guess)} if guess else None,
+        "mapping_yaml": mapping_block(info) if guess else None,
         "mapping_notes": list(info.guess.notes),
         "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
         "inputs": [
             {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
             for i in info.inputs
         ],
+        "clocks": [asdict(clock) for clock in info.clocks],
         "time_offset": offset,
         "dwells": dwells,
         "problems": list(info.problems),
@@ -114,22 +139,26 @@ def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
     def fields(names: tuple[str, ...]) -> str | list[str]:
         return names[0] if len(names) == 1 else list(names)
 
-    each = zip(mapping.supports, mapping.position, mapping.force, strict=True)
+    supports: dict[str, dict[str, str | list[str]]] = {}
+    for what, named in (("position", mapping.position), ("force", mapping.force)):
+        for name, own in zip(mapping.supports, named, strict=True):
+            if own:
+                supports.setdefault(name, {})[what] = fields(own)
     timed = {"field": mapping.time_field, "unit": mapping.time_unit}
     block: dict[str, Any] = {
+        "files": mapping.files,
         "rows": mapping.rows,
         "time": {"source": mapping.time_source} if by_topic else timed,
-        "length_unit": mapping.length_unit,
-        "force_unit": mapping.force_unit,
-        "force_on": mapping.force_on,
+        "length_unit": mapping.length_unit if any(mapping.position) else None,
+        "force_unit": mapping.force_unit if any(mapping.force) else None,
+        "force_on": mapping.force_on if any(mapping.force) else None,
         "decimal": mapping.decimal,
-        "supports": {n: {"position": fields(p), "force": fields(f)} for n, p, f in each},
+        "supports": supports,
     }
     usual = {"rows": "timeseries", "decimal": "."}
-    return {"log": {key: value for key, value in block.items() if usual.get(key) != value}}
+    return {key: value for key, value in block.items() if value not in (None, usual.get(key))}
 
 
-def mapping_block(mapping: LogMapping, *, by_topic: bool) -> str:
-    """The block as YAML, ready to paste into rig.yaml."""
-    block = mapping_document(mapping, by_topic=by_topic)["log"]
-    return "\n".join(log_lines(block)) + "\n"
+def mapping_block(info: LogInfo) -> str:
+    """The guessed block as YAML, ready to paste into rig.yaml."""
+    return "\n".join(log_lines(info.block(info.guess.recorders))) + "\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final, Literal, cast
 
@@ -49,12 +49,19 @@ _RIGID: Final = 0.02  # largest relative spread of distances that a rigid termin
 class Guess:
     """mapping : None where no pairs of positions and forces are found. notes : why, and doubts.
 
-    problems : where what the file says of its units cannot be.
+    problems : where what the file says of its units cannot be. others : of further recorders, where
+    positions and forces are in files of their own.
     """
 
     mapping: LogMapping | None
     notes: tuple[str, ...]
     problems: tuple[str, ...] = ()
+    others: tuple[LogMapping, ...] = ()
+
+    @property
+    def recorders(self) -> tuple[LogMapping, ...]:
+        """The mappings of all recorders."""
+        return () if self.mapping is None else (self.mapping, *self.others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +71,33 @@ class _Pair:
     force: Vector
 
 
-def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
-    """Guess the `log:` block of a file never seen before.
+def guess_recorders(files: Mapping[str, Contents], rig: Rig | None = None) -> Guess:
+    """Guess the `log:` block of files never seen before, or that of each of several recorders.
 
+    files : by the pattern of their names, one for each layout of fields that there is.
     rig : gives the supports their names, and decides what names leave open.
     """
-    vectors = [v for v in map(_plausible, contents.vectors) if v.time.size]
+    patterns = list(files)
+    first = guess_mapping(files[patterns[0]], rig)
+    if first.mapping is not None or len(files) == 1:
+        return first
+    each = (_guess({pattern: contents}, rig) for pattern, contents in files.items())
+    return next((guess for guess in each if guess.mapping is not None), None) or _guess(files, rig)
+
+
+def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
+    """Guess the block of one file."""
+    return _guess({"": contents}, rig)
+
+
+def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
+    """Guess from the vectors of all files together."""
+    vectors: list[Vector] = []
+    owner: dict[int, str] = {}
+    for pattern, contents in files.items():
+        own = [v for v in map(_plausible, contents.vectors) if v.time.size]
+        owner |= dict.fromkeys(map(id, own), pattern)
+        vectors += own
     positions = _measured([v for v in vectors if _role(v) == "position"])
     # Drivers fill what they do not measure with zeros: the efforts of a JointState.
     forces = _measured([v for v in vectors if _role(v) == "force" and v.value.any()])
@@ -78,7 +106,7 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         none = f"no mapping is guessed: {found}; three of each are needed"
-        return Guess(None, (none, *_joints(contents)))
+        return Guess(None, (none, *(note for c in files.values() for note in _joints(c))))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
     length = length_unit([p.position for p in pairs], rig)
@@ -87,18 +115,39 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     notes = [*by_rig, *length.notes, *force.notes, *why_on, *_rigidity(pairs)]
     if commanded := [p.position.label for p in pairs if _is_commanded(p.position)]:
         notes.append(f"by their names these positions were commanded: {', '.join(commanded)}")
-    problems = [*length.problems, *force.problems]
-    mapping = LogMapping(
-        supports=tuple(p.support for p in pairs),
-        position=tuple(p.position.fields for p in pairs),
-        force=tuple(p.force.fields for p in pairs),
-        length_unit=length.unit,
-        force_unit=force.unit,
-        force_on=on,
-        decimal=contents.decimal,
-    )
-    used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
+    guess = Guess(None, tuple(notes), (*length.problems, *force.problems))
+    for pattern, contents in files.items():
+        held = [
+            tuple(v.fields if owner[id(v)] == pattern else () for v in side)
+            for side in ([p.position for p in pairs], [p.force for p in pairs])
+        ]
+        if not any(held[0]) and not any(held[1]):
+            continue
+        mapping = LogMapping(
+            supports=tuple(p.support for p in pairs),
+            position=held[0],
+            force=held[1],
+            length_unit=length.unit if any(held[0]) else "m",
+            force_unit=force.unit if any(held[1]) else "N",
+            force_on=on if any(held[1]) else "terminal",
+            decimal=contents.decimal,
+            files=pattern or None,
+        )
+        guess = _with_clock(guess, mapping, contents)
+        if guess.mapping is None:
+            return guess
+    return guess
+
+
+def _with_clock(guess: Guess, mapping: LogMapping, contents: Contents) -> Guess:
+    """The guess with a further recorder's mapping, whose clock is guessed; none where it fails."""
+    used = {name for fields in (*mapping.position, *mapping.force) for name in fields}
     rows = sum(stream.count for stream in contents.streams)
+    notes, problems = list(guess.notes), list(guess.problems)
+
+    def none(why: str) -> Guess:
+        return Guess(None, (*notes, why), tuple(problems))
+
     if contents.by_topic:
         source, why = _time_source(used, contents)
         mapping = replace(mapping, time_source=source)
@@ -112,15 +161,16 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     elif any(not column.name for column in contents.columns):
         number = [field.name for field in contents.streams[0].fields].index("") + 1
         nameless = f"column {number} has no name, and ascends as a time does: name it"
-        return Guess(None, (*notes, f"no mapping is guessed: {nameless}"), tuple(problems))
-    elif rows <= _MOST_POSTURES:
+        return none(f"no mapping is guessed: {nameless}")
+    elif rows <= _MOST_POSTURES and not mapping.files:
         mapping = replace(mapping, rows="postures")
         notes.append("no column ascends as a time does, so each row is taken for a posture")
     else:
         many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
-        notes.append(f"no column ascends as a time does, and {many}")
-        return Guess(None, tuple(notes), tuple(problems))
-    return Guess(mapping, tuple(notes), tuple(problems))
+        return none(f"no column ascends as a time does, and {many}")
+    if guess.mapping is None:
+        return Guess(mapping, tuple(notes), tuple(problems))
+    return Guess(guess.mapping, tuple(notes), tuple(problems), (*guess.others, mapping))
 
 
 def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatArray] | None:
