@@ -192,7 +192,7 @@ def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[
     """
     if len(log.clocks) != 1:
         return log.clocks
-    clock, moving, std = log.clocks[0], found.fit.state.moving, found.uncertainty.moving_std
+    clock, moving, std = log.clocks[0], found.fit.state.moving, found.estimate.moving_std
     late = any(log.campaign.rig.log[1].force)  # the forces are the second recorder's
     delay, rate = (moving.delay, moving.rate) if late else (-moving.delay, -moving.rate)
     since = middle - clock.reference
