@@ -95,7 +95,7 @@ def test_simulator_does_not_know_the_estimator(path: Path) -> None:
 )
 def test_numerics_stand_alone(path: Path) -> None:
     names = {n.split(".")[1] for n in imported(path) if n.startswith("tdfscal.")}
-    assert names <= {"numerics", "records", "errors", "significance"}
+    assert names <= {"numerics", "records", "errors", "findings", "significance"}
 
 
 def folder(path: Path) -> Path:

@@ -190,4 +190,92 @@ REFUSALS: dict[str, Entry] = {
         "the joint estimate found no minimum",
         "compare the two calibrations; they lie too far apart to be combined",
     ),
+    "calibration-unnamed": Entry(
+        "refuses",
+        "stands on a calibration of {date} that is not named",
+        "name every calibration since the first, or campaigns instead",
+    ),
+    "points-unmatched": Entry(
+        "refuses",
+        "no point has the same {by} as one of {file}: {measured} against {reference}",
+        "name the points alike in both files; `register` also pairs them by --match point or "
+        "order, and by --groups MEASURED=REFERENCE",
+    ),
+    "point-group-missing": Entry("refuses", "has no group {subject}", "its groups are: {groups}"),
+    "points-uncounted": Entry(
+        "refuses",
+        "has {number:.0f} points where {file} has {other}: they cannot be paired by their order",
+        "leave out what only one of the files has, or pair the points by name",
+    ),
+    "points-ungrouped": Entry(
+        "refuses",
+        "has several points {subject}, which their groups alone tell apart",
+        "give both files a column `group`, or rename groups by --groups",
+    ),
+    "points-at-instrument": Entry(
+        "refuses",
+        "a measured point lies in the origin of the tracker's frame",
+        "export the measured points in the instrument's own frame, not in a work frame",
+    ),
+    "registration-few": Entry(
+        "refuses",
+        "{number:.0f} points in {groups} group(s) do not determine a rotation",
+        "measure at least three points that do not lie on one line",
+    ),
+    "registration-unsettled": Entry("refuses", "the registration found no minimum"),
+    "registration-open": Entry(
+        "refuses",
+        "the points do not determine the rotation about ({axis}) in the measured frame: "
+        "{bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on one line "
+        "or in one place",
+        "measure at least three points that span a plane",
+    ),
+    "points-mirrored": Entry(
+        "refuses",
+        "the measured points are the mirror image of the reference: no rotation takes one to the "
+        "other, a reflection does",
+        "look for an axis with the wrong sign or a left-handed frame",
+    ),
+    "points-alike-off": Entry(
+        "refuses",
+        "the {what} do not fit their reference points, and any of {subject} may be the one that is "
+        "off",
+        "measure them again; a fifth or sixth target would tell which one it is",
+    ),
+    "points-certain": Entry(
+        "refuses",
+        "some {what} have an uncertainty of zero in some direction",
+        "state a range and an angle uncertainty of the instrument above zero",
+    ),
+    "points-rescaled": Entry(
+        "refuses", "the {what} differ in size: {mistake}", "correct the length unit"
+    ),
+    "points-misnamed": Entry(
+        "refuses",
+        "the names of the {what} do not fit the distances between them; they fit if {order}",
+        "correct the names of these points",
+    ),
+    "groups-misnamed": Entry(
+        "refuses",
+        "the {what} of {subject} do not fit its reference points, those of {other} do",
+        "correct the group names",
+    ),
+    "scale-open": Entry("refuses", "the points do not determine a scale", "measure more"),
+    "scale-unsettled": Entry("refuses", "the scale found no minimum"),
+    "targets-few": Entry(
+        "refuses",
+        "{number:.0f} target(s) of {subject} have both a nominal and a measured position"
+        "{alone: (~ in one of the two files only)|}; three are the least",
+        "measure at least three targets on each sensor, named as in the drawing",
+    ),
+    "moves-none": Entry(
+        "refuses",
+        "no support of the rig has two moves or more",
+        "name the groups as the supports: {subject}",
+    ),
+    "points-off": Entry(
+        "refuses",
+        "{number:.0f} of {points} points do not fit the others: {subject}",
+        "measure these points again, or state the survey's real uncertainties",
+    ),
 }

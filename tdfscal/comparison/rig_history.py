@@ -147,11 +147,8 @@ def _own(
                 before.matrix[np.ix_(spoken, spoken)] = rest.matrix[np.ix_(kept, kept)]
                 before.score[spoken] = rest.score[kept]
         elif min(other.measured.month for other in known) < e.measured.month:
-            raise UsageError(
-                f"stands on a calibration of {created[:10]} that is not named",
-                where=e.name,
-                hint="name every calibration since the first, or campaigns instead",
-            )
+            unnamed = Finding("calibration-unnamed", values={"date": created[:10]})
+            raise UsageError(unnamed, where=e.name)
     return _added(e.rig, e.about(reference), before, told)
 
 

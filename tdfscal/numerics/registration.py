@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy import special
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import PRODUCT_ROUNDING, align, transposed
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
@@ -113,8 +114,7 @@ def register(
     dof = 3 * len(y) - 3 - 3 * groups
     if dof <= 0:
         raise NotIdentifiableError(
-            f"{len(y)} points in {groups} group(s) do not determine a rotation",
-            hint="measure at least three points that do not lie on one line",
+            Finding("registration-few", size=len(y), values={"groups": groups})
         )
     fit = align(y, x, C, D, index)
     mirror = align(y, -x, C, D, index, tolerance=1e-3)
@@ -128,7 +128,7 @@ def register(
     _refuse_undetermined(normal, D_turned, weight, sigma2)
     _refuse_mirrored(float(fit.chi2), float(mirror.chi2), dof, floor2 if unknown else 0.0)
     if not fit.converged:
-        raise NotConvergedError("the registration found no minimum")
+        raise NotConvergedError(Finding("registration-unsettled"))
     if unknown:
         sigma2 = max(float(fit.chi2) / dof, floor2)
     back = 2 * np.eye(len(to_origin)) - to_origin
@@ -254,13 +254,13 @@ def _refuse_undetermined(
     values, vectors = map(np.asarray, np.linalg.eigh(information - feigned))
     smallest, direction = values[0], vectors[:, 0]
     if smallest < LARGEST_MEANINGFUL_STD**-2:
-        std = f"±{smallest**-0.5:.2g} rad" if smallest > 0 else "without bound"
-        axis = ", ".join(f"{c:.3f}" for c in direction * np.sign(direction @ [1.0, 1e-3, 1e-6]))
-        raise NotIdentifiableError(
-            f"the points do not determine the rotation about ({axis}) in the measured frame: "
-            f"{std}; within their uncertainty they lie on one line or in one place",
-            hint="measure at least three points that span a plane",
-        )
+        axis = direction * np.sign(direction @ [1.0, 1e-3, 1e-6])
+        facts: dict[str, Value] = {
+            "axis": [f"{c:.3f}" for c in axis],
+            "bounded": bool(smallest > 0),
+        }
+        size = float(smallest**-0.5) if smallest > 0 else 0.0
+        raise NotIdentifiableError(Finding("registration-open", (), size, "rad", values=facts))
 
 
 def _refuse_mirrored(chi2: float, mirrored: float, dof: int, floor: float) -> None:
@@ -270,11 +270,7 @@ def _refuse_mirrored(chi2: float, mirrored: float, dof: int, floor: float) -> No
     """
     mirrored = max(mirrored, dof * floor)
     if mirrored < chi2 and special.fdtrc(dof, dof, chi2 / max(mirrored, 1e-300)) < MIRRORED:
-        raise MirroredError(
-            "the measured points are the mirror image of the reference: no rotation takes one to "
-            "the other, a reflection does",
-            hint="look for an axis with the wrong sign or a left-handed frame",
-        )
+        raise MirroredError(Finding("points-mirrored"))
 
 
 def _judge_points(

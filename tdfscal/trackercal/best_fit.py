@@ -171,16 +171,12 @@ def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:
         survey = _together(larger, Noise(noise.measured, grown))
         step = _scale_beside(survey)
         if step is None or survey.fit.dof < 2:
-            raise NotIdentifiableError(
-                "the points do not determine a scale",
-                where=points.measured.source,
-                hint="measure more",
-            )
+            raise NotIdentifiableError(Finding("scale-open"), where=points.measured.source)
         move = float(step.value[0])
         if abs(move) <= 1e-6 * float(step.covariance[0, 0] ** 0.5):
             return scale, survey
         scale *= 1 + move
-    raise NotConvergedError("the scale found no minimum", where=points.measured.source)
+    raise NotConvergedError(Finding("scale-unsettled"), where=points.measured.source)
 
 
 def _scale_beside(survey: SurveyFit) -> Extension | None:

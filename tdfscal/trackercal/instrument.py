@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, Instrument
 
 ARCSEC = np.pi / 648_000
@@ -57,8 +58,5 @@ def observe(
 def _range(xyz: FloatArray) -> tuple[FloatArray, FloatArray]:
     r = np.linalg.norm(xyz, axis=1)
     if np.any(r == 0):
-        raise DataError(
-            "a measured point lies in the origin of the tracker's frame",
-            hint="export the measured points in the instrument's own frame, not in a work frame",
-        )
+        raise DataError(Finding("points-at-instrument"))
     return r, xyz / r[:, None]

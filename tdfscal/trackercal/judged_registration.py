@@ -168,12 +168,9 @@ def fit_survey(
         near = np.flatnonzero(fit.statistic > fit.statistic[worst] - POINTS_AS_LIKELY)
         alike = common_shift and len(near) > 1
         if outlies and alike and p[worst] < UNUSABLE_SURVEY:
-            raise DataError(
-                f"the {what} do not fit their reference points, and any of "
-                f"{', '.join(current.names[k] for k in near)} may be the one that is off",
-                where=points.measured.source,
-                hint="measure them again; a fifth or sixth target would tell which one it is",
-            )
+            names = tuple(current.names[k] for k in near)
+            off = Finding("points-alike-off", names, values={"what": what})
+            raise DataError(off, where=points.measured.source)
         if alike or not outlies or not stated:
             return SurveyFit(current, covs, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
@@ -251,11 +248,8 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
     if given:
         size = np.linalg.eigvalsh(C + D)
         if np.any(size[:, 0] <= 1e-12 * size[:, 2]):
-            raise DataError(
-                f"some {what} have an uncertainty of zero in some direction",
-                where=points.measured.source,
-                hint="state a range and an angle uncertainty of the instrument above zero",
-            )
+            certain = Finding("points-certain", values={"what": what})
+            raise DataError(certain, where=points.measured.source)
     try:
         if given:
             return solve(points.measured.xyz, points.reference.xyz, C, D, index)
@@ -263,9 +257,8 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
         return solve(points.measured.xyz, points.reference.xyz, group=index, least=least)
     except (NotIdentifiableError, NotConvergedError) as error:
         kind = DataError if isinstance(error, MirroredError) else type(error)
-        raise kind(
-            error.what, where=f"{points.measured.source}, {what}", hint=error.hint
-        ) from error
+        said = error.finding or error.what
+        raise kind(said, where=f"{points.measured.source}, {what}", hint=error.hint) from error
 
 
 def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool, what: str) -> None:
@@ -283,26 +276,23 @@ def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool,
         sets = [points.take(points.indices(name)) for name in points.groups]
     for here in sets:
         if mistake := unit_mistake(here):
-            fault, hint = f"the {what} differ in size: {mistake}", "correct the length unit"
+            fault = Finding("points-rescaled", values={"what": what, "mistake": mistake})
         elif same_distances(here.measured, here.reference, sigma):
             continue
         elif orders := relabellings(here, sigma):
-            fault = (
-                f"the names of the {what} do not fit the distances between them; they fit if "
-                f"{describe_relabelling(here.names, orders[0])}"
-            )
-            hint = "correct the names of these points"
+            values: dict[str, Value] = {
+                "what": what,
+                "order": describe_relabelling(here.names, orders[0]),
+            }
+            fault = Finding("points-misnamed", values=values)
         elif others := [
             there.groups[0]
             for there in sets
             if there.reference.point == here.reference.point
             and same_distances(there.measured, here.reference, sigma)
         ]:
-            fault = (
-                f"the {what} of {here.groups[0]} do not fit its reference points, those of "
-                f"{others[0]} do"
-            )
-            hint = "correct the group names"
+            values = {"what": what, "other": others[0]}
+            fault = Finding("groups-misnamed", here.groups[:1], values=values)
         else:
             continue
-        raise DataError(fault, where=points.measured.source, hint=hint)
+        raise DataError(fault, where=points.measured.source)

@@ -160,28 +160,19 @@ def _matched(
         count = len(targets.indices(name))
         if count < 3:
             here = [m for m in (*targets.missing, *targets.extra) if m.startswith(f"{name}/")]
-            lacking = f" ({', '.join(here)} in one of the two files only)" if here else ""
-            raise DataError(
-                f"{count} target(s) of {name} have both a nominal and a measured position"
-                f"{lacking}; three are the least",
-                where=targets.measured.source,
-                hint="measure at least three targets on each sensor, named as in the drawing",
-            )
+            few = Finding("targets-few", (name,), count, values={"alone": ", ".join(here)})
+            raise DataError(few, where=targets.measured.source)
     source = moves.measured.source
-    few = [name for name in rig.supports if len(moves.indices(name)) < 2]
-    if len(few) == rig.n:
-        raise DataError(
-            "no support of the rig has two moves or more",
-            where=source,
-            hint=f"name the groups as the supports: {', '.join(rig.supports)}",
-        )
+    still = [name for name in rig.supports if len(moves.indices(name)) < 2]
+    if len(still) == rig.n:
+        raise DataError(Finding("moves-none", rig.supports), where=source)
     notes = [
         Finding("group-unknown", (name,), values={"file": source})
         for name in sorted(set(moves.groups) - set(rig.supports))
     ]
-    notes += [Finding("moves-few", (name,), values={"file": source}) for name in few]
+    notes += [Finding("moves-few", (name,), values={"file": source}) for name in still]
     usable = moves.take(
-        np.flatnonzero([g in rig.supports and g not in few for g in moves.reference.group])
+        np.flatnonzero([g in rig.supports and g not in still for g in moves.reference.group])
     )
     return usable, targets, (*unmatched(moves), *unmatched(targets), *notes)
 
@@ -213,11 +204,8 @@ def _refuse_many_outliers(moves: SurveyFit, targets: Sequence[SurveyFit], source
     rejected = [r.name for s in surveys for r in s.rejected]
     count = sum(len(s.points) for s in surveys) + len(rejected)
     if len(rejected) > MOST_REJECTED * count:
-        raise DataError(
-            f"{len(rejected)} of {count} points do not fit the others: {', '.join(rejected)}",
-            where=source,
-            hint="measure these points again, or state the survey's real uncertainties",
-        )
+        many = Finding("points-off", tuple(rejected), len(rejected), values={"points": count})
+        raise DataError(many, where=source)
 
 
 def _shares(

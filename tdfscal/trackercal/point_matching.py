@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, PointSet
 
@@ -85,13 +85,13 @@ def match_points(
     common = {j: where[key] for j, key in enumerate(theirs) if key in where}
     names, others = _names(reference), _names(measured)
     if not common:
-        raise DataError(
-            f"no point has the same {_BY[match]} as one of {reference.source}: "
-            f"{_listed(others)} against {_listed(names)}",
-            where=measured.source,
-            hint="name the points alike in both files; `register` also pairs them by --match point "
-            "or order, and by --groups MEASURED=REFERENCE",
-        )
+        values: dict[str, Value] = {
+            "by": _BY[match],
+            "file": reference.source,
+            "measured": _listed(others),
+            "reference": _listed(names),
+        }
+        raise DataError(Finding("points-unmatched", values=values), where=measured.source)
     taken = set(common.values())
     return MatchedPoints(
         measured=measured.take(list(common.values())),
@@ -109,9 +109,8 @@ def _renamed(measured: PointSet, groups: Mapping[str, str], reference: PointSet)
         for name in names:
             if name not in known:
                 there = ", ".join(dict.fromkeys(filter(None, known))) or "none"
-                raise DataError(
-                    f"has no group {name}", where=source, hint=f"its groups are: {there}"
-                )
+                missing = Finding("point-group-missing", (name,), values={"groups": there})
+                raise DataError(missing, where=source)
     return replace(measured, group=tuple(groups.get(g, g) for g in measured.group))
 
 
@@ -123,12 +122,9 @@ def _keys(
     if match == "order":
         counts = [len(points.point) for points in sets]
         if counts[0] != counts[1]:
-            raise DataError(
-                f"has {counts[0]} points where {reference.source} has {counts[1]}: they cannot be "
-                "paired by their order",
-                where=measured.source,
-                hint="leave out what only one of the files has, or pair the points by name",
-            )
+            values: dict[str, Value] = {"file": reference.source, "other": counts[1]}
+            unequal = Finding("points-uncounted", size=counts[0], values=values)
+            raise DataError(unequal, where=measured.source)
         return range(counts[0]), range(counts[1])
     if match == "name" and any(measured.group) and any(reference.group):
         ours, theirs = (list(zip(p.group, p.point, strict=True)) for p in sets)
@@ -143,11 +139,7 @@ def _keys(
     for points in sets:
         twice = next((p for p in points.point if p in common and points.point.count(p) > 1), None)
         if twice is not None:
-            raise DataError(
-                f"has several points {twice}, which their groups alone tell apart",
-                where=points.source,
-                hint="give both files a column `group`, or rename groups by --groups",
-            )
+            raise DataError(Finding("points-ungrouped", (twice,)), where=points.source)
     return measured.point, reference.point
 
 
