@@ -29,8 +29,6 @@ STUDIES = {
     "free-space": ("deviation in free space under impedance control (Table 4, Fig. 16)", 24),
     "docking": ("contact force and torque while the gears are docked (Figs. 17, 18)", 12),
 }
-#: Those that judge given calibrations.
-_JUDGING = ("sensitivity", "accuracy")
 #: Fewest runs that have a spread; Student's t does the rest.
 _LEAST = 3
 
@@ -62,7 +60,7 @@ def perform(
         raise UsageError(f"{runs} runs have no spread", where="--runs", hint=f"{_LEAST} or more")
     if asked.seed < 0:
         raise UsageError("a seed is not negative", where="--seed")
-    if asked.calibration and asked.name not in _JUDGING:
+    if asked.calibration and asked.name != "sensitivity":
         raise UsageError(f"{asked.name} judges no calibration", where="--calibration")
     loaded = rig_named(asked.rig)
     rig, survey = campaigns.require_whole(loaded), survey_of(loaded)
@@ -71,7 +69,7 @@ def perform(
     if asked.name == "sensitivity":
         study = sensitivity.run(rig, given)
     elif asked.name == "accuracy":
-        study = accuracy.run(rig, survey, runs, asked.seed, given, progress)
+        study = accuracy.run(rig, survey, runs, asked.seed, progress)
     elif asked.name == "table2":
         study = table2.run(rig, survey, runs, asked.seed, progress)
     elif asked.name == "causes":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -26,7 +26,6 @@ from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import figure, signed
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import SurveyOptions
-from tdfscal.workflows.calibration import Calibration
 
 ARMS = ("linear", "ml", "tracker")
 _MOST_BINS = 30
@@ -85,10 +84,9 @@ def run(
     survey: SurveyOptions,
     runs: int,
     seed: int,
-    given: Sequence[tuple[str, Calibration]] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Study:
-    """Both cases, and how given calibrations compare with the second."""
+    """Both cases."""
     first, second = np.random.SeedSequence(seed).spawn(2)
     own = campaigns.papers_sources(rig)
     cases = []
@@ -105,14 +103,6 @@ def run(
         tuple(row for case in cases for row in _biases(case, sum(len(c.error) for c in cases))),
         left=2,
     ))  # fmt: skip
-    if given:
-        best = min(deviation(error) for error in cases[1].error.values())
-        rows = tuple(
-            (name, 1e3 * float(c.rpy_std.mean()), float(c.rpy_std.mean()) / best)
-            for name, c in given
-        )
-        head = ("calibration", "states, mrad", "over the best method's σ here")
-        tables.append(Table("calibrations", "Given calibrations, mean of the angles", head, rows))
     tables.append(Table(
         "errors", "Every error, rad",
         ("case", "method", "run", *(f"{name} {a}" for name in rig.supports for a in ANGLES)),
@@ -208,17 +198,14 @@ def _paint_errors(rig: Rig, case: Case, i: int) -> Figure:
 
 
 def _histogram(ax: Axes, error: FloatArray) -> None:
-    """Errors (N,), mrad, with the normal curve of their mean and deviation; 2 ∛N bins."""
+    """Errors (N,), mrad, with their mean and deviation; 2 ∛N bins."""
     bins = min(_MOST_BINS, int(np.ceil(2 * np.cbrt(len(error)))))
     counts, edges = np.histogram(error, bins=bins)
     middle, std = float(error.mean()), float(error.std(ddof=1))
     ax.stairs(counts, edges, fill=True, color="#c6d6ea")
     ax.stairs(counts, edges, color=ink.BLACK, linewidth=0.5)
-    x = np.linspace(middle - 4 * std, middle + 4 * std, 121)
-    height = counts.sum() * (edges[1] - edges[0]) / (std * np.sqrt(2 * np.pi))
-    ax.plot(x, height * np.exp(-(((x - middle) / std) ** 2) / 2), color=ink.ORANGE, linewidth=1.2)
     ax.axvline(0.0, color=ink.BLACK, linewidth=0.8, linestyle="--")
-    ax.set_ylim(0.0, 1.45 * max(float(counts.max()), height))
+    ax.set_ylim(0.0, 1.45 * float(counts.max()))
     said = f"mean {signed(middle, '+.2g')}\nσ {std:.3g}"
     ax.text(0.03, 0.96, said, transform=ax.transAxes, va="top", fontsize=7)
     ax.grid(visible=False)

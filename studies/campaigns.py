@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any, TypeVar
@@ -203,7 +202,7 @@ def errors(
     sizes = [min(BLOCK, runs - start) for start in range(0, runs, BLOCK)]
     each = seed.spawn(len(sizes))
     tasks = ([v] * len(sizes) for v in (rig, setting, tuple(methods), survey))
-    shared_by = min(workers or processes(), len(sizes))
+    shared_by = min(workers or os.cpu_count() or 1, len(sizes))
     blocks = list(mapped(_block, *tasks, sizes, each, workers=shared_by))
     return {m: np.concatenate([block[m] for block in blocks]) for m in methods}
 
@@ -251,31 +250,12 @@ def found_by_all(*samples: FloatArray) -> list[FloatArray]:
     return [sample[whole] for sample in samples]
 
 
-def processes() -> int:
-    """One per core."""
-    return os.cpu_count() or 1
-
-
-@contextmanager
-def pool(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes of one thread each for linear algebra.
-
-    The libraries read these variables when they are loaded, so only new processes heed them.
-    """
-    added = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
-    try:
-        with ProcessPoolExecutor(count, get_context("spawn")) as workers:
-            yield workers
-    finally:
-        for name in added:
-            os.environ.pop(name, None)
-
-
 def mapped(function: Callable[..., _T], *arguments: Iterable[Any], workers: int) -> Iterator[_T]:
-    """`map`, here or in so many processes."""
+    """`map`, here or in so many processes of one thread each for linear algebra."""
     if workers == 1:
         yield from map(function, *arguments)
         return
-    with pool(workers) as running:
+    for name in _THREADS:  # libraries heed them when they are loaded, in new processes alone
+        os.environ.setdefault(name, "1")
+    with ProcessPoolExecutor(workers, get_context("spawn")) as running:
         yield from running.map(function, *arguments)

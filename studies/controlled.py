@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar
@@ -9,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from studies.arms import KNOWS, MOUNTED, Arm
-from studies.campaigns import mapped, processes
+from studies.campaigns import mapped
 from studies.control.contact import GearPair
 from studies.control.loop import simulate
 from studies.control.machine import PositionErrors, draw_errors
@@ -23,19 +24,10 @@ from tdfscal.reporting.figures import ink
 from tdfscal.simulation import Pose, Truth
 
 #: Colour, line and marker of each calibration: each tells them apart on its own.
-MARKS = (
-    (ink.BLACK, ":", "x"),
-    (ink.GREY, ":", "+"),
-    (ink.GREY, "--", "v"),
-    (ink.ORANGE, "--", "s"),
-    (ink.RED, "-.", "D"),
-    (ink.BLUE, "-", "o"),
-    (ink.GREEN, "-.", "^"),
-    (ink.ORANGE, ":", "s"),
-    (ink.RED, ":", "D"),
-    (ink.BLUE, ":", "o"),
-    (ink.GREEN, ":", "^"),
-)
+_SELF = (ink.ORANGE, ink.RED, ink.BLUE, ink.GREEN)
+_COLOURS = (ink.BLACK, ink.GREY, ink.GREY, *_SELF, *_SELF)
+_LINES = (":", ":", "--", "--", "-.", "-", "-.", ":", ":", ":", ":")
+MARKS = tuple(zip(_COLOURS, _LINES, "x+vsDo^sDo^", strict=True))
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.
 #: The blocks go by the work alone, so that the number of processes changes no number.
 _WORTH, _BLOCK = 1_000_000, 200
@@ -91,7 +83,7 @@ def simulate_lanes(
     blocks = min(runs, max(2, copies * runs // _BLOCK)) if worth else 1
     parts = np.array_split(np.arange(runs), blocks)
     tasks = list(map(task, parts))
-    workers = min(processes(), blocks)
+    workers = min(os.cpu_count() or 1, blocks)
     results = list(mapped(simulate, *zip(*tasks, strict=True), workers=workers))
     lanes = np.arange(copies * runs).reshape(copies, runs)
     return _joined(results, np.argsort(np.concatenate([lanes[:, part].ravel() for part in parts])))

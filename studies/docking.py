@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from studies import controlled
@@ -17,7 +16,7 @@ from studies.control.gear_survey import survey_error
 from studies.control.reference import advance, require_within
 from studies.control.runs import PHASES, Controller, Docking, Result
 from studies.frame import Beside, Cell, Study, Table
-from studies.statistics import mean, ratio, share
+from studies.statistics import mean, ratio
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import figure, legend_outside
@@ -36,7 +35,6 @@ PAPER = ((8.41, 6.58, 6.58 * (1 - 0.363)), (5.22, 3.89, 3.89 * (1 - 0.221)))
 _FORCES = ("Fx, N", "Fy, N", "Fz, N", "Mx, N·m", "My, N·m", "Mz, N·m")
 #: The scale is linear up to here, N and N·m, and logarithmic beyond: the paper's range is 12 N.
 _LINEAR = (12.0, 6.0)
-_TICKS = ((0, 3, 6, 9, 12, 20, 40, 100), (0, 2, 4, 6, 10, 20, 50))
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,12 +200,12 @@ def _maxima(name: str, one: Dockings) -> Table:
     for c, arm in enumerate(one.arms):
         touched, jammed = one.touched[c], one.jammed[c]
         rows.append((
-            arm.name, *(mean(v[arm.name]) for v in values), share(one.succeeded[c]),
+            arm.name, *(mean(v[arm.name]) for v in values), int(one.succeeded[c].sum()),
             int(one.seated[c].sum()), int((jammed & touched).sum()), int((jammed & ~touched).sum()),
-            share(one.early[c][touched]) if touched.any() else None,
+            int(one.early[c][touched].sum()),
         ))  # fmt: skip
-    head = ("calibration", "force, N", "torque, N·m", "seen, N", "seen, N·m", "success, %",
-            "seated", "jammed", "false", "peak at contact, %")  # fmt: skip
+    head = ("calibration", "force, N", "torque, N·m", "seen, N", "seen, N·m", "success",
+            "seated", "jammed", "false", "peak at contact")  # fmt: skip
     caption = "Largest contact wrench of a run, true and as the controller sees it, mean of x, y, z"
     return Table(f"maxima-{one.setup.slug}", f"{caption}; {name}", head, tuple(rows))
 
@@ -307,7 +305,7 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
                            label=f"{phase}, {start:.1f} s")  # fmt: skip
         ax.set_title(f"{_FORCES[axis]}; largest true {one.peak[c, run, axis]:.3g}")
         limit = one.setup.controller.thresholds[axis] if axis < 3 else 0.0
-        _scale(ax, axis, float(max(np.abs(seen).max(), np.abs(true).max(), limit)), both=True)
+        ax.set_yscale("symlog", linthresh=_LINEAR[axis // 3], linscale=2.0)
         if axis < 3:
             ax.axhline(limit, color=ink.RED, linewidth=0.7)
             ax.axhline(-limit, color=ink.RED, linewidth=0.7, label="limit" if axis == 0 else None)
@@ -323,7 +321,6 @@ def _paint_maxima(one: Dockings) -> Figure:
     runs = one.seated.shape[1]
     spread = np.linspace(-0.25, 0.25, runs)
     for axis, ax in enumerate(grid.flat):
-        top = 0.0
         for c in range(len(one.arms)):
             colour, _, marker = controlled.MARKS[c % len(controlled.MARKS)]
             met = one.touched[c]
@@ -331,7 +328,6 @@ def _paint_maxima(one: Dockings) -> Figure:
             if not values.size:
                 ax.text(c, 0.3, "no contact", rotation=90, fontsize=6.5, ha="center", va="bottom")
                 continue
-            top = max(top, float(values.max()))
             ax.plot(c + spread[met], values, marker, color=colour, markersize=2.5, alpha=0.6,
                     linestyle="none")  # fmt: skip
             middle = mean(values)
@@ -339,22 +335,10 @@ def _paint_maxima(one: Dockings) -> Figure:
                         markersize=12, capsize=3)  # fmt: skip
         if axis < 3:
             ax.axhline(one.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
-        _scale(ax, axis, top)
+        ax.set_yscale("symlog", linthresh=_LINEAR[axis // 3], linscale=2.0)
+        ax.set_ylim(0.0)
         ax.set_xlim(-0.6, len(one.arms) - 0.4)
         ax.set_title(_FORCES[axis] + ("" if axis > 2 else ", limit in red"))
         names = [arm.name for arm in one.arms]
         ax.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     return fig
-
-
-def _scale(ax: Axes, axis: int, top: float, *, both: bool = False) -> None:
-    """Linear up to the paper's range, logarithmic beyond, at least that range; axis : 0 to 5."""
-    linear, ticks = _LINEAR[axis // 3], _TICKS[axis // 3]
-    ax.set_yscale("symlog", linthresh=linear, linscale=2.0)
-    top = 1.1 * max(top, linear)
-    shown = [t for t in ticks[:: 2 if both else 1] if t <= top]
-    if both:
-        shown = sorted({-t for t in shown} | set(shown))
-    ax.set_yticks(shown, [f"{t:g}".replace("-", "−") for t in shown])
-    ax.minorticks_off()
-    ax.set_ylim(-top if both else 0.0, top)

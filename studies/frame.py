@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from studies.statistics import SAME, UNLIKELY, Estimate, Share, drawn_alike
+from studies.statistics import SAME, UNLIKELY, Estimate, drawn_alike
 from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Block, Drawing, Facts, Items, Report, Section
 from tdfscal.reporting.layout import Table as Shown
 
-Cell = str | float | int | Estimate | Share | None
+Cell = str | float | int | Estimate | None
 #: Of the document, and of the file among a study's that says whose folder it is.
 _WIDTH = 80
 FORMAT, DOCUMENT, PAGE = "tdfscal-study/1", "study.json", "study.html"
@@ -212,17 +212,12 @@ def check_folder(folder: Path) -> None:
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError("is no folder", where=str(folder), hint="name another with -o")
-    if folder.is_dir() and any(folder.iterdir()):
-        try:
-            own = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))["format"] == FORMAT
-        except (OSError, ValueError, KeyError, TypeError):
-            own = False
-        if not own:
-            raise UsageError(
-                "the folder holds other files than a study's",
-                where=str(folder),
-                hint="name a new folder with -o",
-            )
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / DOCUMENT).is_file():
+        raise UsageError(
+            "the folder holds other files than a study's",
+            where=str(folder),
+            hint="name a new folder with -o",
+        )
 
 
 def _text(cell: Cell) -> str:
@@ -234,18 +229,12 @@ def _text(cell: Cell) -> str:
 def _plain(cell: Cell) -> Any:
     if isinstance(cell, Estimate):
         return {"value": _finite(cell.value), "standard_error": _finite(cell.std)}
-    if isinstance(cell, Share):
-        low, high = cell.interval
-        return {"count": cell.count, "runs": cell.runs, "low": low, "high": high}
     return _finite(cell) if isinstance(cell, float) else cell
 
 
 def _parts(column: Iterable[Cell]) -> tuple[str, ...]:
     """Ends of the names of a column's own columns."""
-    kinds = {type(cell) for cell in column}
-    if Share in kinds:
-        return "", " runs", " low", " high"
-    return ("", " standard error") if Estimate in kinds else ("",)
+    return ("", " standard error") if any(isinstance(c, Estimate) for c in column) else ("",)
 
 
 def _values(cell: Cell, parts: tuple[str, ...]) -> tuple[Any, ...]:

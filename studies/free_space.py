@@ -157,11 +157,6 @@ def _tables(case: str, found: Deviations) -> list[Table]:
         for a, b in controlled.pairs(found.arms)
     )
     means = tuple((n, mean(position[n]), mean(posture[n])) for n in position)
-    each = tuple(
-        (n, k, float(position[n][k]), float(posture[n][k]))
-        for n in position
-        for k in range(len(position[n]))
-    )
     head = ("position, mm", "posture, mrad")
     caption = f"Deviation of the final pose, mean over moves and runs; {case}"
     knows = controlled.knowledge(found.arms)
@@ -170,7 +165,6 @@ def _tables(case: str, found: Deviations) -> list[Table]:
         Table(f"ratios-{case}", f"Ratios of the means, like with like; {case}",
               ("calibrations", "position", "posture"), ratios),
         replace(knows, name=f"arms-{case}"),
-        Table(f"runs-{case}", "Every run", ("calibration", "run", *head), each, shown=False),
     ]  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from tdfscal.workflows.calibration import Calibration
 #: rad, "generally not exceeding 0.05 rad" (Sect. 2.3); N, standard deviation of internal forces.
 SPAN, SQUEEZE = 0.05, 200.0
 _POINTS = 101
-_PER_ROW = 4
 _LINES = ((ink.BLACK, "-", "o"), (ink.ORANGE, "--", "s"), (ink.BLUE, ":", "^"))
 
 
@@ -127,20 +126,7 @@ def run(rig: Rig, given: Sequence[tuple[str, Calibration]] = ()) -> Study:
         tuple(rows),
         left=2,
     )  # fmt: skip
-    curves = tuple(
-        (s.internal, name, ANGLES[j], float(s.off[k]), float(s.force[i, j, k]),
-         float(s.torque[i, j, k]), float(s.printed[i, j, k]))
-        for s in sweeps
-        for i, name in enumerate(rig.supports)
-        for j in range(3)
-        for k in range(len(s.off))
-    )  # fmt: skip
-    tables = [shown, Table(
-        "curves", "Every point of Fig. 4",
-        ("internal force, N", "sensor", "angle", "off, rad", "force, N", "torque, N·m",
-         "torque by Eq. 11 as printed, N·m"),
-        curves, shown=False,
-    )]  # fmt: skip
+    tables = [shown]
     if given:
         left: list[tuple[Cell, ...]] = []
         for name, calibration in given:
@@ -183,21 +169,11 @@ def _drawing(supports: tuple[str, ...], s: Sweep) -> Drawing:
 
 
 def _paint(supports: tuple[str, ...], s: Sweep) -> Figure:
-    n = len(supports)
-    columns = min(n, _PER_ROW)
-    bands = -(-n // columns)
-    fig = figure(0.5 + 3.9 * bands)
-    grid = fig.subplots(2 * bands, columns, sharex=True, squeeze=False)
-    for i in range(bands * columns):
-        band, column = divmod(i, columns)
-        if i >= n:
-            grid[2 * band, column].set_axis_off()
-            grid[2 * band + 1, column].set_axis_off()
-            continue
-        for q, (values, label) in enumerate(
-            ((s.force, "force error, N"), (s.torque, "torque error, N·m"))
-        ):
-            ax = grid[2 * band + q, column]
+    n, both = len(supports), ((s.force, "force error, N"), (s.torque, "torque error, N·m"))
+    fig = figure(0.5 + 2.0 * n)
+    grid = fig.subplots(n, 2, sharex=True, squeeze=False)
+    for i, name in enumerate(supports):
+        for ax, (values, label) in zip(grid[i], both, strict=True):
             for j, (colour, line, marker) in enumerate(_LINES):
                 # Curves that coincide still show their markers.
                 ax.plot(
@@ -206,11 +182,9 @@ def _paint(supports: tuple[str, ...], s: Sweep) -> Figure:
                 )  # fmt: skip
             top = max(float(values.max()), 1e-9)
             ax.set_ylim(-0.03 * top, 1.05 * top)
+            ax.set_ylabel(label)
+            ax.set_title(name)
+        for ax in grid[-1]:
             ax.set_xlabel("angle off, mrad")
-            ax.tick_params(labelbottom=True)
-            if column == 0:
-                ax.set_ylabel(label)
-            if q == 0:
-                ax.set_title(supports[i])
     fig.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return fig

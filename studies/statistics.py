@@ -1,4 +1,4 @@
-"""Numbers with their standard errors, shares with their intervals, and the tests of the studies."""
+"""Numbers with their standard errors, and the tests of the studies."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betaincinv, stdtr
+from scipy.special import stdtr
 
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import FloatArray
 
-#: Coverage of the intervals of shares.
-COVERAGE = 0.95
 #: That an unbiased study is called biased, all its angles together.
 FALSE_BIAS = 0.01
 #: Standard errors within which two numbers are the same.
@@ -39,32 +37,6 @@ class Estimate:
                 "-", "−"
             )
         return f"{self.value:.{digits}f} ± {self.std:.{digits}f}".replace("-", "−")
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """Runs of which something holds, with Clopper and Pearson's interval of its probability."""
-
-    count: int
-    runs: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Low and high end."""
-        k, n, tail = self.count, self.runs, 0.5 * (1.0 - COVERAGE)
-        low = float(betaincinv(k, n - k + 1, tail)) if k else 0.0
-        high = float(betaincinv(k + 1, n - k, 1.0 - tail)) if k < n else 1.0
-        return low, high
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        share = 100.0 * self.count / max(self.runs, 1)
-        return f"{share:.0f} ({100 * low:.0f}–{100 * high:.0f})"
-
-
-def share(holds: BoolArray) -> Share:
-    """Of runs (N,)."""
-    return Share(int(np.sum(holds)), len(holds))
 
 
 def mean(values: FloatArray) -> Estimate:

@@ -87,15 +87,7 @@ def run(
         f"{max(6, runs // _SHARE)} by maximum likelihood, {2 * runs} surveys from "
         f"{survey.distance:g} m; the paper has {PAPER:g} % and names neither postures nor squeeze "
         "nor noise",
-        (
-            _table("linear", found), _table("ml", found),
-            Table("cells", "Every cell",
-                  ("sources", "noise, N", "postures", "squeeze, N", "method", "all angles, %",
-                   "roll and pitch, %"),
-                  tuple((SOURCES[s], noise, count, squeeze, METHODS[method], a.every, a.leaning)
-                        for (s, noise, count, squeeze, method), a in found.items()),
-                  shown=False),
-        ),
+        (_table("linear", found), _table("ml", found)),
         notes=tuple(_counted(s, method, found) for method in ("linear", "ml") for s in (0, 1)),
         drawings=(
             Drawing("table2", "Eq. 24 against the tracker",
@@ -126,17 +118,12 @@ def _counted(s: int, method: str, found: dict[Place, Against]) -> str:
     ):
         known = [e for e in estimates if np.isfinite(e.value)]
         below = sum(e.value < -2.0 * e.std for e in known)
-        span = ""
-        if known:
-            span = f" ({min(known, key=_value)} to {max(known, key=_value)} %)"
+        ordered = sorted(known, key=lambda estimate: estimate.value)
+        span = f" ({ordered[0]} to {ordered[-1]} %)" if ordered else ""
         parts.append(f"{name} in {below} of {len(known)} cases{span}")
     return (
         f"{METHODS[method]}, sources of the {SOURCES[s]}, is below the tracker: {'; '.join(parts)}."
     )
-
-
-def _value(estimate: Estimate) -> float:
-    return estimate.value
 
 
 def _paint(found: dict[Place, Against]) -> Figure:

@@ -67,11 +67,6 @@ class GearPair:
             )
 
     @property
-    def tilt(self) -> float:
-        """Largest tilt that the clearance allows when seated, rad."""
-        return 2.0 * self.clearance / self.length
-
-    @property
     def stiffest(self) -> FloatArray:
         """(6, 6), the stiffest that contact can be, about the LCS origin: at full depth, in touch
         at tip, mouth, teeth and shoulder.

@@ -7,9 +7,8 @@ import numpy as np
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import SurveyOptions, measure, rotations
 
-#: Measuring points of the outer gear, on a circle about the bore's mouth, m; every second one lies
-#: deeper, m.
-_GEAR_POINTS, _GEAR_RADIUS, _GEAR_STEP = 6, 0.15, 0.05
+#: Measuring points of the outer gear on a circle about the bore's mouth, m, every other deeper.
+_POINTS, _RADIUS, _STEP = 6, 0.15, 0.05
 
 
 def survey_error(
@@ -26,9 +25,9 @@ def survey_error(
     mouth, home : (3,), m, BCS. The tracker measures points of the gear, and one point of each NCP
     at `options.moves` places, which give R_b^m and the BCS' origin; rigid fits without weights.
     """
-    angle = 2.0 * np.pi * np.arange(_GEAR_POINTS) / _GEAR_POINTS
-    body = _GEAR_RADIUS * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    body[::2, 2] = _GEAR_STEP
+    angle = 2.0 * np.pi * np.arange(_POINTS) / _POINTS
+    body = _RADIUS * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    body[::2, 2] = _STEP
     R_all, t_all = np.empty((runs, 3, 3)), np.empty((runs, 3))
     for run in range(runs):
         azimuth = rng.uniform(-np.pi, np.pi)
@@ -38,10 +37,8 @@ def survey_error(
         def seen(point: FloatArray) -> FloatArray:
             return measure((point - station) @ heading.T, options.instrument, rng)  # noqa: B023
 
-        places = (rig.hinge + home)[:, None, :] + options.travel * rng.uniform(
-            -1.0, 1.0, (rig.n, options.moves, 3)
-        )
-        places = places.reshape(-1, 3)
+        around = options.travel * rng.uniform(-1.0, 1.0, (rig.n, options.moves, 3))
+        places = ((rig.hinge + home)[:, None, :] + around).reshape(-1, 3)
         really = places + rig.declared.positioner * rng.standard_normal(places.shape)
         A, a = rotations.fit(seen(really), places)
         B, b = rotations.fit(body, seen(body + mouth) @ A.T + a)

@@ -63,11 +63,6 @@ class Sensing:
     gain: float = 0.2
     watch: float = 0.1
 
-    @property
-    def delay(self) -> float:
-        """Time by which the filter is late on a slow force, s."""
-        return (1.0 - self.gain) / self.gain / self.rate
-
 
 class Sensors:
     """The real sensors: f = (I + S) XᵀF + z, noise apart."""

@@ -84,9 +84,8 @@ class Traces:
 class Result:
     """How L lanes went.
 
-    peak : (L, 4, 6), largest |true contact wrench| per phase. peak_measured :
-    (L, 4, 6), of the controller's. stopped : (L,), s, NaN where no
-    threshold was reached. seated : (L,), stopped at depth. jammed : (L,), stopped before.
+    peak : (L, 4, 6), largest |true contact wrench| per phase. peak_measured : (L, 4, 6), of the
+    controller's. stopped : (L,), s, NaN where no threshold was reached. seated : (L,), at depth.
     phase_start : (L, 4), s, NaN where a phase was not reached. servo : (L, n, 3), m, encoder values
     at the end. q : (L, 6), of the shaft in the bore at the end, NaN without gears.
     """
@@ -96,10 +95,14 @@ class Result:
     peak_measured: FloatArray
     stopped: FloatArray
     seated: BoolArray
-    jammed: BoolArray
     phase_start: FloatArray
     servo: FloatArray
     q: FloatArray
+
+    @property
+    def jammed(self) -> BoolArray:
+        """(L,): stopped before it was deep enough."""
+        return np.isfinite(self.stopped) & ~self.seated
 
 
 class Book:
@@ -114,7 +117,6 @@ class Book:
         self.phase_start[:, 0] = 0.0
         self.stopped = np.full(L, np.nan)
         self.seated = np.zeros(L, dtype=np.bool_)
-        self.jammed = np.zeros(L, dtype=np.bool_)
         self._peak = np.zeros((L, len(PHASES), 12))
         # Of the phase under way: |true wrench|, |measured wrench|.
         self._now = np.zeros((L, 12))
@@ -153,7 +155,6 @@ class Book:
         """Note lanes that stop at a threshold, and which of all are deep enough to be seated."""
         self.stopped[reached] = (k + 1) * self.step
         self.seated |= reached & deep
-        self.jammed |= reached & ~deep
 
     def record(self, k: int, *row: FloatArray) -> None:
         """One row of the traces, in their order after the time."""
@@ -168,7 +169,6 @@ class Book:
             peak_measured=self._peak[..., 6:],
             stopped=self.stopped,
             seated=self.seated,
-            jammed=self.jammed,
             phase_start=self.phase_start,
             servo=servo,
             q=q,

@@ -63,22 +63,6 @@ def growth(at: Body, controller: Controller, surroundings: FloatArray) -> float:
     return float(np.abs(np.linalg.eigvals(sample_map(at, controller, surroundings))).max())
 
 
-def require_stable(rig: Rig, controller: Controller, gears: GearPair | None = None) -> None:
-    """Refuse a loop that shakes itself up, in free space or in contact. Raises UsageError."""
-    at = nominal_body(rig, controller)
-    cases = {"in free space": np.zeros((_BLOCK, _BLOCK))}
-    if gears is not None:
-        cases["in contact"] = gears.stiffest
-    for where, around in cases.items():
-        radius = growth(at, controller, around)
-        if radius >= 1.0:
-            raise UsageError(
-                f"the impedance is unstable {where}: oscillations grow by "
-                f"{100 * (radius - 1):.2g} % per sample",
-                hint="raise the virtual mass or the damping, or make servos faster",
-            )
-
-
 def real_mass(rig: Rig, controller: Controller) -> tuple[float, ...]:
     """Mass (3), kg, and mean moment of inertia (3), kg m², of the terminal about the centre of
     compliance.

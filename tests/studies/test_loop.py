@@ -17,7 +17,6 @@ from studies.control.stability import (
     designed,
     growth,
     nominal_body,
-    require_stable,
     sample_map,
 )
 from studies.control.terminal import Terminal, body, inertia_of
@@ -92,7 +91,8 @@ def test_forces_balance_in_motion() -> None:
     lag = np.abs(traces.measured - traces.contact)[-1].max(axis=-1)
     assert np.abs(traces.contact[-1, :, 2]).min() > 30.0
     # K v = 15 N/s, smoothed over 0.1 s, filtered over four samples.
-    assert lag.max() < 1.05 * 15.0 * (0.1 + IDEAL.sensing.delay + 2 * IDEAL.step) + 0.1
+    late = (1.0 - IDEAL.sensing.gain) / IDEAL.sensing.gain / IDEAL.sensing.rate
+    assert lag.max() < 1.05 * 15.0 * (0.1 + late + 2 * IDEAL.step) + 0.1
 
 
 def test_docked_position_is_the_geometric_one() -> None:
@@ -112,7 +112,7 @@ def test_docked_position_is_the_geometric_one() -> None:
     assert np.abs(y).max() <= gears.clearance
     assert np.abs(psi).max() <= gears.twist
     # Wall and mouth share the load: what tilt is left is the impedance's answer to a few N·mm.
-    assert np.hypot(tilt_x, tilt_y).max() < gears.tilt
+    assert np.hypot(tilt_x, tilt_y).max() < 2.0 * gears.clearance / gears.length
 
 
 @pytest.mark.slow
@@ -214,8 +214,6 @@ def test_a_light_virtual_mass_shakes_the_loop_up_as_its_eigenvalue_says() -> Non
     # Oscillations beat against each other; over 50 samples the largest wins.
     rate = (size[140:150].max() / size[90:100].max()) ** (1 / 50)
     assert rate == pytest.approx(expected, rel=0.01)
-    with pytest.raises(UsageError, match="unstable in free space"):
-        require_stable(exact_rig(), light)
     settled = Loop(machines, replace(Controller(), trace_rate=250.0), still(0.4, 1, 4e-3)).run()
     assert np.abs(settled.traces.deviation).max() < 1e-4
 
@@ -299,15 +297,6 @@ def test_jamming_is_recognised() -> None:
     assert result.jammed.all()
     assert not result.seated.any()
     assert result.q[0, 2] < SHORT.length / 2
-
-
-def test_unstable_impedance_is_refused() -> None:
-    soft = Impedance(damping=(4e3,) * 3 + (1200.0,) * 3)
-    with pytest.raises(UsageError, match="unstable in contact"):
-        dock(truths(1), replace(IDEAL, impedance=soft))
-    slow = replace(IDEAL, servo=Servo(bandwidth=1.0))
-    with pytest.raises(UsageError, match="unstable"):
-        require_stable(loose_rig(), slow, GearPair())
 
 
 def test_posture_outside_the_travel_is_refused() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from studies.__main__ import STUDIES, Asked, perform
-from studies.statistics import Estimate, Share
+from studies.statistics import Estimate
 from tests.docs.pages import text
 from tests.studies.test_command_line import RIG
 
@@ -43,8 +43,6 @@ def said(cell: Any) -> str:
     if isinstance(cell, dict) and "standard_error" in cell:
         value, std = cell["value"], cell["standard_error"]
         return str(Estimate(math.nan if value is None else value, std or math.nan))
-    if isinstance(cell, dict):
-        return str(Share(cell["count"], cell["runs"]))
     return str(cell)
 
 

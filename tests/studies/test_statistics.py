@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -17,7 +15,6 @@ from studies.statistics import (
     jackknife,
     mean,
     ratio,
-    share,
 )
 
 RNG = np.random.default_rng(0)
@@ -40,17 +37,6 @@ def test_the_jackknife_of_deviations_and_ratios_is_their_scatter() -> None:
     scatter = np.std([e.value for e in pairs])
     assert np.sqrt(np.mean([e.std**2 for e in pairs])) == pytest.approx(scatter, rel=0.1)
     assert np.isnan(ratio(np.array([]), np.array([])).value)
-
-
-def test_interval_of_a_share() -> None:
-    """Clopper and Pearson: at its ends a result as extreme has half of 5 %."""
-    low, high = share(np.arange(40) < 31).interval
-    k = np.arange(41)
-    choose = np.array([math.comb(40, int(i)) for i in k], dtype=float)
-    for p, tail in ((low, k >= 31), (high, k <= 31)):
-        chance = (choose * p**k * (1 - p) ** (40 - k))[tail].sum()
-        assert chance == pytest.approx(0.025, rel=1e-6)
-    assert share(np.zeros(10, dtype=np.bool_)).interval[1] == pytest.approx(1 - 0.025**0.1)
 
 
 @pytest.mark.parametrize("runs", [3, 40])
