@@ -78,7 +78,7 @@ def resolve(
     if not logs and not surveyed:
         raise UsageError(
             "there is no log here, nor a tracker's survey",
-            where=_listed(paths),
+            where=", ".join(map(str, paths)),
             hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
         )
     return Campaign(loaded, logs, surveyed)
@@ -95,18 +95,19 @@ def find_logs(
     holds recordings without the metadata that lists them, or may not be looked into.
     """
     _require(paths)
-    apart_files = {_real(path) for path in apart}
+    known = {_real(path) for path in apart}
     found: dict[Path, Path] = {}
     others: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_log(path):
             for entry in sorted(entries_of(path), key=_natural):
-                if recorders and not any(owns(recorder, entry) for recorder in recorders):
+                own = not recorders or any(owns(one, entry) for one in recorders)
+                if entry.name.startswith(".") or not own:
                     continue
-                if _is_recorded(entry) and _real(entry) not in apart_files:
+                if _is_recorded(entry) and _real(entry) not in known:
                     found.setdefault(_real(entry), entry)
-                elif _may_be_recording(entry):
-                    others.append(entry)
+                elif entry.is_dir() and not (entry / RIG_NAME).is_file():
+                    others.append(entry)  # no campaign of its own: an unfinished recording?
         elif is_log(path):
             found.setdefault(_real(path), path)
         else:
@@ -133,16 +134,10 @@ def _real(path: Path) -> Path:
 
 
 def _is_recorded(entry: Path) -> bool:
-    apart = entry.name.startswith(".") or entry.stem == "calibration"
-    # A pipe is not opened here: that might never end.
-    return not apart and looks_recorded(entry) and not (entry.is_file() and is_own_result(entry))
-
-
-def _may_be_recording(entry: Path) -> bool:
-    """A subfolder that belongs to the campaign: not hidden, nor a campaign of its own."""
-    if entry.name.startswith(".") or not entry.is_dir():
+    if entry.stem == "calibration" or not looks_recorded(entry):
         return False
-    return not (entry / RIG_NAME).is_file()
+    # A pipe is not opened here: that might never end.
+    return not (entry.is_file() and is_own_result(entry))
 
 
 def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
@@ -150,10 +145,18 @@ def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | Non
         return load_rig(given)
     beside = {_real(home / RIG_NAME): home / RIG_NAME for home in map(_home, paths)}
     rigs = [load_rig(path) for path in beside.values() if path.is_file()]
+    if not rigs and fallback is not None:
+        return fallback
     if not rigs:
-        if fallback is not None:
-            return fallback
-        raise _no_rig(paths)
+        home = _home(paths[0])
+        others = [name for name in _names(home) if (home / name).is_file()]
+        near = nearest(RIG_NAME, [name for name in others if not _is_calibration(home / name)])
+        rename = f"rename {near} to {RIG_NAME} or name it with --rig"
+        raise UsageError(
+            f"there is no {RIG_NAME}",
+            where=str(home),
+            hint=rename if near else "name the rig file with --rig",
+        )
     other = next((rig for rig in rigs if rig.sha256 != rigs[0].sha256), None)
     if other is not None:
         raise UsageError(
@@ -166,19 +169,6 @@ def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | Non
 def _home(path: Path) -> Path:
     """Folder whose rig.yaml goes with a path."""
     return path if path.is_dir() and not is_log(path) else path.absolute().parent
-
-
-def _no_rig(paths: Sequence[Path]) -> UsageError:
-    home = _home(paths[0])
-    others = [name for name in _names(home) if name != RIG_NAME and (home / name).is_file()]
-    near = nearest(RIG_NAME, [name for name in others if not _is_calibration(home / name)])
-    return UsageError(
-        f"there is no {RIG_NAME}",
-        where=str(home),
-        hint=f"rename {near} to {RIG_NAME} or name it with --rig"
-        if near
-        else "name the rig file with --rig",
-    )
 
 
 def _is_calibration(path: Path) -> bool:
@@ -214,10 +204,6 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
     """Sort key that puts rosbag_2 before rosbag_10."""
     parts = re.split(r"(\d+)", path.name)
     return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
-
-
-def _listed(paths: Sequence[Path]) -> str:
-    return ", ".join(map(str, paths[:3])) + (" …" if len(paths) > 3 else "")
 
 
 def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[list[Path]]:
@@ -277,44 +263,27 @@ def is_other_result(path: Path) -> bool:
 def inputs_read(
     paths: Iterable[Path] = (), rig: Path | None = None, files: Iterable[Path] = ()
 ) -> list[Path]:
-    """Return the files behind a command's arguments.
+    """Return the files behind a command's arguments, in whatever state they are.
 
     paths : campaign folders, logs, recordings; each with its rig and its survey. rig : a rig file
     that is named, or its folder. files : all others.
     """
     found = list(files)
-    for path in paths:
-        found += _of_campaign(path)
-    if rig is not None:
-        found += _of_campaign(rig) if rig.is_dir() else _of_rig(rig)
+    for path in (*paths, *([rig] if rig is not None and rig.is_dir() else [])):
+        with contextlib.suppress(OSError):
+            folder = path.is_dir() and not is_log(path)
+            for log in (entry for entry in path.iterdir() if is_log(entry)) if folder else (path,):
+                found += [log, *log.rglob("*")]
+                with contextlib.suppress(TdfscalError):
+                    found += read_bag(log).files if log.is_dir() else ()  # also named elsewhere
+            found += _of_rig((path if folder else path.absolute().parent) / RIG_NAME)
+    if rig is not None and not rig.is_dir():
+        found += _of_rig(rig)
     return found
 
 
-def _of_campaign(path: Path) -> Iterator[Path]:
-    """Logs with all their parts, the rig, the survey; in whatever state they are."""
-    with contextlib.suppress(OSError):
-        if not path.is_dir():
-            yield path
-        elif is_log(path):
-            yield from _of_recording(path)
-        else:
-            for entry in path.iterdir():
-                if is_log(entry):
-                    yield entry
-                    if entry.is_dir():
-                        yield from _of_recording(entry)
-        inside = path.is_dir() and not is_log(path)
-        yield from _of_rig((path if inside else path.absolute().parent) / RIG_NAME)
-
-
-def _of_recording(folder: Path) -> Iterator[Path]:
-    """All that lies in a bag's folder, and what its metadata name elsewhere."""
-    yield from folder.rglob("*")
-    with contextlib.suppress(TdfscalError, OSError):
-        yield from read_bag(folder).files
-
-
 def _of_rig(path: Path) -> Iterator[Path]:
+    """A rig file, and the survey that it names."""
     yield path
     with contextlib.suppress(TdfscalError, OSError):
         tracker = load_rig(path).tracker if path.is_file() else None
