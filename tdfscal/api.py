@@ -18,6 +18,7 @@ from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
 from tdfscal.workflows.apply import apply as apply
 from tdfscal.workflows.arguments import PathLike, PathLikes, listed
+from tdfscal.workflows.arguments import Progress as Progress
 from tdfscal.workflows.calibrate import calibrate as calibrate
 from tdfscal.workflows.calibration import Calibration as Calibration
 from tdfscal.workflows.calibration import angles_frame as angles_frame
@@ -29,7 +30,6 @@ from tdfscal.workflows.info import info as info
 from tdfscal.workflows.init import init as init
 from tdfscal.workflows.monitor import monitor as monitor
 from tdfscal.workflows.plan import plan as plan
-from tdfscal.workflows.progress import Progress as Progress
 from tdfscal.workflows.register import register as register
 from tdfscal.workflows.report import report as report
 from tdfscal.workflows.schema import schema as schema

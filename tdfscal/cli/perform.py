@@ -16,8 +16,8 @@ from tdfscal.errors import UsageError, visible
 from tdfscal.memory import limit_threads
 
 if TYPE_CHECKING:
+    from tdfscal.workflows.arguments import Progress
     from tdfscal.workflows.options import Command
-    from tdfscal.workflows.progress import Progress
     from tdfscal.workflows.result import Result
 
 
@@ -124,7 +124,7 @@ def _to_json(document: Any) -> str:
 
 def _on_stderr(*, quiet: bool) -> Progress:
     """Return what shows progress to a user; each line is headed by the seconds since now."""
-    from tdfscal.workflows.progress import SILENT, Progress
+    from tdfscal.workflows.arguments import SILENT, Progress
 
     if quiet:
         return SILENT

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import told_of
+from tdfscal.catalogue import documents, told_of
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
@@ -18,49 +19,36 @@ from tdfscal.files.writers.wrenches import (
     read_recording,
     write_wrenches,
 )
+from tdfscal.findings import Finding
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import (
-    PathLike,
-    listed,
-    one,
-    triple,
-    window,
-)
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, PathLike, listed, one, triple, window
 from tdfscal.workflows.calibration import paths_of
-from tdfscal.workflows.calibration_in_use import take, zeros_since
+from tdfscal.workflows.calibration_in_use import InUse, take, zeros_since
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import (
-    Begin,
-    End,
-    LcsPoint,
-    OneCalibration,
-    Option,
-    Paths,
-    RigFile,
-    Telling,
-    command,
-)
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.wrench_pass import WrenchPass
-from tdfscal.workflows.wrench_summary import (
-    Totals,
-    filter_effect,
-    metadata,
-    noise_effect,
-    summary_of,
-    zero_effect,
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
+from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
+from tdfscal.wrench.resampling import Tally
+from tdfscal.wrench.sample_noise import (
+    ColouredNoise,
+    SampleNoise,
+    coloured_noise,
+    with_sample_noise,
 )
-from tdfscal.wrench.contact_wrench import COMPONENTS
-from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
-from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, with_sample_noise
+from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:
     import pandas as pd
+
+#: What the roots of the mean squares are called.
+_ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -118,30 +106,26 @@ class ApplyResult(Result):
 _DRAWN = (*COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
-@command("apply calibration.yaml assembly/log.csv -o wrench.csv")
+@options.command("apply calibration.yaml assembly/log.csv -o wrench.csv")
 def apply(
-    calibration: OneCalibration,
-    paths: Paths,
+    calibration: options.OneCalibration,
+    paths: options.Paths,
     *,
     output: Annotated[
         PathLike | None,
-        Option(
+        options.written(
             "result: .csv, .parquet or .mcap, written as the log passes",
-            Path,
-            "FILE",
-            ("--output", "-o"),
-            default=...,
             python="without it the samples stay in memory",
         ),
     ] = None,
-    rig: RigFile = None,
-    from_: Begin = None,
-    to: End = None,
+    rig: options.RigFile = None,
+    from_: options.Begin = None,
+    to: options.End = None,
     filter: Annotated[
         Kind, Option("Kalman filter: causal, as a controller's; or smoothed, without delay")
     ] = "none",
-    at: LcsPoint = (0.0, 0.0, 0.0),
-    progress: Telling = SILENT,
+    at: options.LcsPoint = (0.0, 0.0, 0.0),
+    progress: options.Telling = SILENT,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.
 
@@ -204,3 +188,121 @@ def apply(
     summary["zeros"] = zero_effect(age, moved, summary["end"])
     summary["filter"] = effect
     return ApplyResult(summary, target, columns)
+
+
+@dataclass(slots=True)
+class Totals:
+    """What the summary says of the rows.
+
+    squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
+    uncertainty and of the calibration's part of that. largest : (2,), lengths. begin, end : s.
+    """
+
+    squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
+    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
+    rows: int = 0
+    begin: float = np.nan
+    end: float = np.nan
+
+    def passing(self, pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
+        """Count the pieces of a log as they pass."""
+        for piece in pieces:
+            each = (piece.value, piece.raw, piece.std, piece.calibration_std)
+            self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
+            lengths = np.sqrt(np.sum(piece.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
+            self.largest = np.maximum(self.largest, lengths)
+            if not self.rows:
+                self.begin = float(piece.time[0])
+            self.end = float(piece.time[-1])
+            self.rows += len(piece.time)
+            yield piece
+
+
+def filter_effect(
+    kind: str, walk: float, model: Walk, noise: ColouredNoise | None
+) -> dict[str, Any]:
+    """What the filter does, SI units; noise_left as a share, None where there is no noise."""
+    smooth, noise = kind == "smooth", noise or ColouredNoise(np.array([model.r]))
+    rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
+    return {
+        "kind": kind,
+        "walk": walk,
+        "gain": model.gain,
+        "noise": noise.std,
+        "noise_left": rest / noise.std if noise.std > 0 else None,
+        "delay": 0.0 if smooth else model.delay,
+    }
+
+
+def noise_effect(noise: SampleNoise, posture: float) -> dict[str, Any]:
+    """What a sample adds by its noise, SI units, and what that was measured on.
+
+    posture : N per axis, noise of a force at a posture.
+    """
+    return {
+        "std": dict(zip(COMPONENTS, noise.std.tolist(), strict=True)),
+        "dwells": noise.dwells,
+        "windows": noise.windows,
+        "posture": posture,
+    }
+
+
+def zero_effect(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:
+    """How old the zeros are at the log's end, s, and by how much they may have moved, N."""
+    variance = 0.0 if moved is None else float(moved(np.array([end])).max())
+    return {
+        "age": age.seconds,
+        "age_known": age.known,
+        "moved": float(np.sqrt(variance)) if np.isfinite(variance) else None,
+    }
+
+
+def metadata(
+    use: InUse, kind: str, walk: float | None, point: FloatArray, *, moving: bool
+) -> dict[str, str]:
+    """Metadata of a Parquet file."""
+    place = f"the point ({', '.join(f'{x:g}' for x in point)}) m" if point.any() else "the origin"
+    return {
+        "quantity": f"contact wrench on the terminal: force, and moment about {place} of the LCS",
+        "frame": "LCS",
+        "units": "s, N, N·m",
+        "u_": "standard uncertainty (k = 1) of the single sample, its noise included",
+        "u_cal_": "the part of the calibration and the rig's constants, common to all samples",
+        "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
+        "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
+        "inertia": "included" if moving else "not included (quasi-static)",
+        "calibration": f"{use.calibration.method}, {use.calibration.created}, "
+        f"{use.calibration.status}",
+        "rig": use.given.rig.name,
+    }
+
+
+def summary_of(
+    use: InUse,
+    output: Path | None,
+    tally: Tally,
+    totals: Totals,
+    notes: Sequence[Finding],
+    *,
+    moving: bool,
+) -> dict[str, Any]:
+    """Return the document of the command, SI units; rms of each component over the rows."""
+    roots = {
+        what: {
+            name: float(v) if np.isfinite(v) else None
+            for name, v in zip(COMPONENTS, np.sqrt(squares / totals.rows), strict=True)
+        }
+        for what, squares in zip(_ROOTS, totals.squares, strict=True)
+    }
+    return {
+        "output": None if output is None else str(output),
+        "rows": totals.rows,
+        "start": totals.begin,
+        "end": totals.end,
+        "quasi_static": not moving,
+        "calibration_status": use.calibration.status,
+        "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
+        **roots,
+        "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
+        "findings": documents([*use.findings, *notes]),
+    }

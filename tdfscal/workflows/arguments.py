@@ -1,12 +1,13 @@
-"""Arguments as a command line writes them or as Python has them, turned into values."""
+"""Arguments as a command line writes them or as Python has them; how a caller follows the work."""
 
 from __future__ import annotations
 
 import math
 import os
 import re
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,6 +23,33 @@ Instant = str | float | datetime
 
 _UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?")
+
+#: Takes the share that is read, from 0 to 1.
+Share = Callable[[float], None]
+
+
+def _unheard(text: str) -> None:
+    """Nobody listens."""
+
+
+def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
+    return nullcontext()
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Called while a command works.
+
+    stage : with the name of each stage that begins. count : with a line of what is done so far.
+    reading : with the log files that are read; gives what takes the share of them, or None.
+    """
+
+    stage: Callable[[str], None] = _unheard
+    count: Callable[[str], None] = _unheard
+    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
+
+
+SILENT = Progress()
 
 
 def listed(paths: PathLikes) -> list[Path]:

@@ -20,12 +20,11 @@ from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import PathLike, check_trials, listed, one, window
+from tdfscal.workflows.arguments import SILENT, PathLike, check_trials, listed, one, window
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
 from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import measured
 from tdfscal.workflows.samples import Samples, calibrate_samples
 

@@ -16,23 +16,14 @@ from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.capability import UNITS, capability_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import listed, one, triple
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, listed, one, triple
 from tdfscal.workflows.calibration import Calibration, paths_of
 from tdfscal.workflows.calibration_in_use import take
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.free_path import FreePath, planned_path, read_path
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import (
-    LcsPoint,
-    OneCalibration,
-    Option,
-    Page,
-    Paths,
-    RigFile,
-    Telling,
-    command,
-)
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.wrench_pass import WrenchPass
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -133,12 +124,12 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-@command("capability calibration.yaml assembly/free.csv --filter 10")
+@options.command("capability calibration.yaml assembly/free.csv --filter 10")
 def capability(
-    calibration: OneCalibration,
-    paths: Paths,
+    calibration: options.OneCalibration,
+    paths: options.Paths,
     *,
-    rig: RigFile = None,
+    rig: options.RigFile = None,
     false_stops: Annotated[
         float, Option("false stops an hour that are borne on each axis", metavar="PER_HOUR")
     ] = 0.1,
@@ -149,9 +140,9 @@ def capability(
         float | None,
         Option("cut-off of the controller's low-pass (Butterworth, 2nd order)", metavar="HZ"),
     ] = None,
-    at: LcsPoint = (0.0, 0.0, 0.0),
-    html: Page = None,
-    progress: Telling = SILENT,
+    at: options.LcsPoint = (0.0, 0.0, 0.0),
+    html: options.Page = None,
+    progress: options.Telling = SILENT,
 ) -> CapabilityResult:
     """Find thresholds for a machine, and the smallest contact it then notices, along a free path.
 

@@ -16,9 +16,9 @@ from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT
 from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
 

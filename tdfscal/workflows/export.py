@@ -13,7 +13,8 @@ from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import PathLike, one
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, PathLike, one
 from tdfscal.workflows.calibration import (
     Calibration,
     paths_of,
@@ -21,8 +22,7 @@ from tdfscal.workflows.calibration import (
     read_source,
     unsealed,
 )
-from tdfscal.workflows.options import OneCalibration, Option, Telling, command
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.result import Result
 
 Target = Literal["urdf", "ros", "csv", "c", "dcc"]
@@ -64,20 +64,20 @@ class ExportResult(Result):
         return f"ExportResult: {self.format} of {self.calibration.rig.name}, {where}"
 
 
-@command("export calibration.yaml --to urdf -o sensors.urdf", output="content")
+@options.command("export calibration.yaml --to urdf -o sensors.urdf", output="content")
 def export(
-    calibration: OneCalibration,
+    calibration: options.OneCalibration,
     to: Annotated[Target, Option("format", names=("--to",), default=...)],
     *,
     output: Annotated[
         PathLike | None,
-        Option("default: stdout (-)", Path, "FILE", ("--output", "-o"), default=Path("-")),
+        options.written("default: stdout (-)", Path("-")),
     ] = None,
     parent: Annotated[
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
     ] = "bcs",
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> ExportResult:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.
 

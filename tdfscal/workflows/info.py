@@ -15,10 +15,9 @@ from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.info import LogInfo, as_document
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
-from tdfscal.workflows.arguments import listed, one, window
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, listed, one, window
 from tdfscal.workflows.campaign import find_logs
-from tdfscal.workflows.options import Begin, End, Paths, RigFile, Telling, command
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
 
@@ -60,14 +59,14 @@ class InfoResult(Result):
         return (found(dwells),) if dwells is not None and len(dwells) else ()
 
 
-@command("info campaign/log.csv")
+@options.command("info campaign/log.csv")
 def info(
-    paths: Paths,
+    paths: options.Paths,
     *,
-    rig: RigFile = None,
-    from_: Begin = None,
-    to: End = None,
-    progress: Telling = SILENT,
+    rig: options.RigFile = None,
+    from_: options.Begin = None,
+    to: options.End = None,
+    progress: options.Telling = SILENT,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
 

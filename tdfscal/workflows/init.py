@@ -19,11 +19,10 @@ from tdfscal.logs.description.info import LogInfo
 from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import PathLike, listed, one, window
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, PathLike, listed, one, window
 from tdfscal.workflows.campaign import find_logs, inputs_read
 from tdfscal.workflows.info import InfoResult
-from tdfscal.workflows.options import Begin, End, Option, Paths, Telling, command
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 _GRAVITY = 9.80665
@@ -79,17 +78,17 @@ class InitResult(Result):
         return self.description.mapping.supports if self.description.mapping else ()
 
 
-@command("init campaign/log.csv -o campaign/rig.yaml", output="yaml")
+@options.command("init campaign/log.csv -o campaign/rig.yaml", output="yaml")
 def init(
-    paths: Paths,
+    paths: options.Paths,
     *,
     output: Annotated[
         PathLike | None,
-        Option("default: stdout (-)", Path, "FILE", ("--output", "-o"), default=Path("-")),
+        options.written("default: stdout (-)", Path("-")),
     ] = None,
-    from_: Begin = None,
-    to: End = None,
-    progress: Telling = SILENT,
+    from_: options.Begin = None,
+    to: options.End = None,
+    progress: options.Telling = SILENT,
 ) -> InitResult:
     """Write a complete, commented rig.yaml from a log; what to confirm is marked in it.
 

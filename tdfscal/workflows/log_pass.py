@@ -17,8 +17,8 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig
+from tdfscal.workflows.arguments import SILENT, Progress
 from tdfscal.workflows.campaign import Campaign
-from tdfscal.workflows.progress import SILENT, Progress
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3

@@ -22,13 +22,12 @@ from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import one, window
+from tdfscal.workflows.arguments import SILENT, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read, is_other_result
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.several_campaigns import (

@@ -15,9 +15,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from tdfscal.errors import UsageError, inaccessible
 from tdfscal.files.outputs import together
 from tdfscal.memory import is_short
-from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes
+from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes, Progress
 from tdfscal.workflows.calibration import CalibrationSource
-from tdfscal.workflows.progress import Progress
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What a scalar is in Python, and to a user.

@@ -30,9 +30,11 @@ from tdfscal.reporting.planning import (
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.workflows import options
 from tdfscal.workflows.arguments import (
+    SILENT,
     Numbers,
     PathLike,
     PathLikes,
+    Progress,
     listed,
     numbers,
     one,
@@ -41,7 +43,6 @@ from tdfscal.workflows.arguments import (
 from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.samples import delay_of
 

@@ -21,9 +21,8 @@ from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import PathLike
+from tdfscal.workflows.arguments import SILENT, PathLike
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 

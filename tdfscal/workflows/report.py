@@ -11,7 +11,8 @@ from tdfscal.errors import UsageError
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
-from tdfscal.workflows.arguments import PathLike, one
+from tdfscal.workflows import options
+from tdfscal.workflows.arguments import SILENT, PathLike, one
 from tdfscal.workflows.calibration import (
     ANGLE_COLUMNS,
     Calibration,
@@ -21,8 +22,7 @@ from tdfscal.workflows.calibration import (
     read_sources,
     sources_of,
 )
-from tdfscal.workflows.options import Option, Telling, command
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.options import Option
 from tdfscal.workflows.result import Result, by_column
 
 
@@ -69,7 +69,7 @@ class ReportResult(Result):
         return (drift(view.history, view.letters, view.days),)
 
 
-@command("report calibration.yaml --html report.html", html="html")
+@options.command("report calibration.yaml --html report.html", html="html")
 def report(
     *files: Annotated[
         CalibrationSource | Iterable[CalibrationSource],
@@ -82,7 +82,7 @@ def report(
     html: Annotated[
         PathLike | None, Option("also write one HTML page; - for stdout", Path | None, "FILE")
     ] = None,
-    progress: Telling = SILENT,
+    progress: options.Telling = SILENT,
 ) -> ReportResult:
     """Summarise a calibration file, or several side by side and over time.
 

@@ -14,7 +14,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.arguments import SILENT, Progress
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 from tdfscal.files.schema import write_schemas
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import PathLike
+from tdfscal.workflows.arguments import SILENT, PathLike
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 

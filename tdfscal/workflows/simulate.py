@@ -14,9 +14,8 @@ from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import PathLike
+from tdfscal.workflows.arguments import SILENT, PathLike
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_angle
 
 #: Samples per second that a recorder can have.

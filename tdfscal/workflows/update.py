@@ -24,13 +24,12 @@ from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import PathLike, check_trials, listed, one, window
+from tdfscal.workflows.arguments import SILENT, PathLike, check_trials, listed, one, window
 from tdfscal.workflows.calibrate import origin_of
 from tdfscal.workflows.calibration import Calibration, as_calibration, paths_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import day, refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (

@@ -21,13 +21,12 @@ from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.workflows import options
-from tdfscal.workflows.arguments import listed, one, window
+from tdfscal.workflows.arguments import SILENT, listed, one, window
 from tdfscal.workflows.calibration import Calibration, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.options import Option
-from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.wrench.contact_wrench import COMPONENTS
