@@ -13,7 +13,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
 ]
-exclude_patterns = ["report.png"]
+exclude_patterns: list[str] = []
 html_theme = "pydata_sphinx_theme"
 html_title = f"tdfscal {release}"
 # The pages lie side by side: no sections to show beside them.

@@ -1,88 +1,123 @@
-"""Write what the program says of itself into the reference: `python docs/generate.py`.
+"""Write what the program says of itself into the reference, and draw the front page's picture.
 
-Between `<!-- generated: NAME -->` and `<!-- end -->` stands what the function of that name makes.
+`python docs/generate.py`. Between `<!-- generated: NAME -->` and `<!-- end -->` stands what the
+function of that name makes; `angles.png` shows the angles of the sample campaign.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
-from typing import Any
+from typing import Any, get_args
 
+import tdfscal
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, described
 from tdfscal.files.schema import schemas
+from tdfscal.findings import Severity
+from tdfscal.workflows.options import Described
 
+HERE = Path(__file__).parent
 PAGE = Path(__file__).with_name("reference.md")
+#: Commands from which on an option is told once for all.
+_SEVERAL = 3
+#: Words of a finding in the list of all.
+_GLOSS = 7
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def commands() -> Iterator[str]:
-    """Yield every command with a table of its options."""
+    """Yield the options that several commands share, then every command with its own."""
+    named = {name: described(name).parameters for name in COMMANDS}
+    told = Counter(_option(p) for each in named.values() for p in each if not p.positional)
+    shared = sorted(line for line, times in told.items() if times >= _SEVERAL)
+    yield "\nOptions of several commands:\n\n"
+    yield from shared
     for name, (_, text) in COMMANDS.items():
-        parameters = described(name).parameters
-        given = "".join(f" {p.option.metavar}" for p in parameters if p.positional)
-        options = [p for p in parameters if not p.positional]
+        given = "".join(f" {p.option.metavar}" for p in named[name] if p.positional)
+        options = [p for p in named[name] if not p.positional]
         needed = "".join(f" {p.flags[-1]} {p.values}" for p in options if p.default is ...)
-        yield f"\n### tdfscal {name}\n\n{text}\n\n    tdfscal {name}{given}{needed}\n"
-        yield "\n| option | value | default | meaning |\n|---|---|---|---|\n"
-        for p in options:
-            names = ", ".join(f"`{flag}`" for flag in p.flags)
-            value = "`{}`".format(p.values.replace("|", "`, `")) if p.values else ""
-            default = p.default if isinstance(p.default, str | int | float) else ""
-            shown = "" if isinstance(default, bool) else default
-            yield f"| {names} | {value} | {shown} | {p.option.sentence} |\n"
+        yield f"\n### tdfscal {name}\n\n{text}\n\n    tdfscal {name}{given}{needed}\n\n"
+        yield from (line for p in options if (line := _option(p)) not in shared)
+        also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
+        yield f"- also {', '.join(also)}\n" if also else ""
     yield "\n"
+
+
+def _option(p: Described) -> str:
+    flags = ", ".join(f"`{flag}`" for flag in p.flags)
+    value = f" `{p.values}`" if p.values else ""
+    plain = isinstance(p.default, str | int | float) and not isinstance(p.default, bool)
+    default = f" ({p.default})" if plain else ""
+    return f"- {flags}{value}{default}: {p.option.sentence}\n"
 
 
 def findings() -> Iterator[str]:
-    """Yield the catalogue of findings as a table."""
-    yield "\n| code | severity | says | cure |\n|---|---|---|---|\n"
-    for code, entry in sorted(CATALOGUE.items()):
-        says = entry.sentence + "".join(clause for _, clause in entry.clauses)
-        cells = (f"`{code}`", entry.severity, _plain(says), _plain(entry.cure))
-        yield f"| {' | '.join(cells)} |\n"
+    """Yield the catalogue of findings by severity, each with the beginning of what it says."""
+    for severity in get_args(Severity):
+        yield f"\n**{severity}**\n\n"
+        for code, entry in sorted(CATALOGUE.items()):
+            if entry.severity == severity:
+                yield f"- `{code}`: {_beginning(_plain(entry.sentence))}\n"
     yield "\n"
 
 
+def _beginning(text: str) -> str:
+    for head in ("residuals say", "distances between hinges say"):
+        text = text.removeprefix(f"the {head} about as well that ")
+    words = re.split("[:;]| \\(|, (?:which|and|or|as if|by) ", text)[0].split()
+    return " ".join(words[:_GLOSS]) + (" …" if len(words) > _GLOSS else "")
+
+
 def rig() -> Iterator[str]:
-    """Yield the keys of the rig file as a table, with units and defaults; a quantity is one row."""
-    yield "\n| key | | default | unit | meaning |\n|---|---|---|---|---|\n"
+    """Yield the keys of the rig file, with units and defaults; a quantity is one row."""
+    yield "\n"
     for path, needed, value in _keys("rig"):
         if path.endswith((".value", ".std")):
             continue
         unit, _, meaning = value["description"].partition(": ")
         if not meaning or (" " in unit and unit != "kg m²"):
             unit, meaning = "", value["description"]
-        yield f"| `{path}` | {needed} | {_shown(value.get('default', {}))} | {unit} | {meaning} |\n"
+        default = _shown(value.get("default", {}))
+        besides = ", ".join(filter(None, (unit, default and f"default {default}")))
+        yield f"- `{path}`{needed}{f' ({besides})' if besides else ''}: {meaning}\n"
     yield "\n"
 
 
 def _shown(default: Any) -> str:
-    """Return a default; nothing of a block's."""
+    """Return a default; nothing of a block's, and of what is not there."""
     if isinstance(default, list):
         return ", ".join(map(_shown, default))
-    if isinstance(default, dict):
+    if isinstance(default, dict) or default is None:
         return ""
-    return "none" if default is None else f"{default:g}" if isinstance(default, float) else default
+    return f"{default:g}" if isinstance(default, float) else str(default)
 
 
 def points() -> Iterator[str]:
-    """Yield the keys of a point file in JSON as a table."""
+    """Yield the keys of a point file in JSON."""
     return _meanings("points")
 
 
 def calibration() -> Iterator[str]:
-    """Yield the keys of the calibration file as a table; those of its rig have one of their own."""
+    """Yield the keys of the calibration file; the schema says what those within a block mean."""
     return _meanings("calibration", "rig")
 
 
 def _meanings(name: str, *closed: str) -> Iterator[str]:
-    yield "\n| key | | meaning |\n|---|---|---|\n"
-    for path, needed, value in _keys(name, *closed):
-        yield f"| `{path}` | {needed} | {value['description']} |\n"
+    """Yield the keys at the top with their meanings, and the names one level below."""
+    found = list(_keys(name, *closed))
+    yield "\n"
+    for path, needed, value in found:
+        if "." in path:
+            continue
+        head = (f"{path}.", f"{path}[].")
+        within = [one[len(path) :] for one, _, _ in found if one.startswith(head)]
+        inside = [f"`{key}`" for key in within if key.removeprefix("[]").count(".") == 1]
+        names = f"; {', '.join(dict.fromkeys(inside))}" if inside else ""
+        yield f"- `{path}`{needed}: {value['description']}{names}\n"
     yield "\n"
 
 
@@ -131,5 +166,12 @@ def generated(page: str) -> str:
     return _BLOCK.sub(lambda m: m[1] + "".join(globals()[m[2]]()) + m[3], page)
 
 
+def picture(path: Path) -> None:
+    """Draw the angles of the sample campaign into a PNG."""
+    sample = HERE.parent / "sample_data" / "csv"
+    tdfscal.calibrate(sample, trials=0).plot("angles").savefig(path, dpi=110)
+
+
 if __name__ == "__main__":
+    picture(HERE / "angles.png")
     PAGE.write_text(generated(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

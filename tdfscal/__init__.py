@@ -13,7 +13,7 @@ True
 
 from __future__ import annotations
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 # Nothing is imported here: an interruption amid it could not be said in a line (`cli.main`).
 TYPE_CHECKING = False

@@ -39,3 +39,22 @@ def test_every_public_name_is_there_and_documented() -> None:
     for name in set(tdfscal.__all__) - {"__version__"}:
         assert getattr(tdfscal, name).__doc__, name
     assert set(tdfscal.__all__) == set(dir(tdfscal))
+
+
+def test_a_notebook_shows_the_verdict_in_its_colour_and_mrad() -> None:
+    c = tdfscal.calibrate(SAMPLES / "parquet", trials=0)
+    card = c._repr_html_()
+    assert '<strong style="color: #0f6b33">✓ ACCEPTED</strong>' in card
+    for value in 1e3 * c.rpy.ravel():
+        assert f"{value:.3f} ± ".replace("-", "−") in card
+    assert "mrad" in card
+
+
+def test_tab_shows_what_is_ours() -> None:
+    c = tdfscal.calibrate(SAMPLES / "parquet", trials=0)
+    for result in (c, tdfscal.validate(c, SAMPLES / "parquet")):
+        names = dir(result)
+        assert {"plot", "to_frame", "to_dict", "exit_status"} <= set(names)
+        assert not [name for name in names if name.startswith(("_", "model_"))]
+        assert not {"copy", "json", "dict", "construct", "schema"} & set(names)
+    assert "annotations" not in dir(tdfscal)

@@ -12,6 +12,9 @@ from tdfscal import __version__
 from tdfscal.reporting.figures.style import to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Table, legible
 
+#: Tables in a notebook.
+_CARD = 2
+
 
 def render(report: Report) -> str:
     """Return the page of a report."""
@@ -20,6 +23,15 @@ def render(report: Report) -> str:
         .get_template("report.html.j2")
         .render(report=legible(report), version=__version__)
     )
+
+
+def card(report: Report) -> str:
+    """Return verdict, claim and first tables of a report, to stand in a notebook."""
+    report = legible(report)
+    tables = [block for block in report.blocks(whole=False) if isinstance(block, Table)]
+    colour = "#a50f15" if not report.accepted else "#8a5a00" if report.provisional else "#0f6b33"
+    shown = {"report": report, "colour": colour, "blocks": tables[:_CARD]}
+    return _environment().get_template("card.html.j2").render(shown)
 
 
 @cache

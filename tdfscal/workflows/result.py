@@ -127,8 +127,19 @@ class Result(ABC):
         return "\n".join([f"{type(self).__name__}: {first[0]}", *first[1:_LINES], *more])
 
     def _repr_html_(self) -> str:
-        head = f"<pre>{escape(repr(self))}</pre>"
-        return head + self.to_frame().to_html(max_rows=_ROWS, index=False)
+        """Return verdict and tables as a notebook shows them, angles in mrad."""
+        report = self.to_report()
+        if report is None:
+            head = f"<pre>{escape(repr(self))}</pre>"
+            return head + self.to_frame().to_html(max_rows=_ROWS, index=False)
+        from tdfscal.reporting.html import card
+
+        return card(report)
+
+    def __dir__(self) -> list[str]:
+        """Return what is the result's own, without what a library or Python adds."""
+        names = {name for name in object.__dir__(self) if not name.startswith(("_", "model_"))}
+        return sorted(name for name in names if hasattr(self, name))
 
 
 def by_angle(supports: Sequence[str], **values: FloatArray) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = (
     *("index", "installation", "tutorial", "howto", "python", "api", "conventions", "theory"),
-    *("paper", "control", "reference", "glossary", "faq", "troubleshooting", "comparison"),
+    *("paper", "reference", "glossary", "faq"),
 )
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

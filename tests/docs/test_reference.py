@@ -42,7 +42,7 @@ def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
 
 
 def test_exit_statuses_are_those_of_the_errors() -> None:
-    rows = re.findall(r"^\| (\d+) \| (.+?) \|", section("reference", "## Exit statuses"), re.M)
+    rows = re.findall(r"^\| ?(\d+) ?\| ?(.+?)\|", section("reference", "## Exit statuses"), re.M)
     meaning = {int(status): words for status, words in rows}
     assert {UsageError.exit_status, RigError.exit_status} == {2}
     assert "usage" in meaning[2]

@@ -87,7 +87,8 @@ def simulate_to_folder(
         recorder=recorder or Recorder(),
     )
     rng, drawn = np.random.default_rng(seed), rig or sample_rig()
-    if scenario == "months":
+    if scenario == "months":  # the same gains every month: a turn shows against them
+        drawn = rig or reference_rig()
         return _months(drawn, options, folder, format, months, seed, overwrite)
     if scenario in MOVING:
         rate = options.recorder.force_rate
