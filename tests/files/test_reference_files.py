@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,18 +14,9 @@ import pytest
 from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import file_content, load_calibration
 from tdfscal.workflows.calibration_in_use import calibrated
+from tests.files.sample_documents import lacking
 
 FILES = sorted((Path(__file__).parent / "reference_1_0").glob("*.json"))
-
-
-def lacking(old: Any, new: Any, place: str = "") -> list[str]:
-    """Places of a document whose values another one lacks; what that one has besides is its own."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        return [p for key in old for p in lacking(old[key], new.get(key), f"{place}.{key}")]
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return [p for k, (a, b) in enumerate(zip(old, new, strict=True))
-                for p in lacking(a, b, f"{place}[{k}]")]  # fmt: skip
-    return [] if old == new else [place]
 
 
 def test_there_is_one_of_each_kind() -> None:

@@ -14,7 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.logs import read_log
-from tdfscal.records import BoolArray, Log, LogMapping
+from tdfscal.records import BoolArray, Log
 from tdfscal.simulation import Recorder, make_rig
 
 SUPPORTS = ("ncp1", "ncp2", "ncp3", "ncp4")
@@ -85,8 +85,7 @@ def test_parquet_without_the_columns_or_with_nan_in_them(
 
 def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
     folder = folders["mcap"]
-    mapping = load_rig(folder / "rig.yaml").log
-    assert isinstance(mapping, LogMapping)
+    (mapping,) = load_rig(folder / "rig.yaml").log
     force = (*mapping.force[:2], ("none", "none", f"{mapping.force[2][0]}.z"), ("none",))
     path = folder / "log.mcap"
     log = read_log([path], replace(mapping, force=force), SUPPORTS, axes=AXES)
