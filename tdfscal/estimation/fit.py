@@ -68,6 +68,10 @@ class Fitted(Protocol):
     def prior_jacobian(self) -> FloatArray:
         """Whitened prior rows (m₀, p + …)."""
 
+    @property
+    def white(self) -> FloatArray:
+        """Residual (m,)."""
+
     def whitened(self) -> tuple[FloatArray, FloatArray]:
         """Residual (m,), Jacobian (m, p + …) by the free parameters and what is the log's own."""
 

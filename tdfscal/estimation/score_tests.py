@@ -52,7 +52,7 @@ def speaking(
     for where a suspect made of readings speaks; always where noise may be what silences it.
     other : share of the level that other tests spend.
     """
-    fit, parts, (residual, _) = of.fit, of.parts, of.fit.whitened()
+    fit, parts, residual = of.fit, of.parts, of.fit.white
     others = (1 - UNDECLARED_GRAVITY_SHARE - other) / max(1, len(suspects) - 1)
     p, found, bias = int(fit.active.sum()), list[Suspicion](), None
     for group, index, columns, unit in suspects:

@@ -178,8 +178,8 @@ class MovingFit:
     def whitened(self) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian as rows of unit variance, priors last."""
         return (
-            np.concatenate([self.white(self.residual), self.prior_residual]),
-            np.concatenate([self.white(self.jacobian), self.prior_jacobian]),
+            self.white,
+            np.concatenate([self.whiten(self.jacobian), self.prior_jacobian]),
         )
 
     def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
@@ -193,9 +193,14 @@ class MovingFit:
 
     def all_slopes(self) -> FloatArray:
         """Whitened derivative (M + C, P + 9) of the rows by all parameters, free or not."""
-        return self.white(self.data.design @ self.slope_at(self.state))
+        return self.whiten(self.data.design @ self.slope_at(self.state))
 
-    def white(self, columns: FloatArray) -> FloatArray:
+    @property
+    def white(self) -> FloatArray:
+        """Whitened residual of rows and priors."""
+        return np.concatenate([self.whiten(self.residual), self.prior_residual])
+
+    def whiten(self, columns: FloatArray) -> FloatArray:
         """Columns (M + C, …) of the rows, of unit variance by the spectrum."""
         return self.data.weighted(columns, self.noise.variance(self.data.bins))
 
@@ -206,8 +211,7 @@ class MovingFit:
     @property
     def cost(self) -> float:
         """χ² of rows and priors."""
-        r, _ = self.whitened()
-        return float(r @ r)
+        return float(self.white @ self.white)
 
 
 def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
@@ -251,7 +255,7 @@ def _at(fit: MovingFit, state: MovingState, turn: FloatArray) -> MovingFit:
 
 def _solve(fit: MovingFit) -> Solution[MovingState]:
     """Gauss–Newton on the statistic of all rows, and the priors."""
-    real = fit.white(fit.data.design)
+    real = fit.whiten(fit.data.design)
     cut = real.shape[1] - fit.rests
     if fit.rests:
         # The turns at rests first: what is left below them has them eliminated.

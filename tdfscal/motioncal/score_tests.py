@@ -94,7 +94,7 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
         return
     names = ["drift" if kind == "time" else kind for kind in motion.kind]
     last = len(fit.psi) - fit.rests
-    columns = fit.white(fit.data.design[:, last - 3 * n * len(names) : last])
+    columns = fit.whiten(fit.data.design[:, last - 3 * n * len(names) : last])
     columns = np.pad(columns, ((0, len(fit.prior_residual)), (0, 0)))
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
         yield from moving_zeros(name, part.reshape(-1, n, 3), 1.0)
