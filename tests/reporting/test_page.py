@@ -16,7 +16,6 @@ from tests.reporting.samples import (
     NASTY,
     changed,
     fit_with,
-    run,
     sample,
     saved,
     sketch,
@@ -166,17 +165,6 @@ def test_tracker_and_joint(which: int) -> None:
     said = " ".join(read(render_page(surveyed()[which])).words)
     assert "Residuals of the tracker's points" in said
     assert ("Two methods against each other" in said) == (which == 1)
-
-
-@pytest.mark.usefixtures("plain")
-def test_html_to_standard_output_is_only_the_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = run(capsys, "report", saved(sample().calibration, tmp_path, "c.json"), "--html", "-")
-    assert done.status == 0
-    assert done.out.startswith("<!DOCTYPE html>")
-    assert done.out.rstrip().endswith("</html>")
-    read(done.out)
 
 
 @pytest.mark.parametrize("axes", ["z", pytest.param("", marks=pytest.mark.slow)])

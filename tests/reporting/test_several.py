@@ -142,14 +142,6 @@ def test_report_of_several(files: list[Path], capsys: pytest.CaptureFixture[str]
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
-def test_report_of_one(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    done = run(capsys, "report", files[1])
-    assert done.status == 0
-    assert done.out.startswith("Test rig: ACCEPTED")
-    document = json.loads(run(capsys, "report", files[1], "--json").out)
-    assert document["supports"][1]["rpy"] == [0.0, 0.0, 5e-4]
-
-
 def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     done = run(capsys, "compare", files[1], files[0])
     assert (done.status, done.err) == (0, "")
@@ -161,42 +153,3 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert document["dof"] == 9
     three = json.loads(run(capsys, "compare", *files, "--json").out)
     assert [c["verified"] for c in three["comparisons"]] == [True, False]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["compare", "a.yaml"], 2, "cannot be compared"),
-        (["compare", "a.yaml", "a.yaml"], 2, "named twice"),
-        (["report", "nowhere.yaml"], 2, "nowhere.yaml"),
-        (["report", "a.yaml", "--html", "-", "--json"], 2, "standard output"),
-        (["report", "a.yaml", "--html", "no/such/folder.html"], 2, "folder is not there"),
-        (["report", "rubbish.yaml"], 3, "rubbish.yaml"),
-        (["report", "-", "-"], 2, "once only"),
-    ],
-)
-def test_refusals(
-    files: list[Path],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    status: int,
-    message: str,
-) -> None:
-    monkeypatch.chdir(files[0].parent)
-    Path("rubbish.yaml").write_text("a: [1, 2", encoding="utf-8")
-    done = run(capsys, *arguments)
-    assert done.status == status
-    assert done.out == ""
-    assert message in done.err
-    assert "Traceback" not in done.err
-
-
-def test_standard_input(
-    files: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with files[0].open(encoding="utf-8") as stream:
-        monkeypatch.setattr("sys.stdin", stream)
-        done = run(capsys, "report", "-")
-    assert done.status == 0
-    assert done.out.startswith("Test rig: ACCEPTED")

@@ -28,7 +28,6 @@ from .held_out import HELD, USED, simulated, world
 
 MANY = world(5)
 EACH = 40
-Rewrite = Callable[[str], str]
 
 
 def samples(contact: tuple[float, float, float] | None = None, trial: int = 0) -> Samples:
@@ -58,34 +57,6 @@ def test_contact_throughout_is_nothing_to_remark(
     contact: tuple[float, float, float] | None, trial: int
 ) -> None:
     assert inspect(samples(contact, trial), trial) == []
-
-
-def test_contact_of_the_weights_order_is_said_but_not_refused() -> None:
-    (note,) = inspect(samples((0.0, 0.0, 4000.0)))
-    assert "unless that is contact" in note
-
-
-def test_pressing_with_twice_the_weight_is_said_but_not_refused() -> None:
-    """The forces' sum is then that of the wrong sign, but the opposite one does not balance it."""
-    (note,) = inspect(samples((2000.0, 0.0, 9800.0)))
-    assert "the median wrench over the log is 1e+04 N" in note
-
-
-@pytest.mark.parametrize("contact", [None, (150.0, 0.0, 250.0)])
-@pytest.mark.parametrize(
-    ("factor", "said"),
-    [
-        (1e3, "in N where kN is declared"),
-        (1e-3, "forces sum to"),
-        (-1.0, "wrong sign"),
-        (0.0, "forces sum to"),
-    ],
-)
-def test_units_and_signs_are_refused_with_contact_or_without(
-    contact: tuple[float, float, float] | None, factor: float, said: str
-) -> None:
-    with pytest.raises(DataError, match=said):
-        inspect(read(samples(contact), lambda force: factor * force))
 
 
 @pytest.mark.parametrize(
