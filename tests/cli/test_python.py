@@ -43,6 +43,7 @@ BOTH = [
     Both("validate own.yaml turned", lambda: tdfscal.validate("own.yaml", "turned")),
     Both("apply own.yaml campaign -o out/w.csv --filter kalman",
          lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman")),
+    Both("capability own.yaml turned", lambda: tdfscal.capability("own.yaml", "turned")),
     Both("compare own.yaml survey.json rejected.yaml",
          lambda: tdfscal.compare("own.yaml", "survey.json", "rejected.yaml")),
     Both("plan campaign -o out/p.csv --postures 4 --travel ncp1=0.4,0.4,0.4",
