@@ -111,6 +111,11 @@ class Acceptance:
     contact_torque: float | None = None
     contact_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    @property
+    def states_contact(self) -> bool:
+        """A limit of the contact wrench is stated."""
+        return self.contact_force is not None or self.contact_torque is not None
+
 
 @dataclass(frozen=True, slots=True)
 class JointPrior:

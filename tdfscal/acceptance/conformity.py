@@ -8,11 +8,13 @@ simple acceptance behind a guard band of width U: conforming where U ≤ limit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
+from tdfscal.detection.capability import UNTIMED, Request
+from tdfscal.detection.threshold import contact_in_doubt
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
@@ -23,6 +25,8 @@ from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import covariance
 
 _NODES = 80
+#: Months beyond which nothing is foreseen, and halvings of a bracket.
+_FAR_MONTHS, _HALVES = 1200.0, 30
 #: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
 _FAR = 9.0
 #: Variances below this share of the largest are lines and planes, not bodies.
@@ -49,6 +53,15 @@ class Limited:
         """U ≤ limit."""
         return self.expanded <= self.limit
 
+    @property
+    def smallest_contact(self) -> float:
+        """Smallest contact along its worst component that a machine sees, at best, N or N·m.
+
+        With the usual false stops in an hour and the usual probability, without noise and drift.
+        """
+        asked = Request()
+        return contact_in_doubt(float(self.std.max()), asked.probability(UNTIMED), asked.detect)
+
 
 @dataclass(frozen=True, slots=True)
 class Conformity:
@@ -70,18 +83,24 @@ class Conformity:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What does not conform, for the quality gate."""
-        return tuple(
-            _finding(part, self.rpy) for part in (self.force, self.torque) if not part.conforms
-        )
+        """What does not conform, for the quality gate; and contacts of the limit's size, unseen."""
+        parts = self.force, self.torque
+        return (
+            *(_finding(part, self.rpy) for part in parts if not part.conforms),
+            *(
+                Finding(
+                    "contact-below-threshold", (part.quantity,), part.smallest_contact, part.unit,
+                    values={"limit": part.limit},
+                )
+                for part in parts
+                if part.conforms and part.smallest_contact > part.limit
+            ),
+        )  # fmt: skip
 
 
 def assess_stated(given: Calibrated) -> Conformity | None:
     """Judge by the rig file's own limits of the contact wrench; None where it states none."""
-    stated = given.rig.acceptance
-    if stated.contact_force is None and stated.contact_torque is None:
-        return None
-    return assess(given)
+    return assess(given) if given.rig.acceptance.states_contact else None
 
 
 def assess(given: Calibrated) -> Conformity:
@@ -99,6 +118,49 @@ def assess(given: Calibrated) -> Conformity:
         )
     )
     return Conformity(stated.contact_rpy, force, torque, cov)
+
+
+def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
+    """Months until the force or torque whose limit is stated no longer conforms; ∞ never.
+
+    walk : rad/√month per axis, by which the sensors' mountings walk from now on.
+    """
+    stated = given.rig.acceptance
+    turns = slice(0, 3 * given.rig.n)
+    month = np.zeros_like(given.covariance)
+    month[turns, turns] = walk**2 * np.eye(3 * given.rig.n)
+    place = at_rest(given, stated.contact_rpy)
+    now, more = (
+        covariance(replace(given, covariance=each), *place)[0] for each in (given.covariance, month)
+    )
+    out = {}
+    for name, limit, rows in (
+        ("force", stated.contact_force, slice(0, 3)),
+        ("torque", stated.contact_torque, slice(3, 6)),
+    ):
+        if limit is not None:
+            out[name] = _until(now[rows, rows], more[rows, rows], limit)
+    return out
+
+
+def _until(now: FloatArray, more: FloatArray, limit: float) -> float:
+    """Months t until a vector of covariance now + more t conforms no more."""
+
+    def beyond(months: float) -> bool:
+        cov = now + months * more
+        return not np.isfinite(cov).all() or coverage_radius(cov) > limit
+
+    low, high = 0.0, 1.0
+    if beyond(0.0):
+        return 0.0
+    while not beyond(high):
+        low, high = high, 2.0 * high
+        if high > _FAR_MONTHS:
+            return np.inf
+    for _ in range(_HALVES):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if beyond(middle) else (middle, high)
+    return low
 
 
 def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:

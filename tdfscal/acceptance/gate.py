@@ -27,9 +27,9 @@ def judge(
 ) -> tuple[Finding, ...]:
     """Reasons to reject rotations by the uncertainty of their turns about the BCS's axes.
 
-    None: accepted. determined : (n,), sensors that are judged, by default all. used, rejected :
-    numbers of postures. suspicions : harmful ones. conformity : of the contact wrench, where
-    the rig file states a limit.
+    None that rejects: accepted. determined : (n,), sensors that are judged, by default all.
+    used, rejected : numbers of postures. suspicions : harmful ones. conformity : of the contact
+    wrench, where the rig file states a limit.
     """
     limits, found = rig.acceptance, list[Finding]()
     std, names = turn_std(rotations.covariance), turn_names(rotations.rotation)
@@ -46,6 +46,5 @@ def judge(
         values = {"postures": used + rejected, "limit": MOST_REJECTED}
         found.append(Finding("postures-rejected", size=rejected, values=values))
     found += suspicions
-    if conformity is not None:
-        found += conformity.findings
-    return tuple(replace(finding, rejects=True) for finding in found)
+    reasons = tuple(replace(finding, rejects=True) for finding in found)
+    return reasons if conformity is None else (*reasons, *conformity.findings)

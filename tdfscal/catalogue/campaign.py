@@ -24,6 +24,12 @@ GATE: dict[str, Entry] = {
         "{size} (95.45 %), above the limit of {limit:g}; its error exceeds the limit with a "
         "probability of {exceeding:.1g}",
     ),
+    "contact-below-threshold": Entry(
+        "warns",
+        "of the {subject} that must be told from none, {limit:g}, a machine sees {size} at best: "
+        "one false stop in ten hours, 95 % seen, without noise and drift",
+        "look along its path: `tdfscal capability`; more postures and a harder squeeze lower it",
+    ),
     "motion-left-out": Entry(
         "rejects",
         "{number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}",

@@ -244,6 +244,17 @@ IN_USE: dict[str, Entry] = {
     "path-without-noise": Entry(
         "notes", "the path shows no noise of samples: thresholds are for what it is without"
     ),
+    "contact-conforms-until": Entry(
+        "notes",
+        "the contact {subject} keeps within its limit (acceptance.contact) until {date}, as its "
+        "sensors' mountings walk",
+        "calibrate before then",
+    ),
+    "contact-lost": Entry(
+        "warns",
+        "the contact {subject} is no longer known within its limit (acceptance.contact)",
+        "calibrate anew",
+    ),
     "contact-unseen": Entry(
         "rejects",
         "of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen "

@@ -8,14 +8,17 @@ from tdfscal.exports.certificate import certificate
 from tdfscal.exports.cheader import c_header
 from tdfscal.exports.csvtable import csv_table
 from tdfscal.exports.ros import ros
+from tdfscal.exports.thresholds import ContactThresholds
 from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 
-FORMATS: dict[str, Callable[[Calibration, str], str]] = {
-    "urdf": urdf,
+FORMATS: dict[str, Callable[[Calibration, str, ContactThresholds | None], str]] = {
+    "urdf": lambda calibration, parent, limits: urdf(calibration, parent),
     "ros": ros,
-    "csv": lambda calibration, parent: csv_table(calibration),
-    "c": lambda calibration, parent: c_header(calibration),
-    "dcc": lambda calibration, parent: certificate(calibration),
+    "csv": lambda calibration, parent, limits: csv_table(calibration),
+    "c": lambda calibration, parent, limits: c_header(calibration, limits),
+    "dcc": lambda calibration, parent, limits: certificate(calibration),
 }
-"""Format → writer of (calibration, parent frame)."""
+"""Format → writer of (calibration, parent frame, thresholds)."""
+#: Formats that hold thresholds.
+WITH_THRESHOLDS = ("ros", "c")

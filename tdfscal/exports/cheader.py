@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.exports.thresholds import ContactThresholds
 from tdfscal.exports.words import number, origin, uncertain
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.escaping import c_comment
@@ -28,7 +29,7 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 """
 
 
-def c_header(c: Calibration) -> str:
+def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
     """Return a C99 and C++ header without dependencies.
 
     tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated.
@@ -50,6 +51,9 @@ def c_header(c: Calibration) -> str:
     lines += ["/* N, sensor frames */"]
     rows = ",\n".join(f"    {_row(zero)}" for zero in c.zero[stand])
     lines += [f"static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {{\n{rows}\n}};", ""]
+    if limits is not None and limits.bounded:
+        lines += ["/*", *(f" * {c_comment(note)}" for note in limits.notes), " */"]
+        lines += [f"static const double tdfscal_threshold[6] = {_row(limits.value)};", ""]
     return "\n".join(lines) + f"\n{_FUNCTION}\n#endif\n"
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tdfscal.errors import visible
+from tdfscal.exports.thresholds import ContactThresholds
 from tdfscal.exports.words import child, frame, number, origin, uncertain
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import Mounting
@@ -11,7 +14,7 @@ from tdfscal.files.saving import to_yaml
 _PUBLISHER = "ros2 run tf2_ros static_transform_publisher"
 
 
-def ros(c: Calibration, parent: str = "bcs") -> str:
+def ros(c: Calibration, parent: str = "bcs", limits: ContactThresholds | None = None) -> str:
     """Return a parameter file, a `force_torque_sensor_broadcaster` per sensor.
 
     A broadcaster adds its `offset`, so that it stands as −zero. The transforms, whose rotation
@@ -43,6 +46,12 @@ def ros(c: Calibration, parent: str = "bcs") -> str:
                 "offset": {"force": offset},
             }
         }
+    if limits is not None and limits.bounded:
+        notes += limits.notes
+        force, torque = (
+            dict(zip("xyz", map(float, part), strict=True)) for part in np.split(limits.value, 2)
+        )
+        nodes["contact_thresholds"] = {"ros__parameters": {"force": force, "torque": torque}}
     return "\n".join(f"# {visible(note)}" for note in notes) + "\n" + to_yaml(nodes)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from tdfscal.planning.candidates import Candidates, draw
 from tdfscal.planning.exchange import choose, gains, information, inverse, objective, variances
 from tdfscal.planning.limits import check_limits, check_reach
 from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
-from tdfscal.planning.plan import Plan, Request, hinge_radius
+from tdfscal.planning.plan import Plan, Request, contact_conforms, hinge_radius
 from tdfscal.planning.predicted_information import (
     Forecast,
     Sight,
@@ -29,6 +30,8 @@ from tdfscal.selfcal.estimator import Fit
 
 #: Most postures that a target may ask for.
 MOST = 400
+#: Factor by which more are tried until a contact is known.
+_MORE = 1.4
 #: Postures per return to the first one.
 _PER_RETURN = 24
 #: Fewest postures of which one is spent on a return.
@@ -127,7 +130,9 @@ class Planner:
 
     def forecast(self, postures: Candidates) -> Forecast:
         """Uncertainty to expect of postures, with what is held already."""
-        at = self._at if self.request.objective == "wrench" else self.request.at
+        stated = self.rig.acceptance
+        wanted = self.request.objective == "wrench" or stated.states_contact
+        at = self._at if wanted else self.request.at
         limits, held = self.request.limits, self.held
         draws: list[np.random.Generator | None] = [None]
         if not self.rig.axes.all():
@@ -145,6 +150,12 @@ class Planner:
         index, returns = self.select(count)
         rows = np.concatenate([index, np.repeat(index[:1], returns)])
         return self.forecast(self.pool.take(rows)).largest
+
+    def within_contact(self, count: int) -> bool:
+        """Whether the contact wrench is to be expected within its limits after `count` rows."""
+        index, returns = self.select(count)
+        rows = np.concatenate([index, np.repeat(index[:1], returns)])
+        return contact_conforms(self.rig, self.forecast(self.pool.take(rows)))
 
     def scaled(self, count: int) -> float:
         """Return about the same as `largest`, from the information per posture of a usual plan."""
@@ -288,6 +299,29 @@ def plan_for_target(
         if better.expected.largest <= target:
             return better
     return plan
+
+
+def plan_for_contact(
+    rig: Rig,
+    request: Request,
+    postures: int,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+) -> Plan:
+    """Plan with as many postures as bring the contact wrench within the rig file's limits.
+
+    No fewer than `postures`; so many where no number of them gets there.
+
+    Raises UsageError, NotIdentifiableError as `make_plan`.
+    """
+    planner, count = Planner(rig, request, rng, given), postures
+    while not planner.within_contact(count):
+        count = ceil(_MORE * count)
+        if count > MOST:
+            count = postures
+            break
+    return planner.plan(count)
 
 
 def _fewest(planner: Planner, target: float) -> int:

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from tdfscal.acceptance.conformity import coverage_radius
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.predicted_information import Forecast
@@ -71,6 +72,26 @@ class Plan:
         """Way of the slowest axis over the whole plan, m."""
         between = np.diff(self.position, axis=0)
         return float(np.max(np.abs(between), axis=(1, 2)).sum()) if len(self) > 1 else 0.0
+
+
+def contact_expanded(of: Forecast) -> tuple[float, float] | None:
+    """Expanded uncertainties of contact force, N, and torque, N·m; None where none was asked for.
+
+    As the quality gate has them, their components taken as uncorrelated.
+    """
+    if of.contact_force is None or of.contact_torque is None:
+        return None
+    force, torque = (coverage_radius(np.diag(v**2)) for v in (of.contact_force, of.contact_torque))
+    return force, torque
+
+
+def contact_conforms(rig: Rig, of: Forecast) -> bool:
+    """Whether the contact wrench is to be expected within the limits that the rig file states."""
+    stated, expected = rig.acceptance, contact_expanded(of)
+    limits = (stated.contact_force, stated.contact_torque)
+    return expected is None or all(
+        limit is None or size <= limit for size, limit in zip(expected, limits, strict=True)
+    )
 
 
 def hinge_radius(rig: Rig) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.planning.moving_plan import MovingPlan
-from tdfscal.planning.plan import Plan
+from tdfscal.planning.plan import Plan, contact_conforms, contact_expanded
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.layout import Block, Report, Section, Table
@@ -26,6 +26,8 @@ def plan_report(plan: Plan) -> Report:
         caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
         rows = (("force, N", *force), ("torque, N·m", *torque))
         blocks.append(Table(caption, ("", "x", "y", "z"), rows))
+        if plan.rig.acceptance.states_contact:
+            blocks.append(_contact(plan))
     before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
     what = "contact wrench" if request.objective == "wrench" else "angles"
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
@@ -44,6 +46,22 @@ def plan_report(plan: Plan) -> Report:
         f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
         sections=(Section("What to expect", tuple(blocks)),),
     )
+
+
+def _contact(plan: Plan) -> str:
+    """What the plan makes of the limits of the contact wrench."""
+    stated, expanded = plan.rig.acceptance, contact_expanded(plan.expected)
+    parts = [
+        f"{name} {size:.3g} {unit} of {limit:g}"
+        for name, unit, size, limit in zip(
+            ("force", "torque"), ("N", "N·m"), expanded or (),
+            (stated.contact_force, stated.contact_torque), strict=True,
+        )
+        if limit is not None
+    ]  # fmt: skip
+    enough = contact_conforms(plan.rig, plan.expected)
+    end = "enough" if enough else "not enough: squeeze harder, or tare and weigh better"
+    return f"Contact wrench, expanded uncertainty against its limit: {', '.join(parts)}: {end}."
 
 
 def _angles(rig: Rig, std: FloatArray) -> Table:

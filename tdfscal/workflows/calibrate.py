@@ -219,6 +219,10 @@ def surveyed(
     return result, inputs, found
 
 
+#: What is said of the contact wrench, which both methods together judge anew.
+_OF_CONTACT = ("contact-uncertain", "contact-below-threshold")
+
+
 def _with_survey(
     rig: Rig,
     own: SelfCalibration | None,
@@ -241,7 +245,7 @@ def _with_survey(
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
     given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
-    mine_alone = [f for f in own.findings if f.code != "contact-uncertain"]
+    mine_alone = [f for f in own.findings if f.code not in _OF_CONTACT]
     found = [f for f in mine_alone if f.rejects]
     found += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.test.verified:

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tdfscal.catalogue import told
+from tdfscal.detection.capability import Request, assess
 from tdfscal.errors import RejectedError
-from tdfscal.exports import FORMATS
+from tdfscal.exports import FORMATS, WITH_THRESHOLDS
+from tdfscal.exports.thresholds import ContactThresholds
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding
@@ -22,6 +24,8 @@ from tdfscal.workflows.calibration import (
     read_source,
     unsealed,
 )
+from tdfscal.workflows.capability import CapabilityResult
+from tdfscal.workflows.free_path import assembly_posture
 from tdfscal.workflows.options import Option
 from tdfscal.workflows.result import Result
 
@@ -77,6 +81,9 @@ def export(
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
     ] = "bcs",
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
+    capability: Annotated[
+        CapabilityResult | None, Option("thresholds of a path, for ROS and C", None)
+    ] = None,
     progress: options.Telling = SILENT,
 ) -> ExportResult:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.
@@ -98,10 +105,32 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    text = FORMATS[to](loaded, parent)
+    limits = _thresholds(loaded, capability) if to in WITH_THRESHOLDS else None
+    text = FORMATS[to](loaded, parent, limits)
     if target is not None:
         write_text(target, text)
     return ExportResult(to, text, loaded, target, tuple(map(told, _notes(name, loaded))))
+
+
+def _thresholds(loaded: Calibration, path: CapabilityResult | None) -> ContactThresholds:
+    """Those of a path; else those at the assembly posture, by the calibration alone."""
+    if path is not None:
+        band = f"behind {path.request.cutoff:g} Hz" if path.request.cutoff else "unfiltered"
+        return ContactThresholds(
+            path.capability.threshold, path.about, path.request.false_stops,
+            f"on a path of {path.capability.duration:.4g} s, {band}",
+        )  # fmt: skip
+    posture, request = assembly_posture(loaded), Request()
+    found = assess(
+        posture.given, posture.errors, posture.noise(None), posture.places.time, posture.duration,
+        request,
+    )  # fmt: skip
+    at = ", ".join(f"{v:g}" for v in posture.given.rig.acceptance.contact_rpy)
+    return ContactThresholds(
+        found.threshold, (0.0, 0.0, 0.0), request.false_stops,
+        f"in an hour at roll, pitch, yaw ({at}) rad, with the zeros as calibrated and without the "
+        "noise of samples, which come on top: tdfscal capability",
+    )  # fmt: skip
 
 
 def _notes(name: str, calibration: Calibration) -> tuple[Finding, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.acceptance.conformity import at_rest
 from tdfscal.detection.capability import UNTIMED
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
@@ -156,12 +157,26 @@ def planned_path(
         )  # fmt: skip
     use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
     places = Places(driven.time, driven.position, _readings(given, driven), driven.averaged)
+    return _unrecorded(use, given, places)
+
+
+def assembly_posture(calibration: CalibrationSource) -> FreePath:
+    """Take the posture of the rig file's `acceptance.contact`, for an hour."""
+    name, loaded = read_source(calibration)
+    rig, given = loaded.loaded_rig(name), calibrated(loaded, name)
+    use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
+    position, force = at_rest(given, rig.rig.acceptance.contact_rpy)
+    return _unrecorded(use, given, Places(np.zeros(1), position, force, averaged=True))
+
+
+def _unrecorded(use: InUse, given: Calibrated, places: Places) -> FreePath:
+    """Take a path that nothing was recorded of: its zeros hold, and its samples have no noise."""
     stand = errors(given, places, None, _scatter(use, given))
 
     def none(cutoff: float | None) -> MeasuredNoise:
-        return measured_noise(driven.time[:0], np.zeros((0, 6)), [], None)
+        return measured_noise(np.zeros(0), np.zeros((0, 6)), [], None)
 
-    duration = UNTIMED if driven.averaged else float(np.ptp(driven.time))
+    duration = UNTIMED if places.averaged else float(np.ptp(places.time))
     return FreePath(
         use, given, places, stand, none, None, duration, ZeroAge(known=False),
         Largest(), Largest(), False, (),

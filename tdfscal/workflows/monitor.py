@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tdfscal.acceptance.conformity import conforming_months
 from tdfscal.catalogue import documents, told
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
@@ -20,10 +21,12 @@ from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
+from tdfscal.reporting.history import day
 from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.workflows import options
 from tdfscal.workflows.arguments import SILENT, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.campaign import campaign_folders, inputs_read, is_other_result
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
@@ -148,7 +151,7 @@ def monitor(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*left_out(rejected), *noisy, *_findings(life, checks)),
+        (*left_out(rejected), *noisy, *_findings(life, checks), *_contact(life, rig, known)),
     )
     result.save_page(page, progress)
     return result
@@ -210,6 +213,25 @@ def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]
     for e in known:
         if silent := [name for name in e.file.undetermined if name not in never]:
             yield Finding("check-silent", (e.name,), values={"sensors": silent})
+
+
+def _contact(life: Life, rig: Rig, known: Sequence[Earlier]) -> Iterator[Finding]:
+    """How long the latest accepted calibration knows the contact wrench within its limit."""
+    use = [e for e in known if e.file.accepted]
+    if not use:
+        return
+    last = max(use, key=lambda e: e.measured.month)
+    given = replace(
+        calibrated(last.file, last.name), rig=replace(last.rig, acceptance=rig.acceptance)
+    )
+    walk = max(rig.drift.angle, life.walk.value if life.walk else 0.0)
+    since = float(life.month[-1]) - last.measured.month
+    for quantity, months in conforming_months(given, walk).items():
+        if months <= since:
+            yield Finding("contact-lost", (quantity,))
+        elif np.isfinite(months):
+            until = day(last.measured.month + months)
+            yield Finding("contact-conforms-until", (quantity,), values={"date": until})
 
 
 def _some(names: Sequence[str]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
-from tdfscal.planning.choice import make_plan, plan_for_target
+from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.limits import Limits, travel_limits
 from tdfscal.planning.moving_information import MovingRequest
 from tdfscal.planning.moving_plan import MovingPlan, plan_motion
@@ -121,7 +121,11 @@ def plan(
         options.written("postures, or the time table, to drive", metavar="FILE.csv"),
     ] = None,
     postures: Annotated[
-        int | None, Option("postures to drive, returns included; default 24", least=1)
+        int | None,
+        Option(
+            "postures to drive, returns included; default 24, or more for acceptance.contact",
+            least=1,
+        ),
     ] = None,
     target: Annotated[
         float | None,
@@ -228,7 +232,9 @@ def plan(
             objective=objective,
             at=None if at is None else triple("--at", at),
         )
-        if target is None:
+        if postures is None and target is None and known.rig.acceptance.states_contact:
+            found = plan_for_contact(known.rig, request, DEFAULT_POSTURES, rng, given=before)
+        elif target is None:
             count = postures or DEFAULT_POSTURES
             found = make_plan(known.rig, request, count, rng, given=before)
         else:

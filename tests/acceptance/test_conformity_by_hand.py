@@ -6,18 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from tdfscal.acceptance.conformity import (
     Conformity,
     assess,
     assess_stated,
+    conforming_months,
     coverage_radius,
     within,
 )
+from tdfscal.acceptance.gate import judge
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray
 
-from .test_gate import LEVEL, exact
+from .test_gate import FINE, LEVEL, exact
 
 STD = 1e-3
 
@@ -114,3 +117,31 @@ def test_an_error_far_smaller_than_the_ball_is_within() -> None:
     assert within(1e-4 * np.eye(3), 4.5) == pytest.approx(1.0, abs=1e-12)
     assert within(1e4 * np.eye(3), 1e-3) == pytest.approx(0.0, abs=1e-12)
     assert within(np.zeros((3, 3)), 5.0) == 1.0
+
+
+def test_a_contact_of_the_limit_may_conform_and_still_not_be_seen() -> None:
+    one = assess(given()).force
+    # 1.67 σ stop one machine in ten within an hour, 1.645 σ more is what 95 % stay below.
+    worst = (ndtri(1.0 - (1.0 - np.exp(-0.1)) / 2.0) + ndtri(0.95)) * one.std.max()
+    assert one.smallest_contact == pytest.approx(worst, rel=1e-12)
+    assert one.expanded < 0.99 * worst
+    assert not limited(given(), force=1.01 * worst).findings
+    unseen = limited(given(), force=0.99 * worst)
+    assert [f.code for f in unseen.findings] == ["contact-below-threshold"]
+    assert not any(f.rejects for f in judge(given().rig, FINE, 1.0, conformity=unseen))
+
+
+def test_a_walk_ends_conformity_when_its_variance_fills_the_room() -> None:
+    one = given()
+    U = assess(one).force.expanded
+    assert conforming_months(one, 1e-4) == {}
+
+    def within_limit(limit: float) -> Calibrated:
+        limits = replace(one.rig.acceptance, contact_force=limit)
+        return replace(one, rig=replace(one.rig, acceptance=limits))
+
+    assert conforming_months(within_limit(2.0 * U), 0.0) == {"force": np.inf}
+    assert conforming_months(within_limit(0.9 * U), 1e-4) == {"force": 0.0}
+    # Turns alone make this wrench: twice their uncertainty has four times their variance.
+    months = conforming_months(within_limit(2.0 * U), 1e-4)["force"]
+    assert months == pytest.approx(3.0 * STD**2 / 1e-4**2, rel=1e-6)
