@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from scipy.special import ndtri
 
 import tdfscal
+from tdfscal.acceptance.conformity import at_rest, coverage_radius
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import write_campaign
@@ -240,3 +242,43 @@ def test_a_covariance_in_part_is_said(places: Places) -> None:
         found.capability.calibration_std
         >= 0.99 * tdfscal.capability(loaded, places.free).capability.calibration_std
     )
+
+
+def test_exports_hold_the_thresholds_of_a_path(places: Places) -> None:
+    found = tdfscal.capability(places.calibration, places.free, filter=10.0)
+    header = tdfscal.export(places.calibration, "c", capability=found).content
+    row = header.split("tdfscal_threshold[6] = {")[1].split("}")[0]
+    assert [float(v) for v in row.split(",")] == found.capability.threshold.tolist()
+    document = yaml.safe_load(tdfscal.export(places.calibration, "ros", capability=found).content)
+    told = document["contact_thresholds"]["ros__parameters"]
+    assert [*told["force"].values(), *told["torque"].values()] == pytest.approx(
+        found.capability.threshold
+    )
+
+
+def test_exports_without_a_path_take_the_assembly_posture(places: Places) -> None:
+    content = yaml.safe_load(tdfscal.export(places.calibration, "ros").content)
+    told = content["contact_thresholds"]["ros__parameters"]["force"]
+    given = calibrated(tdfscal.load_calibration(places.calibration))
+    variance = np.diagonal(wrench_covariance(given, *at_rest(given, (0.0, 0.0, 0.0)))[0])[:3]
+    # Systematic alone: 9.5 % of machines in an hour; errors per posture come on top.
+    least = ndtri(1.0 - (1.0 - np.exp(-0.1)) / 2.0) * np.sqrt(variance)
+    assert np.all(np.array(list(told.values())) > least)
+    assert np.all(np.array(list(told.values())) < least + 2.0)
+
+
+def test_a_plan_drives_for_the_contact_that_is_stated(places: Places, tmp_path: Path) -> None:
+    text = (places.free / "rig.yaml").read_text()
+    counts = []
+    for force in (2.0, 0.66):
+        folder = tmp_path / f"{force}"
+        folder.mkdir()
+        stated = text.replace("acceptance:", f"acceptance:\n  contact: {{force: {force}}}")
+        (folder / "rig.yaml").write_text(stated)
+        found = tdfscal.plan(folder, noise=1.0)
+        counts.append(len(found.to_frame()))
+        expected = found.plan.expected.contact_force
+        assert expected is not None
+        assert coverage_radius(np.diag(expected**2)) <= force
+        assert "enough" in found.text
+    assert counts[0] == 24 < counts[1]

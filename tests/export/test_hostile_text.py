@@ -150,16 +150,16 @@ def unescaped(text: str) -> str:
 @EACH
 def test_exports(line: str, wild: str) -> None:
     c = poisoned(line, wild)
-    robot = FORMATS["urdf"](c, "base")
+    robot = FORMATS["urdf"](c, "base", None)
     assert f"rig {line}" in unescaped(comments(robot))
     assert ET.fromstring(robot).get("name") == "_".join(xml(f"rig {line}").split())
-    assert f"rig {line}" in unescaped(FORMATS["ros"](c, "base").splitlines()[0])
-    assert len(yaml.safe_load(FORMATS["ros"](c, "base"))) == 3
-    certificate = ET.fromstring(FORMATS["dcc"](c, "base"))
+    assert f"rig {line}" in unescaped(FORMATS["ros"](c, "base", None).splitlines()[0])
+    assert len(yaml.safe_load(FORMATS["ros"](c, "base", None))) == 3
+    certificate = ET.fromstring(FORMATS["dcc"](c, "base", None))
     words = [element.text for element in certificate.iter()]
     for text in (f"rig {line}", f"software {line}", f"version {line}", f"Command: command {wild}"):
         assert xml(text) in words
-    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](c, "base"))))
+    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](c, "base", None))))
     assert [row["sensor"] for row in rows] == list(c.support_names)
 
 
@@ -176,7 +176,7 @@ def test_c_headers_compile_and_name_the_rig(tmp_path: Path) -> None:
     flags = ["-std=c99", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function"]
     names = []
     for k, line in enumerate(LINES):
-        text = FORMATS["c"](poisoned(line, "x"), "base")
+        text = FORMATS["c"](poisoned(line, "x"), "base", None)
         assert f"rig {line}" in unescaped(text.splitlines()[1])
         no_controls(text)
         (tmp_path / f"{k}.c").write_text(text, encoding="utf-8")
