@@ -26,6 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.numerics import so3
@@ -46,7 +47,6 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.simulation.faults import Warming
-from tdfscal.workflows.calibrate import calibrate
 
 RIG = reference_rig()
 BASE = Options(squeeze=100.0)

@@ -23,16 +23,16 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.commands.apply import apply
+from tdfscal.commands.calibrate import calibrate
+from tdfscal.commands.update import update
+from tdfscal.commands.validate import validate
 from tdfscal.errors import TdfscalError
 from tdfscal.exports.cheader import c_header
 from tdfscal.exports.csvtable import csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
-from tdfscal.workflows.apply import apply
-from tdfscal.workflows.calibrate import calibrate
-from tdfscal.workflows.update import update
-from tdfscal.workflows.validate import validate
 from tests.files.edits import Place, edits
 
 #: A number with its sign and exponent, in text.

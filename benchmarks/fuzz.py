@@ -36,10 +36,10 @@ import yaml
 
 from benchmarks.frame import heads, over, row
 from tdfscal.cli import main as command_line
+from tdfscal.commands.calibrate import calibrate
+from tdfscal.commands.plan import plan
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
-from tdfscal.workflows.calibrate import calibrate
-from tdfscal.workflows.plan import plan
 from tests.files.edits import edits
 from tests.files.logs.log_making import make_truth, mcap_bytes
 from tests.files.logs.test_log_bag_kinds import ros1_bag, sqlite_bag

@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.several_campaigns import read_campaigns, recorded
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Recorded, pool
 from tdfscal.estimation.observation import eliminate, stated
@@ -36,8 +38,6 @@ from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.reference_rig import make_rig
-from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.several_campaigns import read_campaigns, recorded
 from tests.comparison.histories import history
 
 RIG = reference_rig()

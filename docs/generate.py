@@ -16,9 +16,9 @@ from typing import Any, get_args
 import tdfscal
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, described
+from tdfscal.commands.options import Described
 from tdfscal.files.schema import schemas
 from tdfscal.findings import Severity
-from tdfscal.workflows.options import Described
 
 HERE = Path(__file__).parent
 PAGE = Path(__file__).with_name("reference.md")

@@ -14,11 +14,11 @@ import numpy as np
 from studies.frame import Study, check_folder
 from tdfscal import load_calibration
 from tdfscal.checks.same_rig import require_agreement
+from tdfscal.commands.calibration import Calibration
+from tdfscal.commands.campaign import rig_named
+from tdfscal.commands.simulate import survey_of
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.records import Rig
-from tdfscal.workflows.calibration import Calibration
-from tdfscal.workflows.campaign import rig_named
-from tdfscal.workflows.simulate import survey_of
 
 #: What each study does, and its runs where none are asked for; in the order of the paper.
 STUDIES = {

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from studies.frame import Cell, Study, Table
+from tdfscal.commands.calibration import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import figure
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.calibration import Calibration
 
 #: rad, "generally not exceeding 0.05 rad" (Sect. 2.3); N, standard deviation of internal forces.
 SPAN, SQUEEZE = 0.05, 200.0

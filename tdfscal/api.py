@@ -8,6 +8,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal import logs
+from tdfscal.commands.apply import apply as apply
+from tdfscal.commands.arguments import PathLike, PathLikes, listed
+from tdfscal.commands.arguments import Progress as Progress
+from tdfscal.commands.calibrate import calibrate as calibrate
+from tdfscal.commands.calibration import Calibration as Calibration
+from tdfscal.commands.calibration import angles_frame as angles_frame
+from tdfscal.commands.calibration import load_calibration as load_calibration
+from tdfscal.commands.capability import capability as capability
+from tdfscal.commands.compare import compare as compare
+from tdfscal.commands.export import export as export
+from tdfscal.commands.info import info as info
+from tdfscal.commands.init import init as init
+from tdfscal.commands.monitor import monitor as monitor
+from tdfscal.commands.plan import plan as plan
+from tdfscal.commands.register import register as register
+from tdfscal.commands.report import report as report
+from tdfscal.commands.schema import schema as schema
+from tdfscal.commands.simulate import simulate as simulate
+from tdfscal.commands.update import update as update
+from tdfscal.commands.validate import validate as validate
 from tdfscal.dwells import DwellOptions as DwellOptions
 from tdfscal.dwells import find_dwells as find_dwells
 from tdfscal.errors import TdfscalError as TdfscalError
@@ -16,26 +36,6 @@ from tdfscal.files.rig.reading import LoadedRig as LoadedRig
 from tdfscal.files.rig.reading import load_rig as load_rig
 from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
-from tdfscal.workflows.apply import apply as apply
-from tdfscal.workflows.arguments import PathLike, PathLikes, listed
-from tdfscal.workflows.arguments import Progress as Progress
-from tdfscal.workflows.calibrate import calibrate as calibrate
-from tdfscal.workflows.calibration import Calibration as Calibration
-from tdfscal.workflows.calibration import angles_frame as angles_frame
-from tdfscal.workflows.calibration import load_calibration as load_calibration
-from tdfscal.workflows.capability import capability as capability
-from tdfscal.workflows.compare import compare as compare
-from tdfscal.workflows.export import export as export
-from tdfscal.workflows.info import info as info
-from tdfscal.workflows.init import init as init
-from tdfscal.workflows.monitor import monitor as monitor
-from tdfscal.workflows.plan import plan as plan
-from tdfscal.workflows.register import register as register
-from tdfscal.workflows.report import report as report
-from tdfscal.workflows.schema import schema as schema
-from tdfscal.workflows.simulate import simulate as simulate
-from tdfscal.workflows.update import update as update
-from tdfscal.workflows.validate import validate as validate
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,7 +16,7 @@ ORDER = (
     "findings", "errors", "memory", "records", "significance", "numerics", "model", "simulation",
     "dwells", "clocks", "wrench", "detection", "checks", "acceptance", "estimation", "selfcal",
     "motioncal", "trackercal", "comparison", "validation", "planning", "catalogue", "files",
-    "logs", "reporting", "exports", "workflows", "api", "cli",
+    "logs", "reporting", "exports", "commands", "api", "cli",
 )  # fmt: skip
 #: Rooms whose folders are in order too.
 SORTED = {"files", "reporting", "exports"}

@@ -22,7 +22,7 @@ from tdfscal.cli.process import say
 from tdfscal.errors import TdfscalError
 
 if TYPE_CHECKING:
-    from tdfscal.workflows.options import Command, Described
+    from tdfscal.commands.options import Command, Described
 
 #: Purposes of commands, in the order of the help.
 PURPOSES = CALIBRATE, CHECK, USE, PLAN = "Calibrate", "Check", "Put to work", "Plan and try"
@@ -165,8 +165,8 @@ def _common(
 
 def described(name: str) -> Command:
     """Return a command with what its function says of itself."""
-    import_module(f"tdfscal.workflows.{name}")
-    from tdfscal.workflows.options import COMMANDS as LOADED
+    import_module(f"tdfscal.commands.{name}")
+    from tdfscal.commands.options import COMMANDS as LOADED
 
     return LOADED[name]
 

@@ -1,4 +1,4 @@
-"""What every command does: call the workflow of its name, show progress, print the result."""
+"""What every command does: call the function of its name, show progress, print the result."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tdfscal.errors import UsageError, visible
 from tdfscal.memory import limit_threads
 
 if TYPE_CHECKING:
-    from tdfscal.workflows.arguments import Progress
-    from tdfscal.workflows.options import Command
-    from tdfscal.workflows.result import Result
+    from tdfscal.commands.arguments import Progress
+    from tdfscal.commands.options import Command
+    from tdfscal.commands.result import Result
 
 
 def perform(command: Command, options: Mapping[str, Any]) -> int:
@@ -124,7 +124,7 @@ def _to_json(document: Any) -> str:
 
 def _on_stderr(*, quiet: bool) -> Progress:
     """Return what shows progress to a user; each line is headed by the seconds since now."""
-    from tdfscal.workflows.arguments import SILENT, Progress
+    from tdfscal.commands.arguments import SILENT, Progress
 
     if quiet:
         return SILENT

@@ -291,7 +291,7 @@ def test_what_no_command_foresees(
     def fail(*arguments: object) -> None:
         raise fault
 
-    monkeypatch.setattr("tdfscal.workflows.report.read_sources", fail)
+    monkeypatch.setattr("tdfscal.commands.report.read_sources", fail)
     seen = run(capsys, "report", "own.yaml")
     assert (seen.status, seen.out) == (status, "")
     assert seen.err.startswith("tdfscal: ")

@@ -14,11 +14,11 @@ import pytest
 import yaml
 
 import tdfscal
+from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.records import Measured
 from tdfscal.simulation import MOVING, Recorder, reference_rig, scenarios
-from tdfscal.workflows.recordings import Recording, refuse_repeated
 from tests.cli.running import run
 from tests.words import texts
 

@@ -13,10 +13,10 @@ import pytest
 import yaml
 from pyarrow import csv
 
+from tdfscal.commands.campaign import resolve
+from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding
-from tdfscal.workflows.campaign import resolve
-from tdfscal.workflows.log_pass import LogPass, Settings
 from tests.cli.running import SAMPLES, run
 from tests.words import texts
 

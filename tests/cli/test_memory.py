@@ -33,7 +33,7 @@ def test_faults_of_memory(
     def fail(*arguments: object) -> None:
         raise fault
 
-    monkeypatch.setattr("tdfscal.workflows.report.read_sources", fail)
+    monkeypatch.setattr("tdfscal.commands.report.read_sources", fail)
     seen = run(capsys, "report", "own.yaml")
     assert seen.status == 2
     assert "memory does not suffice" in seen.err

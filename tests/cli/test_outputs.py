@@ -431,7 +431,7 @@ def work(*args):
 
 def test_a_signal_ends_the_run_though_another_exception_is_made_of_it(home: Path) -> None:
     code = WRAPPED + (
-        "import sys; from tdfscal.cli import main; import tdfscal.workflows.report as r;"
+        "import sys; from tdfscal.cli import main; import tdfscal.commands.report as r;"
         "r.read_sources = work; sys.argv = ['tdfscal', 'report', 'own.yaml']; main()"
     )
     words = [sys.executable, "-c", code]

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from tdfscal.commands.calibrate import calibrate
 from tdfscal.files.calibration.document import Calibration, save_calibration
-from tdfscal.workflows.calibrate import calibrate
 from tests.cli.running import SAMPLES
 from tests.words import found
 

@@ -14,6 +14,7 @@ from scipy.special import ndtri
 
 import tdfscal
 from tdfscal.acceptance.conformity import at_rest, coverage_radius
+from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import write_campaign
@@ -27,7 +28,6 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
-from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.wrench.contact_wrench import covariance as wrench_covariance
 from tests.cli.running import run
 

@@ -19,6 +19,7 @@ from mcap.reader import make_reader
 
 import tdfscal
 from tdfscal.checks.rig_from_log import RigSketch
+from tdfscal.commands.monitor import MonitorResult
 from tdfscal.errors import visible
 from tdfscal.files.rig.draft import draft
 from tdfscal.files.writers.campaign import simulate_to_folder
@@ -29,7 +30,6 @@ from tdfscal.planning.choice import make_plan
 from tdfscal.planning.plan import Plan, Request
 from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig
-from tdfscal.workflows.monitor import MonitorResult
 from tests.export.test_hostile_text import (
     EACH,
     LINES,

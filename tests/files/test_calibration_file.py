@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import (
     Calibration,
@@ -24,7 +25,6 @@ from tdfscal.files.calibration.document import (
 from tdfscal.files.outputs import replacing
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import to_yaml, write_text
-from tdfscal.workflows.calibrate import calibrate
 from tests.cli.running import SAMPLES
 from tests.files.edits import edits
 from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration, lacking

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tdfscal.commands.campaign import find_logs, resolve
 from tdfscal.errors import RigError, UsageError
 from tdfscal.files.rig.reading import parse_rig
-from tdfscal.workflows.campaign import find_logs, resolve
 from tests.files.sample_documents import RIG
 
 

@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 import tdfscal
+from tdfscal.commands.calibration import load_calibration
 from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
-from tdfscal.workflows.calibration import load_calibration
 from tests.cli.running import run
 from tests.words import in_words
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tdfscal.commands.report import report
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.reporting.headline import half_widths
-from tdfscal.workflows.report import report
 from tests.reporting.pages import render_page
 from tests.reporting.samples import (
     NASTY,

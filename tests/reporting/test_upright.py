@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 
+from tdfscal.commands.calibration import angles_frame
 from tdfscal.exports.certificate import certificate
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.from_results import from_self
@@ -21,7 +22,6 @@ from tdfscal.reporting.figures import angles, style
 from tdfscal.reporting.text import render
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, simulate_dwells
-from tdfscal.workflows.calibration import angles_frame
 from tests.export.test_certificate import NAMES, check
 from tests.reporting.pages import render_page
 from tests.reporting.samples import RIG, provenance, saved, sketch

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.validation.residual_wrench import Validation, validate
-from tdfscal.workflows.calibration_in_use import calibrated
 from tests.reporting.pages import render_validation
 from tests.reporting.samples import sample
 from tests.reporting.test_page import read

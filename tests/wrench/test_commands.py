@@ -15,6 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from tdfscal.commands.calibrate import calibrate
+from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.files.calibration.document import load_calibration, save_calibration
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Log, Rig, Series
@@ -27,8 +29,6 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
-from tdfscal.workflows.calibrate import calibrate
-from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.wrench.filtering import WALK, Walk
 from tests.cli.running import run
 from tests.words import found

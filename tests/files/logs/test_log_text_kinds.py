@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tdfscal.commands.campaign import find_logs
 from tdfscal.errors import DataError
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
-from tdfscal.workflows.campaign import find_logs
 from tests.files.logs.log_making import SUPPORTS, make_truth, table
 
 FRAME = table(make_truth(50)).assign(time=np.arange(50) * 0.02)

@@ -7,13 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from tdfscal.errors import UsageError
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, one
-from tdfscal.workflows.calibration import (
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, one
+from tdfscal.commands.calibration import (
     ANGLE_COLUMNS,
     Calibration,
     CalibrationSource,
@@ -22,8 +18,12 @@ from tdfscal.workflows.calibration import (
     read_sources,
     sources_of,
 )
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result, by_column
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result, by_column
+from tdfscal.errors import UsageError
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
+from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -12,6 +12,24 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import conforming_months
 from tdfscal.catalogue import documents, told
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, one, window
+from tdfscal.commands.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.commands.calibration_in_use import calibrated
+from tdfscal.commands.campaign import campaign_folders, inputs_read, is_other_result
+from tdfscal.commands.earlier import Earlier, read_earlier
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.recordings import Recording, refuse_repeated, stated_date
+from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.several_campaigns import (
+    Read,
+    left_out,
+    read_campaigns,
+    recorded,
+    require_one_rig,
+    unsound,
+)
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.comparison.rig_history import life_of
@@ -23,24 +41,6 @@ from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
 from tdfscal.reporting.layout import LISTED, Drawing, Report
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, one, window
-from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
-from tdfscal.workflows.calibration_in_use import calibrated
-from tdfscal.workflows.campaign import campaign_folders, inputs_read, is_other_result
-from tdfscal.workflows.earlier import Earlier, read_earlier
-from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
-from tdfscal.workflows.result import Result, by_column
-from tdfscal.workflows.several_campaigns import (
-    Read,
-    left_out,
-    read_campaigns,
-    recorded,
-    require_one_rig,
-    unsound,
-)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

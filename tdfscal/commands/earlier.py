@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.commands.calibration import Calibration, CalibrationSource, read_source
+from tdfscal.commands.calibration_in_use import calibrated
+from tdfscal.commands.recordings import Recording
 from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
@@ -19,9 +22,6 @@ from tdfscal.model.earlier import free_constants
 from tdfscal.model.parameters import furthest
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
-from tdfscal.workflows.calibration_in_use import calibrated
-from tdfscal.workflows.recordings import Recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,23 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, check_trials, listed, one, window
+from tdfscal.commands.calibrate import origin_of
+from tdfscal.commands.calibration import Calibration, as_calibration, paths_of
+from tdfscal.commands.campaign import campaign_folders, inputs_read
+from tdfscal.commands.earlier import Earlier, read_earlier
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.recordings import day, refuse_repeated
+from tdfscal.commands.samples import Own
+from tdfscal.commands.several_campaigns import (
+    Read,
+    calibrate_informed,
+    left_out,
+    misfit_finding,
+    read_campaigns,
+    unsound,
+)
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
 from tdfscal.estimation.observation import eliminate, of_estimate
@@ -23,23 +40,6 @@ from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, check_trials, listed, one, window
-from tdfscal.workflows.calibrate import origin_of
-from tdfscal.workflows.calibration import Calibration, as_calibration, paths_of
-from tdfscal.workflows.campaign import campaign_folders, inputs_read
-from tdfscal.workflows.earlier import Earlier, read_earlier
-from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.recordings import day, refuse_repeated
-from tdfscal.workflows.samples import Own
-from tdfscal.workflows.several_campaigns import (
-    Read,
-    calibrate_informed,
-    left_out,
-    misfit_finding,
-    read_campaigns,
-    unsound,
-)
 
 
 @options.command("update calibration.yaml this-month -o updated.yaml", output="content")

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result, by_angle
 from tdfscal.errors import UsageError
 from tdfscal.files.outputs import check_folder, protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result, by_angle
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)

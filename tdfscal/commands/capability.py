@@ -8,6 +8,16 @@ from typing import Annotated, Any
 import numpy as np
 
 from tdfscal.catalogue import documents, told
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, listed, one, triple
+from tdfscal.commands.calibration import Calibration, paths_of
+from tdfscal.commands.calibration_in_use import take
+from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.free_path import FreePath, planned_path, read_path
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.wrench_pass import WrenchPass
 from tdfscal.detection.capability import Capability, Request, assess, beyond_contact_free
 from tdfscal.detection.remedies import Remedy, remedies
 from tdfscal.errors import DataError, UsageError
@@ -16,16 +26,6 @@ from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.capability import UNITS, capability_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, listed, one, triple
-from tdfscal.workflows.calibration import Calibration, paths_of
-from tdfscal.workflows.calibration_in_use import take
-from tdfscal.workflows.campaign import inputs_read
-from tdfscal.workflows.free_path import FreePath, planned_path, read_path
-from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result, by_column
-from tdfscal.workflows.wrench_pass import WrenchPass
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: Cut-off of the filter that is tried where there is none, as a share of the sampling rate.

@@ -8,6 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.checks.same_rig import other_rig
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT
+from tdfscal.commands.calibration import CalibrationSource, read_sources, sources_of
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
 from tdfscal.findings import Finding, Value
@@ -15,11 +20,6 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT
-from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result, by_column
 
 
 @dataclass(frozen=True, slots=True, repr=False)

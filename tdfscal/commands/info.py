@@ -6,6 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, listed, one, window
+from tdfscal.commands.campaign import find_logs
+from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.outputs import protect
@@ -15,10 +19,6 @@ from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.info import LogInfo, as_document
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, listed, one, window
-from tdfscal.workflows.campaign import find_logs
-from tdfscal.workflows.result import Result, by_column
 
 
 @dataclass(frozen=True, slots=True, repr=False)

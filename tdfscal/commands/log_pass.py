@@ -12,13 +12,13 @@ import numpy as np
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.logs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
+from tdfscal.commands.arguments import SILENT, Progress
+from tdfscal.commands.campaign import Campaign
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig
-from tdfscal.workflows.arguments import SILENT, Progress
-from tdfscal.workflows.campaign import Campaign
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pydantic import PrivateAttr
 
 from tdfscal.catalogue import sentence
+from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.consistency import UNCONFIRMED
@@ -29,7 +30,6 @@ from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.workflows.result import Result, by_column
 
 if TYPE_CHECKING:
     import pandas as pd

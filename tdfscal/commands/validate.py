@@ -9,6 +9,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from tdfscal.catalogue import told
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, listed, one, window
+from tdfscal.commands.calibration import Calibration, paths_of
+from tdfscal.commands.calibration_in_use import InUse, take, zero_age
+from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result
+from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.errors import TdfscalError
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
@@ -20,15 +29,6 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, listed, one, window
-from tdfscal.workflows.calibration import Calibration, paths_of
-from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
-from tdfscal.workflows.campaign import inputs_read
-from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result
-from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Samples = Literal["static", "moving"]

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tdfscal.commands.arguments import PathLike
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
@@ -18,7 +19,6 @@ from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
 from tdfscal.logs.recorders import owns
 from tdfscal.records import LogMapping
-from tdfscal.workflows.arguments import PathLike
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.
 _FIRST_LINES = (

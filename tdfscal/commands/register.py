@@ -12,6 +12,10 @@ import numpy as np
 
 from tdfscal import trackercal
 from tdfscal.catalogue import told
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result
 from tdfscal.errors import UsageError
 from tdfscal.files.points.reading import read_point_file
 from tdfscal.findings import Finding
@@ -20,10 +24,6 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result
 
 
 @dataclass(frozen=True, slots=True, repr=False)

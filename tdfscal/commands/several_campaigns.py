@@ -12,6 +12,12 @@ import numpy as np
 
 from tdfscal.catalogue import sentence, told
 from tdfscal.checks.same_rig import different_constants
+from tdfscal.commands.calibrate import origin_of, surveyed
+from tdfscal.commands.calibration import Calibration, as_calibration
+from tdfscal.commands.campaign import resolve
+from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.recordings import Recording, measured, refuse_repeated
+from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
@@ -22,12 +28,6 @@ from tdfscal.records import Acceptance, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
-from tdfscal.workflows.calibrate import origin_of, surveyed
-from tdfscal.workflows.calibration import Calibration, as_calibration
-from tdfscal.workflows.campaign import resolve
-from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.recordings import Recording, measured, refuse_repeated
-from tdfscal.workflows.samples import Own, calibrate_motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

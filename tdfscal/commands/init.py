@@ -7,6 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, listed, one, window
+from tdfscal.commands.campaign import find_logs, inputs_read
+from tdfscal.commands.info import InfoResult
+from tdfscal.commands.result import Result
 from tdfscal.dwells import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.outputs import check_outputs
@@ -19,11 +24,6 @@ from tdfscal.logs.description.info import LogInfo
 from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, listed, one, window
-from tdfscal.workflows.campaign import find_logs, inputs_read
-from tdfscal.workflows.info import InfoResult
-from tdfscal.workflows.result import Result
 
 _GRAVITY = 9.80665
 

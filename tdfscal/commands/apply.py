@@ -10,6 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from tdfscal.catalogue import documents, told_of
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, listed, one, triple, window
+from tdfscal.commands.calibration import paths_of
+from tdfscal.commands.calibration_in_use import InUse, take, zeros_since
+from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result
+from tdfscal.commands.wrench_pass import WrenchPass
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
@@ -24,15 +33,6 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, listed, one, triple, window
-from tdfscal.workflows.calibration import paths_of
-from tdfscal.workflows.calibration_in_use import InUse, take, zeros_since
-from tdfscal.workflows.campaign import inputs_read
-from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result
-from tdfscal.workflows.wrench_pass import WrenchPass
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally

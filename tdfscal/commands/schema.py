@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result
 from tdfscal.files.schema import write_schemas
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -11,6 +11,14 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, check_trials, listed, one, window
+from tdfscal.commands.calibration import Calibration, Records, as_calibration
+from tdfscal.commands.campaign import Campaign, campaign_folders, inputs_read, resolve
+from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.recordings import measured
+from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
@@ -19,14 +27,6 @@ from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.result import Estimator, SelfCalibration
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, check_trials, listed, one, window
-from tdfscal.workflows.calibration import Calibration, Records, as_calibration
-from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
-from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.recordings import measured
-from tdfscal.workflows.samples import Samples, calibrate_samples
 
 if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
@@ -87,7 +87,7 @@ def calibrate(
     log = LogPass(campaign, replace(settings, trials=0) if method == "joint" else settings)
     try:
         if len(groups) > 1:
-            from tdfscal.workflows.several_campaigns import calibrate_several
+            from tdfscal.commands.several_campaigns import calibrate_several
 
             result = calibrate_several(groups, settings)
         else:

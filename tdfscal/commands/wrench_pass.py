@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from tdfscal.checks.log_against_calibration import Inspection
+from tdfscal.commands.calibration_in_use import InUse
+from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.records import FloatArray
-from tdfscal.workflows.calibration_in_use import InUse
-from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned

@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 
 from tdfscal.checks.repeated_samples import RepeatedSamples
+from tdfscal.commands.log_pass import LogPass
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.records import Dwells, InputFile, Measured, Rig
-from tdfscal.workflows.log_pass import LogPass
 
 #: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
 _WALL_CLOCK = (631152000.0, 4102444800.0)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import SILENT, Progress
 
 if TYPE_CHECKING:
     import pandas as pd

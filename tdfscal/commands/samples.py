@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.checks.repeated_samples import refuse
+from tdfscal.commands.log_pass import LogPass
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
@@ -22,7 +23,6 @@ from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
-from tdfscal.workflows.log_pass import LogPass
 
 if TYPE_CHECKING:
     from tdfscal.motioncal.pipeline import MotionCalibration

@@ -7,6 +7,19 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tdfscal.catalogue import told
+from tdfscal.commands import options
+from tdfscal.commands.arguments import SILENT, PathLike, one
+from tdfscal.commands.calibration import (
+    Calibration,
+    paths_of,
+    provisional,
+    read_source,
+    unsealed,
+)
+from tdfscal.commands.capability import CapabilityResult
+from tdfscal.commands.free_path import assembly_posture
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result
 from tdfscal.detection.capability import Request, assess
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS, WITH_THRESHOLDS
@@ -15,19 +28,6 @@ from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import SILENT, PathLike, one
-from tdfscal.workflows.calibration import (
-    Calibration,
-    paths_of,
-    provisional,
-    read_source,
-    unsealed,
-)
-from tdfscal.workflows.capability import CapabilityResult
-from tdfscal.workflows.free_path import assembly_posture
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result
 
 Target = Literal["urdf", "ros", "csv", "c", "dcc"]
 

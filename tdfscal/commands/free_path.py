@@ -10,6 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.acceptance.conformity import at_rest
+from tdfscal.commands.calibration import CalibrationSource, read_source
+from tdfscal.commands.calibration_in_use import InUse, calibrated, temperatures, zeros_at
+from tdfscal.commands.campaign import Campaign
+from tdfscal.commands.wrench_pass import WrenchPass
 from tdfscal.detection.capability import UNTIMED
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
@@ -22,10 +26,6 @@ from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.planning.static_loads import carrying
 from tdfscal.records import FloatArray
-from tdfscal.workflows.calibration import CalibrationSource, read_source
-from tdfscal.workflows.calibration_in_use import InUse, calibrated, temperatures, zeros_at
-from tdfscal.workflows.campaign import Campaign
-from tdfscal.workflows.wrench_pass import WrenchPass
 from tdfscal.wrench.kinematics import rotations
 from tdfscal.wrench.sample_noise import LogHead, by_sensor
 

@@ -9,6 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.checks.same_rig import contradictions
+from tdfscal.commands.calibration import (
+    Calibration,
+    CalibrationSource,
+    provisional,
+    read_source,
+    unsealed,
+)
+from tdfscal.commands.campaign import Campaign, resolve
+from tdfscal.commands.recordings import by_wall_clock, stated_date
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -17,15 +26,6 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.workflows.calibration import (
-    Calibration,
-    CalibrationSource,
-    provisional,
-    read_source,
-    unsealed,
-)
-from tdfscal.workflows.campaign import Campaign, resolve
-from tdfscal.workflows.recordings import by_wall_clock, stated_date
 from tdfscal.wrench.sample_noise import LogHead
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 

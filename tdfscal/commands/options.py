@@ -12,11 +12,11 @@ from reprlib import repr as shortly
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from tdfscal.commands.arguments import Instant, Numbers, PathLike, PathLikes, Progress
+from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.errors import UsageError, inaccessible
 from tdfscal.files.outputs import together
 from tdfscal.memory import is_short
-from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes, Progress
-from tdfscal.workflows.calibration import CalibrationSource
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What a scalar is in Python, and to a user.

@@ -9,6 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from tdfscal.commands import options
+from tdfscal.commands.arguments import (
+    SILENT,
+    Numbers,
+    PathLike,
+    PathLikes,
+    Progress,
+    listed,
+    numbers,
+    one,
+    triple,
+)
+from tdfscal.commands.campaign import inputs_read, resolve, rig_named
+from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import Result, by_angle
+from tdfscal.commands.samples import delay_of
 from tdfscal.errors import UsageError
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.reading import LoadedRig
@@ -28,23 +45,6 @@ from tdfscal.reporting.planning import (
     plan_report,
 )
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.workflows import options
-from tdfscal.workflows.arguments import (
-    SILENT,
-    Numbers,
-    PathLike,
-    PathLikes,
-    Progress,
-    listed,
-    numbers,
-    one,
-    triple,
-)
-from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
-from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.options import Option
-from tdfscal.workflows.result import Result, by_angle
-from tdfscal.workflows.samples import delay_of
 
 if TYPE_CHECKING:
     import pandas as pd
