@@ -70,7 +70,7 @@ class Outcome:
     """
 
     verdict: str
-    said: str
+    said: tuple[str, ...]
     right: bool
     error: float = 0.0
     beyond: bool = False
@@ -96,15 +96,15 @@ def run(case: Case, rng: np.random.Generator) -> Outcome:
         result, truth = played(replace(rig, declared=exact), stated, datum, rng)
     except DataError as error:
         right = _named(case, stated.supports[which], error.what)
-        return Outcome("refused", error.what, right, visible=visible)
+        return Outcome("refused", (error.what,), right, visible=visible)
     except TdfscalError as error:
-        return Outcome(f"no angles ({type(error).__name__})", "", False, visible=visible)
+        return Outcome(f"no angles ({type(error).__name__})", (), False, visible=visible)
     found = [f for doubt in result.suspicions for f in doubt.findings(rejects=False)]
     placed = {code for code, _ in CODES.values()}
     text = "; ".join(map(sentence, found))
     verdict = "rejected" if result.reasons else "warned" if result.suspicions else "silent"
     largest, beyond = _errors(result, truth)
-    said = "; ".join(sentence(f) for f in found if f.code in placed)
+    said = tuple(sentence(f) for f in found if f.code in placed)
     right = _named(case, stated.supports[which], text)
     return Outcome(verdict, said, right, largest, beyond, visible)
 
@@ -210,7 +210,7 @@ def line(case: Case, runs: int) -> str:
     started = time.process_time()
     found = [run(case, rng) for _ in range(runs)]
     verdicts = Counter(each.verdict for each in found)
-    count = np.mean([1 + each.said.count(", or ") for each in found if each.right] or [0])
+    count = np.mean([len(each.said) for each in found if each.right] or [0])
     where = "along z" if case.way else "any way"
     size = f"{1e3 * case.size:g} mm at {case.radius:g} m, {case.n} supports, {where}"
     return (
