@@ -59,10 +59,17 @@ def findings() -> Iterator[str]:
     """Yield the catalogue of findings by severity, each with the beginning of what it says."""
     for severity in get_args(Severity):
         yield f"\n**{severity}**\n\n"
+        if severity == "refuses":  # the error itself says what, where, and what to do
+            yield f"{', '.join(f'`{code}`' for code in sorted(_codes(severity)))}\n"
+            continue
         for code, entry in sorted(CATALOGUE.items()):
             if entry.severity == severity:
                 yield f"- `{code}`: {_beginning(_plain(entry.sentence))}\n"
     yield "\n"
+
+
+def _codes(severity: Severity) -> Iterator[str]:
+    return (code for code, entry in CATALOGUE.items() if entry.severity == severity)
 
 
 def _beginning(text: str) -> str:
