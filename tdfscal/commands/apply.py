@@ -42,6 +42,7 @@ from tdfscal.wrench.sample_noise import (
     coloured_noise,
     with_sample_noise,
 )
+from tdfscal.wrench.standstill import Standstill
 from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def apply(
             filtered(samples, filter, model),
             filter_effect(filter, walk, model, noise),
         )
-    wrenches = passing.wrenches(samples)
+    wrenches = passing.wrenches(totals.standstill.watch(samples))
     age, moved, scatter = ZeroAge(), None, use.posture_std
     if head is not None:
         age, moved = zeros_since(use, head, passing.thermometer, scatter)
@@ -196,6 +197,7 @@ class Totals:
 
     squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
     uncertainty and of the calibration's part of that. largest : (2,), lengths. begin, end : s.
+    still_squares : (6,), of the wrench at the stops, and still_rows, how many.
     """
 
     squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
@@ -203,6 +205,9 @@ class Totals:
     rows: int = 0
     begin: float = np.nan
     end: float = np.nan
+    standstill: Standstill = field(default_factory=Standstill)
+    still_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+    still_rows: int = 0
 
     def passing(self, pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
         """Count the pieces of a log as they pass."""
@@ -215,6 +220,9 @@ class Totals:
                 self.begin = float(piece.time[0])
             self.end = float(piece.time[-1])
             self.rows += len(piece.time)
+            still = piece.value[self.standstill.at(piece.time)]
+            self.still_squares += np.einsum("ka,ka->a", still, still)
+            self.still_rows += len(still)
             yield piece
 
 
@@ -303,6 +311,16 @@ def summary_of(
         "calibration_status": use.calibration.status,
         "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
         **roots,
+        "stops": _stops(totals),
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
         "findings": documents([*use.findings, *notes]),
     }
+
+
+def _stops(totals: Totals) -> dict[str, Any] | None:
+    """Samples at standstill and the rms of the wrench there; None where nothing else moves."""
+    if not 0 < totals.still_rows < totals.rows:
+        return None
+    root = np.sqrt(totals.still_squares / totals.still_rows)
+    rms = {k: float(v) if np.isfinite(v) else None for k, v in zip(COMPONENTS, root, strict=True)}
+    return {"rows": totals.still_rows, "rms": rms}

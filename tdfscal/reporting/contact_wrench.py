@@ -15,19 +15,27 @@ _IDLE = 0.95
 
 def summary_report(summary: dict[str, Any]) -> Report:
     """Size of the wrench over all samples, with and without the calibration."""
-    columns = {"rms": ".3g", "rms_uncalibrated": ".3g", "std": ".2g", "std_calibration": ".2g"}
+    columns = {"rms": "rms", "at stops": "stops", "uncalibrated": "rms_uncalibrated",
+               "std. unc.": "std", "of it calibration": "std_calibration"}  # fmt: skip
+    stops = summary["stops"]
+    parts = {column: summary[column] for column in columns.values() if column != "stops"}
+    if stops is None:
+        del columns["at stops"]
+    else:
+        parts["stops"] = stops["rms"]
     rows = tuple(
         (
             name,
             "N" if name.startswith("f") else "N·m",
-            *(_number(summary[column][name], form) for column, form in columns.items()),
+            *(_number(parts[column][name], ".3g") for column in columns.values()),
         )
         for name in COMPONENTS
     )
-    header = ("", "", "rms", "rms uncalibrated", "std. unc.", "of it calibration")
+    header = ("", "", *columns)
     largest, point = summary["largest"], summary["about"]
     blocks: tuple[Block, ...] = (
         Table("", header, rows, left=2),
+        *_stops(summary),
         _noise(summary["noise"]),
         *_zeros(summary["zeros"]),
         f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
@@ -39,6 +47,17 @@ def summary_report(summary: dict[str, Any]) -> Report:
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {place}",
         claim=_filter(summary["filter"]),
         sections=(Section("", blocks),),
+    )
+
+
+def _stops(summary: dict[str, Any]) -> tuple[str, ...]:
+    """What part of a free wrench is motion."""
+    if summary["stops"] is None:
+        return ()
+    share = summary["stops"]["rows"] / summary["rows"]
+    return (
+        f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s). Where nothing touches, "
+        "what the wrench has more between them is the motion's: forces ring, clocks and filters lag.",
     )
 
 

@@ -1,0 +1,37 @@
+"""Stops by the hinges' speed, against the drive that was simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.standstill import Standstill, still
+
+
+def driven(begin: float, end: float, speed: float) -> Samples:
+    """A minute at 100 Hz in which all hinges move along x between two times."""
+    time = np.arange(6000) / 100
+    way = speed * (np.clip(time, begin, end) - begin)
+    position = np.zeros((len(time), 3, 3))
+    position[..., 0] = way[:, None]
+    return Samples(time, position, np.zeros_like(position))
+
+
+def test_a_move_is_told_from_the_stops_beside_it() -> None:
+    """1 mm/s from 20 to 40 s; half a span about the ends may go either way."""
+    found = still(driven(20.0, 40.0, 1e-3))
+    time = np.arange(6000) / 100
+    assert not found[(time > 20.1) & (time < 39.9)].any()
+    assert found[(time < 19.9) | (time > 40.1)].all()
+    assert still(driven(20.0, 40.0, 1e-4)).all()
+
+
+def test_pieces_are_remembered_until_they_are_asked_for() -> None:
+    whole = driven(20.0, 40.0, 1e-3)
+    watched, found = Standstill(), []
+    pieces = [whole.rows(slice(k, k + 500)) for k in range(0, 6000, 500)]
+    for piece in watched.watch(pieces):
+        found.append(watched.at(piece.time[::5]))
+    everywhere = np.concatenate(found)
+    assert abs(everywhere.mean() - 40 / 60) < 0.02
+    assert len(watched._time) <= 500
