@@ -57,7 +57,7 @@ def _stops(summary: dict[str, Any]) -> tuple[str, ...]:
     share = summary["stops"]["rows"] / summary["rows"]
     return (
         f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s). Where nothing touches, "
-        "what the wrench has more between them is the motion's: forces ring, clocks and filters lag.",
+        "what the wrench has more between them is the motion's.",
     )
 
 

@@ -28,10 +28,8 @@ def test_a_move_is_told_from_the_stops_beside_it() -> None:
 
 def test_pieces_are_remembered_until_they_are_asked_for() -> None:
     whole = driven(20.0, 40.0, 1e-3)
-    watched, found = Standstill(), []
+    watched = Standstill()
     pieces = [whole.rows(slice(k, k + 500)) for k in range(0, 6000, 500)]
-    for piece in watched.watch(pieces):
-        found.append(watched.at(piece.time[::5]))
-    everywhere = np.concatenate(found)
+    everywhere = np.concatenate([watched.at(p.time[::5]) for p in watched.watch(pieces)])
     assert abs(everywhere.mean() - 40 / 60) < 0.02
     assert len(watched._time) <= 500
