@@ -81,8 +81,6 @@ BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
     ("compare own.yaml own.yaml", lambda: tdfscal.compare("own.yaml", "own.yaml"), UsageError),
     ("plan campaign -o out/p.csv --home 1,2",
      lambda: tdfscal.plan("campaign", home="1,2"), UsageError),
-    ("plan campaign -o out/p.csv --squeeze 0 --postures 4",
-     lambda: tdfscal.plan("campaign", squeeze=0.0, **SMALL), NotIdentifiableError),
     ("info empty.csv", lambda: tdfscal.info("empty.csv"), DataError),
     ("init empty.csv", lambda: tdfscal.init("empty.csv"), DataError),
     ("report broken.yaml", lambda: tdfscal.report("broken.yaml"), DataError),
