@@ -68,9 +68,15 @@ class TdfscalError(Exception):
         super().__init__(visible(f"{place}{what}.{advice}"))
 
     def restated(
-        self, *, what: str | None = None, where: str | None = None, hint: str | None = None
+        self,
+        *,
+        what: str | None = None,
+        where: str | None = None,
+        hint: str | Finding | None = None,
     ) -> Self:
         """The same error, with its evidence, in other words; those not given stay."""
+        if isinstance(hint, Finding):
+            hint = _words(hint)[2]
         error = type(self)(
             what or self.what,
             where=where or self.where,

@@ -260,6 +260,12 @@ REFUSALS: dict[str, Entry] = {
         "the {what} of {subject} do not fit its reference points, those of {other} do",
         "correct the group names",
     ),
+    "groups-fit-alone": Entry(
+        "refuses",
+        "each of the groups {subject} fits by itself",
+        "each of the groups {subject} fits by itself: register one at a time, or calibrate sensors "
+        "with targets by --method tracker",
+    ),
     "scale-open": Entry("refuses", "the points do not determine a scale", "measure more"),
     "scale-unsettled": Entry("refuses", "the scale found no minimum"),
     "targets-few": Entry(

@@ -7,7 +7,6 @@ log too; what differs is the weight, which is estimated with the fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,7 +22,7 @@ from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray, rests_of
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
-from tdfscal.motioncal.rows import NormalEquations, Rows, gather
+from tdfscal.motioncal.rows import NormalEquations, Rows, gather, rms
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
@@ -212,13 +211,6 @@ class MovingFit:
     def cost(self) -> float:
         """χ² of rows and priors."""
         return float(self.white @ self.white)
-
-
-def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
-    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
-    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
-    seconds = sum(item.block.seconds for item in designs)
-    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))
 
 
 def moved_to(fit: MovingFit, state: MovingState) -> MovingFit:

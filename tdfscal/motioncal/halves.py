@@ -9,8 +9,8 @@ import numpy as np
 
 from tdfscal.model import dynamics
 from tdfscal.motioncal.blocks import SHORTEST, blocks
-from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to, rms
-from tdfscal.motioncal.rows import rows_of
+from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
+from tdfscal.motioncal.rows import rms, rows_of
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray

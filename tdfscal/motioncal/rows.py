@@ -82,6 +82,13 @@ def _mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
     return np.moveaxis(both, 2, 0)
 
 
+def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
+    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
+    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
+    seconds = sum(item.block.seconds for item in designs)
+    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))
+
+
 def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
     """Rows of all blocks, joined where they are more than columns.
 

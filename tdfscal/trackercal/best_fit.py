@@ -192,10 +192,7 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
     except TdfscalError as error:
         if not fit_one_by_one(points, noise):
             raise
-        raise error.restated(
-            hint=f"each of the groups {', '.join(points.groups)} fits by itself: "
-            "register one at a time, or calibrate sensors with targets by --method tracker",
-        ) from error
+        raise error.restated(hint=Finding("groups-fit-alone", points.groups)) from error
 
 
 def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> Finding | None:
