@@ -23,14 +23,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from benchmarks.frame import heads, over, row
 from tdfscal import calibrate
+from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.apart import write_apart
+from tdfscal.logs import concatenate
+from tdfscal.logs.recorders import on_one_clock
+from tdfscal.model.dynamics import DELAY, RATE
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray, Series
+from tdfscal.records import (
+    ClockPrior,
+    FloatArray,
+    Log,
+    LogMapping,
+    RecorderClock,
+    Rig,
+    Series,
+    UncertainValue,
+)
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import MOVING, Options, Recorder, Run, reference_rig, run
 from tdfscal.simulation.recorded_apart import Apart, recorded_apart
 
@@ -60,11 +76,27 @@ def drawn(rng: np.random.Generator, gap: bool) -> Apart:
     )
 
 
-def one_clock(folder: Path) -> None:
-    """State the second clock as that of the first."""
-    document = yaml.safe_load((folder / "rig.yaml").read_text())
-    document["log"][1]["clock"] = {"offset": {"value": 0.0, "std": 0.0}, "rate_std": 0.0}
-    (folder / "rig.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+def calibrated(
+    rig: Rig, parts: tuple[Log, Log], clock: ClockPrior
+) -> tuple[SelfCalibration | MotionCalibration, RecorderClock]:
+    """Calibrate from two recordings by their moves or dwells."""
+    mapping = LogMapping.default(rig.supports)
+    sources = [
+        (replace(mapping, files=name, clock=prior), iter([part]))
+        for name, prior, part in zip("ab", (ClockPrior(), clock), parts, strict=True)
+    ]
+    log = concatenate(on_one_clock(sources))
+    dwells = find_dwells(log)
+    rng = np.random.default_rng(0)
+    if len(dwells) >= 5:
+        return self_calibrate(rig, dwells, rng=rng, max_trials=0), log.clocks[0]
+    delay = UncertainValue(np.zeros(2), np.array([np.inf, 1e-4]))
+    return calibrate_moving(rig, slow_streams([log], rig.capacity), delay), log.clocks[0]
+
+
+def rotations(own: SelfCalibration | MotionCalibration) -> FloatArray:
+    """Rotations (n, 3, 3) found."""
+    return (own.fit.state.still if isinstance(own, MotionCalibration) else own.fit.state).rotation
 
 
 def campaign(seed: int, scenario: str) -> dict[str, Any]:
@@ -75,42 +107,42 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
     of = played(scenario, seed, max(how.position_rate, how.force_rate, 100.0))
     recorded = of.campaign or of.moving
     assert recorded is not None
+    exact = ClockPrior(UncertainValue.exact(0.0), 0.0)
     same = replace(how, offset=0.0, rate=0.0)
-    with tempfile.TemporaryDirectory() as place:
-        found: dict[str, Any] = {}
-        for name, recorders in (("one", same), ("two", how)):
-            folder = Path(place) / name
-            parts = recorded_apart(recorded.log, recorders, np.random.default_rng(seed))
-            write_apart(folder, of.rig, *parts)
-            if name == "one":
-                one_clock(folder)
-            begin = time.process_time()
-            try:
-                found[name] = calibrate([folder], trials=0)
-            except TdfscalError as error:
-                return {"seed": seed, "how": how, "failed": f"{name}: {error}"}
-            found[f"{name} s"] = time.process_time() - begin
-    one, two = found["one"], found["two"]
-    cov = np.array(two.covariance.matrix)
+    found = []
+    spent = []
+    for recorders, prior in ((same, exact), (how, ClockPrior())):
+        parts = recorded_apart(recorded.log, recorders, np.random.default_rng(seed))
+        begin = time.process_time()
+        try:
+            found.append(calibrated(of.rig, parts, prior))
+        except TdfscalError as error:
+            return {"seed": seed, "how": how, "failed": f"{len(found) + 1}: {error}"}
+        spent.append(time.process_time() - begin)
+    (one, _), (two, clock) = found
+    cov = two.uncertainty.covariance
     std = np.sqrt(np.diag(cov))
-    change = so3.log(one.rotation @ np.swapaxes(two.rotation, 1, 2)).ravel() / std
-    e = so3.log(of.truth.rotation @ np.swapaxes(two.rotation, 1, 2)).ravel()
-    e1 = so3.log(of.truth.rotation @ np.swapaxes(one.rotation, 1, 2)).ravel()
-    clock = two.clocks[0]
-    delay = 0.005 if scenario == "motion" else 0.0
+    first, second = rotations(one), rotations(two)
+    e = so3.log(of.truth.rotation @ np.swapaxes(second, 1, 2)).ravel()
+    e1 = so3.log(of.truth.rotation @ np.swapaxes(first, 1, 2)).ravel()
+    offset, offset_std, rate, rate_std = clock.offset, clock.offset_std, clock.rate, clock.rate_std
+    if isinstance(two, MotionCalibration):
+        moving, moving_std = two.fit.state.moving, two.estimate.moving_std
+        offset += moving.delay - 30.0 * moving.rate - 0.005
+        offset_std = float(np.hypot(moving_std[DELAY], 30.0 * moving_std[RATE]))
+        rate, rate_std = rate + moving.rate, float(moving_std[RATE])
     return {
         "seed": seed,
         "how": how,
-        "status": two.status,
-        "status one": one.status,
-        "change": float(np.abs(change).max()),
-        "offset": (clock.offset - how.offset - delay) / clock.offset_std,
-        "offset std": clock.offset_std,
-        "rate": (clock.rate - how.rate) / clock.rate_std,
-        "z": e / std,
-        "z one": e1 / np.sqrt(np.diag(np.array(one.covariance.matrix))),
+        "accepted": (not one.reasons, not two.reasons),
+        "change": float(np.abs(so3.log(first @ np.swapaxes(second, 1, 2)).ravel() / std).max()),
+        "offset": (offset - how.offset) / offset_std,
+        "offset std": offset_std,
+        "rate": (rate - how.rate) / rate_std,
+        "z": (e / std).tolist(),
+        "z one": (e1 / np.sqrt(np.diag(one.uncertainty.covariance))).tolist(),
         "d2": float(e @ np.linalg.solve(cov, e)) / len(e),
-        "cost": found["two s"] / found["one s"],
+        "cost": spent[1] / spent[0],
     }
 
 
@@ -121,8 +153,7 @@ def table(results: list[dict[str, Any]]) -> str:
     within = [abs(r["offset"]) <= 3.0 for r in good]
     cells: list[object] = [
         len(results),
-        f"{sum(r['status'] == 'accepted' for r in good)} "
-        f"({sum(r['status one'] == 'accepted' for r in good)})",
+        f"{sum(r['accepted'][1] for r in good)} ({sum(r['accepted'][0] for r in good)})",
         f"{np.median([r['change'] for r in good]):.3f}, {max(r['change'] for r in good):.2f}",
         f"{100 * np.mean(within):.0f} %",
         f"{1e3 * np.median([r['offset std'] for r in good]):.1f}",
@@ -195,10 +226,10 @@ def main() -> None:
     seeds = range(given.first, given.first + given.runs)
     if given.what in ("rest", "motion"):
         scenario = "motion" if given.what == "motion" else "self"
-        results = over(partial(campaign, scenario=scenario), seeds)
-        for r in results:
-            plain: FloatArray | Any = {k: v for k, v in r.items() if k not in ("z", "z one")}
-            print(plain)
+        results = []
+        for seed in seeds:
+            results.append(campaign(seed, scenario))
+            print(results[-1], flush=True)
         print(f"{HEAD}\n{table(results)}")
     elif given.what == "wrong":
         print(heads("pair", "runs", "outcome"))
