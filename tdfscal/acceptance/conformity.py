@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from tdfscal.detection.capability import UNTIMED, Request
-from tdfscal.detection.threshold import contact_in_doubt
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
@@ -59,6 +57,9 @@ class Limited:
 
         With the usual false stops in an hour and the usual probability, without noise and drift.
         """
+        from tdfscal.detection.capability import UNTIMED, Request  # where a limit is stated
+        from tdfscal.detection.threshold import contact_in_doubt
+
         asked = Request()
         return contact_in_doubt(float(self.std.max()), asked.probability(UNTIMED), asked.detect)
 
