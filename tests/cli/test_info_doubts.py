@@ -113,7 +113,7 @@ def test_the_unit_of_length_goes_by_the_distances(
     [
         ("µm", "N", "the NCPs are 0.001039 m apart"),
         ("m", "N", "the NCPs are 1039 m apart"),
-        ("mm", "kN", "the forces add up to 4.9 N"),
+        ("mm", "kN", "the forces add up to 4.9"),
         ("mm", "N", None),
     ],
 )
