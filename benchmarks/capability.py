@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 import tdfscal
 from benchmarks.frame import heads, over, row
+from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.detection.capability import Capability, Request, assess
 from tdfscal.detection.exceedance import Noise
 from tdfscal.detection.noise import MeasuredNoise, measured_noise
@@ -36,7 +37,6 @@ from tdfscal.model.parameters import State, retract
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import Drift, FloatArray
 from tdfscal.simulation import Options, Recorder, make_rig, simulate_campaign
-from tdfscal.workflows.calibration_in_use import calibrated
 
 RIGS, STATED = 50, 0.1
 RATE, LENGTH, BLOCK = 100.0, 60.0, 0.25
