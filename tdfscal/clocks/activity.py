@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.clocks.tracks import Track
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, RecorderActivity
 
 _STRIDE = 3  # bins over which a change is taken
 _FLOOR = 3.0  # times the noise, below which a change is none
+_SHOWN = 300.0  # s of both recordings that are kept for a look,
+_DRAWN = 400  # in as many bins at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,27 @@ def peaks(a: FloatArray, b: FloatArray, width: float, least: float, most: int) -
         if all(abs(lag[k] * width - peak.lag) > 2 * _STRIDE * width for peak in found):
             found.append(Peak(float(lag[k] * width), float(r[k]), float(overlap[k] * width)))
     return found
+
+
+def during(a: FloatArray, b: FloatArray, width: float, lag: float) -> RecorderActivity:
+    """Keep of courses a (B,) and b (B′,) the first minutes in which both recorders ran."""
+    shift = round(lag / width)
+    begin = max(0, -shift)
+    count = min(len(a) - begin, len(b) - begin - shift, int(_SHOWN / width))
+    wide = max(1, -(-count // _DRAWN))
+    cut = max(count - count % wide, 0)
+
+    def thinned(course: FloatArray, start: int) -> FloatArray:
+        return np.asarray(course[start : start + cut].reshape(-1, wide).mean(axis=1))
+
+    return RecorderActivity(
+        width * wide,
+        lag,
+        begin * width,
+        thinned(a, begin),
+        (begin + shift) * width,
+        thinned(b, begin + shift),
+    )
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

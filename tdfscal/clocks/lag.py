@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.clocks.activity import Peak, activity, peaks
+from tdfscal.clocks.activity import Peak, activity, during, peaks
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.moves import lag_by_moves, moves
 from tdfscal.clocks.refinement import refine
@@ -62,15 +62,14 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     NotIdentifiableError
         Two lags explain both alike.
     """
+    search = _Search(first, second, prior)
     if prior.exact:
         clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
-        _check_overlap(first, second, clock)
-        return clock
-    search = _Search(first, second, prior)
-    chosen = search.chosen(name)
-    clock = search.refined(chosen, name)
+    else:
+        clock = search.refined(search.chosen(name), name)
     _check_overlap(first, second, clock)
-    return clock
+    lag = clock.offset - (second.begin - first.begin)
+    return replace(clock, activity=during(*search.courses, search.width, lag))
 
 
 class _Search:
@@ -82,16 +81,25 @@ class _Search:
         self.std = float(prior.offset.std)
         self.balance = _balance(first, second)
 
+    @cached_property
+    def width(self) -> float:
+        """Width, s, of a bin of activity."""
+        slowest = max(self.first.period, self.second.period)
+        return max(_WIDTH, 1.5 * slowest, max(self.spans) / _BINS)
+
+    @cached_property
+    def courses(self) -> tuple[FloatArray, FloatArray]:
+        """Log-activity of both recorders."""
+        first, second = (
+            activity(tracks.forces or tracks.positions, self.width, span)
+            for tracks, span in zip((self.first, self.second), self.spans, strict=True)
+        )
+        return first, second
+
     def candidates(self) -> list[Peak]:
         """Lags at which both are active together, the likeliest first."""
-        longest = max(self.spans)
-        slowest = max(self.first.period, self.second.period)
-        width = max(_WIDTH, 1.5 * slowest, longest / _BINS)
-        courses = []
-        for tracks, span in zip((self.first, self.second), self.spans, strict=True):
-            streams = tracks.forces or tracks.positions
-            courses.append(activity(streams, width, span))
-        found = peaks(courses[0], courses[1], width, _OVERLAP * min(self.spans), _CANDIDATES)
+        longest, courses = max(self.spans), self.courses
+        found = peaks(*courses, self.width, _OVERLAP * min(self.spans), _CANDIDATES)
         if np.isfinite(self.std):
             reach = 5.0 * self.std + self.prior.rate_std * longest + _STEP
             found = [p for p in found if abs(p.lag - self.stated) <= reach]

@@ -116,6 +116,9 @@ def _rests_on(c: Calibration) -> str:
         parts.append(f"{c.tracker.get('points')} points of the tracker")
     if c.fit is not None and c.fit.dof:
         parts.append(f"scatter against stated {c.fit.birge:.2f}")
+    for clock in c.clocks:
+        known = f"± {1e3 * clock.offset_std:.2g} ms, ± {1e6 * clock.rate_std:.2g} ppm"
+        parts.append(f"the clock of {clock.recorder} to {known}")
     limit = limiting_source(c)
     return f"It rests on {', '.join(parts)}{'; limited by ' * bool(limit)}{limit}."
 

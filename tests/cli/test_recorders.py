@@ -11,6 +11,7 @@ from tdfscal import calibrate, info, init
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.writers.apart import write_apart
 from tdfscal.files.writers.campaign import write_run
+from tdfscal.reporting.figures import drawings
 from tdfscal.simulation import MOVING, Options, Run, reference_rig, run
 from tdfscal.simulation.recorded_apart import Apart, recorded_apart
 
@@ -34,6 +35,7 @@ def test_two_recorders_calibrate_as_one(scenario: str, tmp_path: Path) -> None:
     one = calibrate([tmp_path / "one"], trials=0)
     folder = apart(tmp_path / "two", of, Apart(offset=-81234.5, rate=30e-6, late=0.5))
     two = calibrate([folder], trials=0)
+    assert "clocks" in {drawing.name for drawing in drawings(two)}
     assert one.accepted
     assert two.accepted, two.findings
     turn = one.rpy - two.rpy

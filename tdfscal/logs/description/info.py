@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, Literal
@@ -104,7 +104,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
             {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
             for i in info.inputs
         ],
-        "clocks": [asdict(clock) for clock in info.clocks],
+        "clocks": [asdict(replace(clock, activity=None)) for clock in info.clocks],
         "time_offset": offset,
         "dwells": dwells,
         "problems": list(info.problems),

@@ -15,6 +15,7 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
     from tdfscal.reporting.figures import (
         angles,
+        clocks,
         observability,
         residuals,
         rig,
@@ -30,6 +31,7 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         residuals.components(calibration.postures),
         uncertainty.draw(calibration),
         timeline.draw(calibration),
+        clocks.draw(calibration),
         observability.draw(calibration),
         rig.draw(calibration),
         residuals.over_motion(calibration),
