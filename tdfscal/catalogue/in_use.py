@@ -20,6 +20,18 @@ def _change(what: str, remedy: str) -> Entry:
     return Entry("rejects", f"{{tied:or |}}{what}", remedy)
 
 
+#: Why a campaign does not fit the others.
+MISFITS: dict[str, Entry] = {
+    "misfit-turned": _misfit("{subject} seems turned by {size} there"),
+    "misfit-load": _misfit("the terminal seems loaded otherwise there"),
+    "misfit-sensitivity": _misfit("gains or crosstalk of the sensors seem otherwise there"),
+    "misfit-hinge": _misfit("the hinges seem to lie otherwise there"),
+    "misfit-datum": _misfit("the servo coordinates seem offset otherwise there"),
+    "misfit-tilt": _misfit("the base seems tilted otherwise there"),
+    "misfit-compliance": _misfit("what gives between encoders and hinges seems otherwise there"),
+    "misfit-unexplained": _misfit("no single cause explains it"),
+}
+
 IN_USE: dict[str, Entry] = {
     "rejected-in-use": Entry(
         "warns", "{subject} IS A REJECTED CALIBRATION, not fit for use: {why}"
@@ -166,14 +178,7 @@ IN_USE: dict[str, Entry] = {
         "a turn since {subject} would have been seen with {power:.0%} probability from this size "
         "on, whatever the angle: {turns}",
     ),
-    "misfit-turned": _misfit("{subject} seems turned by {size} there"),
-    "misfit-load": _misfit("the terminal seems loaded otherwise there"),
-    "misfit-sensitivity": _misfit("gains or crosstalk of the sensors seem otherwise there"),
-    "misfit-hinge": _misfit("the hinges seem to lie otherwise there"),
-    "misfit-datum": _misfit("the servo coordinates seem offset otherwise there"),
-    "misfit-tilt": _misfit("the base seems tilted otherwise there"),
-    "misfit-compliance": _misfit("what gives between encoders and hinges seems otherwise there"),
-    "misfit-unexplained": _misfit("no single cause explains it"),
+    **MISFITS,
     "campaign-unsound": Entry(
         "rejects",
         "{subject} says nothing of any turn: calibrate rejects it by itself: {why}",

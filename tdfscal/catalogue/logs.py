@@ -20,6 +20,12 @@ LOGS: dict[str, Entry] = {
         "{file}: the file ends within a record at byte {byte}, as one that was cut short does: it "
         "is read as far as it is whole, to {at} s",
     ),
+    "recorders-overlap-in-part": Entry(
+        "warns",
+        "{subject} holds {begin:.1f} s to {end:.1f} s of the first recorder's {span:.1f} s: what "
+        "only one of the two saw is not used",
+        "see whether a file of either is missing, or was cut short",
+    ),
     "log-window": Entry("notes", "the log is used {window} only"),
     "messages-lost": Entry(
         "warns",

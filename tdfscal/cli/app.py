@@ -231,6 +231,10 @@ def run() -> int:
     if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
         del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
     try:
+        if "" in sys.argv[1:]:
+            from tdfscal.commands.arguments import nameless
+
+            raise nameless()
         status: int = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         if memory.is_short(error):  # what else it says was judged without a look at that

@@ -11,13 +11,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, Log, LogMapping, RecorderClock, Series
 
+if TYPE_CHECKING:
+    from tdfscal.clocks import Tracks
+
+#: Share of the longer recording that both hold, below which a part seems lost.
+_COMPLETE = 0.9
 _NONE = Series(np.empty(0), np.empty((0, 3)))
 
 
@@ -69,7 +75,7 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Iterator[Log]]]) -> Iterato
     """
     with tempfile.TemporaryFile() as file:
         spools = [_Spool(file) for _ in sources]
-        from tdfscal.clocks import Reduction, Tracks, find_clock  # of several alone
+        from tdfscal.clocks import Reduction, find_clock  # of several alone
 
         tracks: list[Tracks] = []
         for spool, (_, pieces) in zip(spools, sources, strict=True):
@@ -80,9 +86,22 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Iterator[Log]]]) -> Iterato
                 spool.put(piece)
             tracks.append(reduction.finish())
         clocks: list[RecorderClock] = []
+        found: list[Finding] = []
         for (mapping, _), own in zip(sources[1:], tracks[1:], strict=True):
             clocks.append(find_clock(tracks[0], own, mapping.clock, str(mapping.files)))
-        yield from _merged(spools, clocks)
+            found += _overlap(tracks[0], own, clocks[-1])
+        yield from _merged(spools, clocks, tuple(found))
+
+
+def _overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> list[Finding]:
+    """Tell where one of two recorders misses much of what the other saw."""
+    span = first.end - first.begin
+    begin, end = clock.to_first(np.array([second.begin, second.end])) - first.begin
+    both = min(end, span) - max(begin, 0.0)
+    if both > _COMPLETE * max(end - begin, span):
+        return []
+    values: dict[str, Value] = {"begin": float(begin), "end": float(end), "span": span}
+    return [Finding("recorders-overlap-in-part", (clock.recorder,), values=values)]
 
 
 @dataclass(slots=True)
@@ -150,7 +169,9 @@ def _streams(piece: Log) -> tuple[Series, ...]:
     return (*piece.position, *piece.force, *piece.temperature)
 
 
-def _merged(spools: Sequence[_Spool], clocks: Sequence[RecorderClock]) -> Iterator[Log]:
+def _merged(
+    spools: Sequence[_Spool], clocks: Sequence[RecorderClock], found: tuple[Finding, ...]
+) -> Iterator[Log]:
     """Pieces of all recorders in the order of their times."""
     feeds = [spool.pieces(clock) for spool, clock in zip(spools, (None, *clocks), strict=True)]
     # Temperatures of one recorder are those of the log.
@@ -167,5 +188,7 @@ def _merged(spools: Sequence[_Spool], clocks: Sequence[RecorderClock]) -> Iterat
         reached[k] = max([reached[k], *ends]) if ends else reached[k]
         if not piece.temperature:
             piece = replace(piece, temperature=(_NONE,) * warm)
-        yield replace(piece, clocks=tuple(clocks)) if first else piece
+        if first:
+            piece = replace(piece, clocks=tuple(clocks), findings=(*piece.findings, *found))
+        yield piece
         first = False

@@ -8,6 +8,7 @@ from math import ceil
 
 import numpy as np
 
+from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.catalogue.suspects import SUSPECTS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
@@ -115,13 +116,17 @@ def _file(c: Calibration) -> str:
 def _cures(c: Calibration) -> tuple[str, ...]:
     """What each reason of the gate asks for, sentences without a full stop.
 
-    Damage first, for it hides the rest; then sensors, which spoil postures; then what the
-    residuals say, which makes postures misfit; then what touched, which looks like noise; precision
-    last, for it is judged with the noise that all of these add.
+    Damage first, for it hides the rest; then a campaign that does not fit those before it, which no
+    wider statement of what is doubtful beside it would mend; then sensors, which spoil postures;
+    then what the residuals say, which makes postures misfit; then what touched, which looks like
+    noise; precision last, for it is judged with the noise that all of these add.
     """
-    suspected = _suspected(c)
+    suspected, misfits = _suspected(c), c.found(*MISFITS)
+    if misfits:
+        suspected = [found for found in suspected if found.severity == "rejects"]
     return (
         *_of_the_log(c),
+        *dict.fromkeys(_begun(found.cure) for found in misfits),
         *_of_the_sensors(c),
         *(_begun(found.cure) for found in suspected if found.code not in _NOISE),
         *(_of_postures(c) if c.motion is None else _of_motion(c, c.motion)),

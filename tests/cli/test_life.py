@@ -227,7 +227,8 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
         (2, ["calibrate", first, first], "same recording"),
         (2, ["update", base, first], "same recording"),
         (2, ["update", base, older], "before the calibration"),
-        (1, ["calibrate", *folders(months, 0, 6)], "does not fit"),
+        (2, ["calibrate", ""], "empty"),
+        (1, ["calibrate", *folders(months, 0, 6)], "What next\n  - Leave it out, or calibrate"),
     ):
         done = run(capsys, *arguments, "--trials", 0, "-o", target, "-q")
         assert done.status == status, (arguments, done.err, done.out)

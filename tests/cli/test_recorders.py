@@ -77,3 +77,17 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     found = calibrate([folder], trials=0)
     assert found.status == "provisional"
     assert abs(found.clocks[0].offset - 1.7e9) < 0.05
+
+
+def test_a_recorder_that_ends_early_is_told(tmp_path: Path) -> None:
+    folder = apart(tmp_path / "two", played("self", 7), Apart(offset=12.0))
+    whole = calibrate([folder], trials=0)
+    assert not [f for f in whole.findings if f.code == "recorders-overlap-in-part"]
+    lines = (folder / "daq.csv").read_text().splitlines(keepends=True)
+    (folder / "daq.csv").write_text("".join(lines[: 6 * len(lines) // 10]))
+    (told,) = (
+        f
+        for f in calibrate([folder], trials=0, allow_rejected=True).findings
+        if f.code == "recorders-overlap-in-part"
+    )
+    assert told.subject == ("daq*.csv",)
