@@ -1,8 +1,7 @@
 """Offset and rate of two clocks from single moves, in which forces and positions pass in step.
 
-Projected onto their own change, both run from 0 to 1 in a move from rest to rest; when they pass
-the same levels tells the lag. How it changes from move to move tells the rate: the median slope
-over all pairs of moves (Sen, J. Am. Stat. Assoc. 63, 1968).
+When both pass the same levels on their way tells the lag, and how it changes from move to move the
+rate (`numerics.passing`).
 """
 
 from __future__ import annotations
@@ -13,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.clocks.tracks import Track
+from tdfscal.numerics.passing import line_through, times_of_passing
 from tdfscal.records import FloatArray
 
-_LEVELS = (0.25, 0.5, 0.75)
 _CLEAR = 40.0  # change / noise, from which a move shows its time
 _LONGEST = 60.0  # s; a longer way from rest to rest is no single move
 _REST = 0.6  # s, shortest
@@ -23,7 +22,6 @@ _EDGE = 0.2  # s next to a move, in which forces are not yet settled or the lag 
 _FEWEST, _MOST = 5, 400  # moves
 _SPAN = 0.1  # s, over which a change shows motion
 _MOVING, _SHARE = 8.0, 5e-3  # times the noise, and share of the usual speed of the moves
-_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 _LEAST = 0.1  # of a period, that no number of moves tells better
 
 
@@ -72,7 +70,8 @@ def lag_by_moves(
     time, late = np.array(found).T
     # Forces on the second clock pass late where it is ahead; positions, early.
     sign = 1.0 if any(second for _, second in forces) else -1.0
-    return _line(time, lag + sign * late, _LEAST * period)
+    line = line_through(time, lag + sign * late, _LEAST * period)
+    return np.array([line.value, line.rate]), np.array([line.std, line.rate_std]), line.middle
 
 
 def _passing(value: FloatArray, time: FloatArray, begin: float, end: float) -> FloatArray | None:
@@ -85,26 +84,4 @@ def _passing(value: FloatArray, time: FloatArray, begin: float, end: float) -> F
     share = (value - low) @ (high - low) / size
     if max(np.std(share[before]), np.std(share[after])) * _CLEAR > 1.0:
         return None
-    times = []
-    for level in _LEVELS:
-        across = np.flatnonzero(np.diff(np.sign(share - level)) != 0)
-        if len(across) != 1:
-            return None
-        a = int(across[0])
-        part = (level - share[a]) / (share[a + 1] - share[a])
-        times.append(time[a] + part * (time[a + 1] - time[a]))
-    return np.array(times)
-
-
-def _line(time: FloatArray, lag: FloatArray, least: float) -> tuple[FloatArray, FloatArray, float]:
-    """Line of lags (M,), s, of moves at times (M,), s; least : s, what they tell at best."""
-    middle = 0.5 * float(time[0] + time[-1])
-    away = time - middle
-    i, j = np.triu_indices(len(time), 1)
-    rate = float(np.median((lag[j] - lag[i]) / (time[j] - time[i])))
-    left = lag - rate * away
-    offset = float(np.median(left))
-    spread = _MEDIAN * 1.4826 * float(np.median(np.abs(left - offset)))
-    std = float(np.hypot(spread / np.sqrt(len(time)), least))
-    rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / np.ptp(time)))
-    return np.array([offset, rate]), np.array([std, rate_std]), middle
+    return times_of_passing(share, time)

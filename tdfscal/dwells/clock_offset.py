@@ -1,8 +1,7 @@
 """Offset between the clocks of positions and forces, and its rate, from moves between dwells.
 
-In a move both pass from one level to the next in step. Projected onto their own change, each runs
-from 0 to 1; when they pass the same levels tells their offset. How that changes from move to move
-tells the rate: the median slope over all pairs of moves (Sen, J. Am. Stat. Assoc. 63, 1968).
+In a move both pass from one level to the next in step: when they do tells their offset, and how
+that changes from move to move the rate (`numerics.passing`).
 """
 
 from __future__ import annotations
@@ -14,14 +13,13 @@ import numpy as np
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
+from tdfscal.numerics.passing import line_through, times_of_passing
 from tdfscal.records import BoolArray, Dwells, FloatArray
 
-_LEVELS = np.array([0.25, 0.5, 0.75])
 _CLEAR = 40.0  # change / noise of a bin's mean, from which a move shows its time
 _LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
 _MARGIN = 0.5  # s looked at beyond the dwells' edges
 _FEWEST, _MOST = 5, 100  # moves
-_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
@@ -109,24 +107,8 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
     if len(found) < _FEWEST:
         return None
     time, late = np.array(found).T
-    return _line(time, late, 0.1 * float(bins.period.max()))
-
-
-def _line(time: FloatArray, late: FloatArray, least: float) -> Offset:
-    """Offset and rate of moves at times (M,), s, from how late (M,), s, their forces are.
-
-    least : s, what no number of moves tells better.
-    """
-    span = float(np.ptp(time))
-    away = time - (time[0] + span / 2)
-    i, j = np.triu_indices(len(time), 1)
-    rate = float(np.median((late[j] - late[i]) / (time[j] - time[i])))
-    left = late - rate * away
-    middle = float(np.median(left))
-    spread = _MEDIAN * 1.4826 * float(np.median(np.abs(left - middle)))
-    std = float(np.hypot(spread / np.sqrt(len(time)), least))
-    rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / span))
-    return Offset(middle, std, len(time), rate, rate_std, span)
+    line = line_through(time, late, 0.1 * float(bins.period.max()))
+    return Offset(line.value, line.std, len(time), line.rate, line.rate_std, line.span)
 
 
 def _passing(
@@ -148,12 +130,4 @@ def _passing(
     noise = float(np.std(share[still])) if still.sum() > 3 else np.inf
     if noise * _CLEAR > 1.0:
         return None
-    times = []
-    for one in _LEVELS:
-        across = np.flatnonzero(np.diff(np.sign(share - one)) != 0)
-        if len(across) != 1:
-            return None
-        a = int(across[0])
-        part = (one - share[a]) / (share[a + 1] - share[a])
-        times.append(time[a] + part * (time[a + 1] - time[a]))
-    return np.array(times)
+    return times_of_passing(share, time)

@@ -100,6 +100,28 @@ class Estimate(Generic[F]):
     uncertainty: Uncertainty
 
 
+@dataclass(frozen=True, slots=True)
+class Estimated(Generic[F]):
+    """What a judged result says by its estimate."""
+
+    estimate: Estimate[F]
+
+    @property
+    def fit(self) -> F:
+        """The fit."""
+        return self.estimate.fit
+
+    @property
+    def quality(self) -> Quality:
+        """How well residuals and what is stated of them agree."""
+        return self.estimate.quality
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """Uncertainty of the rotations."""
+        return self.estimate.uncertainty
+
+
 def quality(of: Fitted, parts: Spectrum) -> Quality:
     """χ² of a fit against the stated uncertainties; parts : of its Jacobian."""
     dof = of.rows + len(of.prior_jacobian) - len(parts.values)

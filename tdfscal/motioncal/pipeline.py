@@ -16,7 +16,7 @@ from tdfscal.estimation import observability
 from tdfscal.estimation.closure import misplaced
 from tdfscal.estimation.observability import Observability
 from tdfscal.estimation.suspicion import Suspicion
-from tdfscal.estimation.uncertainty import Quality, Uncertainty
+from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.dynamics import RATE
@@ -54,7 +54,7 @@ _TOLD = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class MotionCalibration:
+class MotionCalibration(Estimated[MovingFit]):
     """The judged result of a calibration in motion.
 
     begin : s, in the log's time, and seconds : length of what was used. suspicions : what the
@@ -91,21 +91,6 @@ class MotionCalibration:
         """Whether the log tells the rate of its clocks, beside what is known of clocks."""
         std = self.estimate.moving_std[RATE]
         return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
-
-    @property
-    def fit(self) -> MovingFit:
-        """The fit."""
-        return self.estimate.fit
-
-    @property
-    def quality(self) -> Quality:
-        """How well residuals and their spectrum agree."""
-        return self.estimate.quality
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """Uncertainty of the rotations."""
-        return self.estimate.uncertainty
 
     @property
     def calibrated(self) -> Calibrated:

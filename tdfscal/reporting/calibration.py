@@ -11,7 +11,7 @@ from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
-from tdfscal.files.calibration.parts import FindingResult, ResidualWrench
+from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.records import ANGLES
 from tdfscal.reporting import phrases
 from tdfscal.reporting.advice import advise
@@ -68,11 +68,6 @@ def calibration_report(
         created=utc(c.created),
         number=str(file_content(c)["content_sha256"])[:8],
     )
-
-
-def _warns(finding: FindingResult) -> bool:
-    """Whether it is a warning beside the verdict, which names the lines to be confirmed."""
-    return finding.severity == "warns" and finding.code != UNCONFIRMED
 
 
 def _notes(c: Calibration) -> tuple[Items, ...]:

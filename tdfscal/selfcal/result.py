@@ -14,7 +14,7 @@ from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import Observability, require_angles
 from tdfscal.estimation.suspicion import Suspicion
-from tdfscal.estimation.uncertainty import Estimate, Quality, Uncertainty
+from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
@@ -33,7 +33,7 @@ _FAR_TURNED = np.pi / 8
 
 
 @dataclass(frozen=True, slots=True)
-class SelfCalibration:
+class SelfCalibration(Estimated[Fit]):
     """The judged result of a self-calibration.
 
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
@@ -48,7 +48,6 @@ class SelfCalibration:
     rig: Rig
     estimator: Estimator
     dwells: Dwells
-    estimate: Estimate[Fit]
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     channels: FloatArray | None
@@ -60,21 +59,6 @@ class SelfCalibration:
     set_aside: tuple[Suspicion, ...]
     findings: tuple[Finding, ...] = ()
     with_moves: FloatArray | None = None
-
-    @property
-    def fit(self) -> Fit:
-        """The fit."""
-        return self.estimate.fit
-
-    @property
-    def quality(self) -> Quality:
-        """How well residuals and stated uncertainties agree."""
-        return self.estimate.quality
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """Uncertainty of the rotations."""
-        return self.estimate.uncertainty
 
     @property
     def reasons(self) -> tuple[Finding, ...]:

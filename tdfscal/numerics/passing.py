@@ -1,0 +1,63 @@
+"""When streams pass from one level to the next in a move, and how a lag grows from move to move.
+
+Projected onto its own change, whatever moves from rest to rest runs from 0 to 1; two of them are
+compared by when they pass the same levels. The rate is the median slope over all pairs of moves
+(Sen, J. Am. Stat. Assoc. 63, 1968).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+
+_LEVELS = (0.25, 0.5, 0.75)
+_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """value at the middle of the moves, s, and its growth, rate; standard errors; span, s."""
+
+    value: float
+    std: float
+    rate: float
+    rate_std: float
+    middle: float
+    span: float
+
+
+def times_of_passing(share: FloatArray, time: FloatArray) -> FloatArray | None:
+    """Times (3,) at which a share (T,) of the way, at times (T,), passes the levels.
+
+    None where one is passed more than once, or never.
+    """
+    times = []
+    for level in _LEVELS:
+        across = np.flatnonzero(np.diff(np.sign(share - level)) != 0)
+        if len(across) != 1:
+            return None
+        a = int(across[0])
+        part = (level - share[a]) / (share[a + 1] - share[a])
+        times.append(time[a] + part * (time[a + 1] - time[a]))
+    return np.array(times)
+
+
+def line_through(time: FloatArray, value: FloatArray, least: float) -> Line:
+    """Line of values (M,), s, of moves at ascending times (M,), s.
+
+    least : s, what no number of moves tells better.
+    """
+    span = float(np.ptp(time))
+    middle = float(time[0]) + span / 2
+    away = time - middle
+    i, j = np.triu_indices(len(time), 1)
+    rate = float(np.median((value[j] - value[i]) / (time[j] - time[i])))
+    left = value - rate * away
+    offset = float(np.median(left))
+    spread = _MEDIAN * 1.4826 * float(np.median(np.abs(left - offset)))
+    std = float(np.hypot(spread / np.sqrt(len(time)), least))
+    rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / span))
+    return Line(offset, std, rate, rate_std, middle, span)
