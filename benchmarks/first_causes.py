@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal import simulation
-from tdfscal.catalogue.suspects import SUSPECTS
+from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.errors import TdfscalError
 from tdfscal.findings import Finding
 from tdfscal.numerics import so3

@@ -1,7 +1,7 @@
 """What the data show, as facts: a code and its numbers. `reporting.catalogue` has the words.
 
 The mathematics returns findings; the gate, the advice, the exit status and `--json` act on their
-codes. No sentence is made below `reporting`.
+codes. No sentence is made below `catalogue`.
 """
 
 from __future__ import annotations

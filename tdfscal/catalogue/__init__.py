@@ -8,26 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from tdfscal.catalogue.campaign import CAMPAIGN, GATE, POSTURES
+from tdfscal.catalogue.campaign import CAMPAIGN, SUSPECTS
 from tdfscal.catalogue.entry import Entry
 from tdfscal.catalogue.in_use import IN_USE
-from tdfscal.catalogue.logs import LOGS
+from tdfscal.catalogue.inputs import LOGS, SURVEY
 from tdfscal.catalogue.refusals import REFUSALS
-from tdfscal.catalogue.survey import SURVEY
-from tdfscal.catalogue.suspects import SUSPECTS
 from tdfscal.errors import put_into_words
 from tdfscal.findings import Finding, Severity
 
-CATALOGUE: dict[str, Entry] = {
-    **GATE,
-    **SUSPECTS,
-    **POSTURES,
-    **CAMPAIGN,
-    **LOGS,
-    **SURVEY,
-    **IN_USE,
-    **REFUSALS,
-}
+CATALOGUE: dict[str, Entry] = SUSPECTS | CAMPAIGN | LOGS | SURVEY | IN_USE | REFUSALS
 
 
 def severity(finding: Finding) -> Severity:

@@ -1,237 +1,299 @@
-"""What is said of a self-calibration: of the gate, the campaign, its noise, its postures."""
+"""What is said of a self-calibration: of the gate, the campaign, its noise, its postures, and what
+the residuals, or the distances between hinges, ask for that the rig file does not state.
+"""
 
 from __future__ import annotations
 
-from tdfscal.catalogue.entry import Entry
+from tdfscal.catalogue.entry import Entry, entries
 
-GATE: dict[str, Entry] = {
-    "angle-uncertain": Entry(
-        "rejects",
-        "{angle} of {subject} has a standard uncertainty of {size}, above the limit of {limit:rad}",
-    ),
-    "residuals-large": Entry(
-        "rejects",
-        "the residuals are {number:.2g} times what the stated uncertainties explain, above the "
-        "limit of {limit:.2g}",
-    ),
-    "postures-rejected": Entry(
-        "rejects",
-        "{number:.0f} of {postures} postures had to be rejected, above the limit of {limit:.0%}",
-    ),
-    "contact-uncertain": Entry(
-        "rejects",
-        "the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty of "
-        "{size} (95.45 %), above the limit of {limit:g}; its error exceeds the limit with a "
-        "probability of {exceeding:.1g}",
-    ),
-    "contact-below-threshold": Entry(
-        "warns",
-        "of the {subject} that must be told from none, {limit:g}, a machine sees {size} at best: "
-        "one false stop in ten hours, 95 % seen, without noise and drift",
-        "look along its path: `tdfscal capability`; more postures and a harder squeeze lower it",
-    ),
-    "motion-left-out": Entry(
-        "rejects",
-        "{number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}",
-    ),
-    "halves-disagree": Entry(
-        "rejects",
-        "the two halves of the log disagree ({p}), most about the {axis} axis of {subject}: {size} "
-        "± {std:rad}",
-        "see what changed while it moved (a screw, a hinge, a warming sensor: declare drift.time), "
-        "and calibrate the two halves of the log apart",
-    ),
-    "methods-disagree": Entry(
-        "rejects",
-        "self-calibration and tracker differ beyond their uncertainties (joint {p}), in {above} "
-        "of {of} angles by themselves (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = "
-        "{en:.2f})",
-        "calibrate by each method alone and compare: the tracker sees a sensor's body, "
-        "self-calibration its sensing axes (tracker.misalignment states what may lie between)",
-    ),
-    "channel-broken": Entry(
-        "rejects",
-        "{channel} scatters by {size}, {factor:.2g} times as much as stated and {share:.1%} of the "
-        "load, as no channel that works does: contact (postures {postures}{more:, …|} do not fit), "
-        "or a broken channel",
-        "find what touched the terminal or a sensor at the postures that do not fit, and record "
-        "them again; where nothing did, look at {channel}, its cable and amplifier, or leave that "
-        "axis out of `axes` in rig.yaml",
-        (("alike", "; about as likely {alike}"),),
-    ),
-}
+_SHIFT = "({p}), which would move {angle} by {shift:.1f} of its standard uncertainties"
+_BESIDES = """
+  ? zero and the zero {zero} by {zero_shift:.1f}
+  ? held ; till it is mended, the stated uncertainty holds that move
+  ? slip ; a slip explains it as well
+"""
+SUSPECTS: dict[str, Entry] = entries(
+    """
+zero-suspected warns
+  the zero of {subject} is not what is stated
+  -> tare again, or write `zero.std: {stated}` for {subject} in rig.yaml
+sensitivity-suspected warns
+  gain or crosstalk of {subject} is not what is stated
+  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
+    {stated}` in rig.yaml
+gain-suspected warns
+  the gain of {subject} is not what is stated
+  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
+    {stated}` in rig.yaml
+mounting-suspected warns
+  the sensor of {subject} is not mounted as stated
+  -> see how it sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for
+    {subject} in rig.yaml
+mass-suspected warns
+  the mass is not what is stated
+  -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml
+barycentre-suspected warns
+  the barycentre is not where it is stated
+  -> correct it, or write `terminal.barycenter.std: {stated}` in rig.yaml
+hinge-suspected warns
+  the hinge of {subject} is not where it is stated
+  -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml
+datum-suspected warns
+  the servo coordinates of {subject} are offset
+  -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml
+tilt-suspected warns
+  gravity is not along -Z of the BCS
+  -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml
+compliance-suspected warns
+  the NCPs give between encoder and hinge
+  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
+    vertical: {stated}}}` in rig.yaml
+hysteresis-suspected warns
+  the hinges hold back against the turn by which a posture is reached
+  -> see whether the hinges move freely, or write `uncertainty.hinge_moment:
+    {stated}` in rig.yaml
+hinge-friction-suspected warns
+  the moments scatter as friction of {stated} N·m in the hinges would make them
+  -> see whether the hinges move freely and the NCPs repeat as stated, or write
+    `uncertainty.hinge_moment: {stated}` in rig.yaml
+force-noise-suspected warns
+  the forces scatter by {stated} N per axis and posture beyond what is stated
+  -> see what shakes or hums, or write `uncertainty.force_noise: {stated}` in
+    rig.yaml
+sensor-noise-suspected warns
+  the forces of {subject} scatter by {stated} N per axis and posture beyond what is
+  stated
+  -> look at the sensor of {subject}, its cable and amplifier, or write
+    `uncertainty.force_noise: {stated}` in rig.yaml
+positioner-noise-suspected warns
+  the NCPs repeat {stated} m per axis worse than stated
+  -> see what is loose, or write `uncertainty.positioner: {stated}` in rig.yaml
+zero-drift warns
+  the zero of {subject} drifts over the campaign
+  -> warm up and tare again, or write `drift.time: .inf` in rig.yaml
+zeros-drift warns
+  the zeros of all sensors drift over the campaign
+  -> warm up and tare again, or write `drift.time: .inf` in rig.yaml
+zero-temperature warns
+  the zero of {subject} follows the temperature
+  -> write `drift.temperature: .inf` in rig.yaml
+zeros-temperature warns
+  the zeros of all follow the temperature
+  -> write `drift.temperature: .inf` in rig.yaml
+zero-walk warns
+  the zero of {subject} wanders at random
+  -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
+    rig.yaml
+zeros-walk warns
+  the zeros of all sensors wander at random
+  -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
+    rig.yaml
+zero-parabola warns
+  the zero of {subject} drifts other than along a line
+  -> record faster, or write `drift.walk: {stated}` in rig.yaml
+zeros-parabola warns
+  the zeros of all sensors drift other than along a line
+  -> record faster, or write `drift.walk: {stated}` in rig.yaml
+sensor-slipped warns
+  the sensor of {subject} turned by {amount:rad} about the BCS's axes before posture
+  {posture}
+  -> fasten the sensor of {subject}, look at its cable, let it settle, and record
+    the campaign again
+zero-jumped warns
+  the zero of {subject} jumped by {amount:N} before posture {posture}
+  -> fasten the sensor of {subject}, look at its cable, let it settle, and record
+    the campaign again
+""",
+    f"the residuals say {{tied:about as well that|that}} %s {_SHIFT}",
+    _BESIDES,
+) | entries(
+    """
+hinge-misplaced warns
+  the hinge of {subject} is not where it is stated, by {size}{or_more: or more|}
+  -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml
+positions-offset warns
+  the servo coordinates of {subject} are offset, by {size}{or_more: or more|}
+  -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml
+scale-differs warns
+  positions and hinges differ in scale, by {number:.2%}
+  -> check the scale of the positioners and of the hinges' survey
+supports-give warns
+  the NCPs give between encoder and hinge, by {size}
+  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
+    vertical: {stated}}}` in rig.yaml
+frame-turned warns
+  the frame of the positioner of {subject} is turned ({amount:rad} about x, y, z)
+  -> align it, or calibrate the positioner; hinge distances show no error that all
+    positioners share
+frame-scaled warns
+  the frame of the positioner of {subject} is scaled ({amount:1} along x, y, z)
+  -> align it, or calibrate the positioner; hinge distances show no error that all
+    positioners share
+frame-not-square warns
+  the frame of the positioner of {subject} is not square ({amount:rad} of yz, xz,
+  xy)
+  -> align it, or calibrate the positioner; hinge distances show no error that all
+    positioners share
+""",
+    f"the distances between hinges say {{tied:about as well that|that}} %s {_SHIFT}",
+    f"{_BESIDES}  ? elsewhere ; other distances disagree too",
+)
 
-POSTURES: dict[str, Entry] = {
-    "posture-over-capacity": Entry(
-        "warns",
-        "the {axis} axis of the sensor of {subject} reaches its capacity of {size}",
-        "squeeze less, carry less, or widen the range of sensor and amplifier (or correct "
-        "`capacity` in rig.yaml)",
-    ),
-    "posture-saturated": Entry(
-        "warns",
-        "the {axis} axis of the sensor of {subject} is saturated at {size}",
-        "squeeze less, carry less, or widen the range of sensor and amplifier (or correct "
-        "`capacity` in rig.yaml)",
-    ),
-    "posture-frozen": Entry(
-        "warns",
-        "the {axis} axis of the sensor of {subject} is frozen at {size}",
-        "look at the sensor's cable and amplifier",
-    ),
-    "posture-misfits": Entry(
-        "warns",
-        "unexplained force {size} and moment {moment:N·m}, {ratio:.0f} times what is expected: "
-        "contact, a hand, or a jolt",
-        "find what touched the terminal (cables, a hand, a stop), free it, and record again",
-    ),
-    "stretch-frozen": Entry(
-        "warns",
-        "the {axis} axis of the sensor of {subject} is frozen",
-        "look at the sensor's cable and amplifier",
-        (("end", ": {begin:.2f} to {end:.2f} s of the log were left out"),),
-    ),
-    "stretch-standing": Entry(
-        "warns",
-        "the position of {subject} is frozen while others move",
-        "look at the recorder's link to that positioner",
-        (("end", ": {begin:.2f} to {end:.2f} s of the log were left out"),),
-    ),
-    "stretch-over-capacity": Entry(
-        "warns",
-        "a sensor is at its capacity",
-        "squeeze less, or carry less",
-        (("end", ": {begin:.2f} to {end:.2f} s of the log were left out"),),
-    ),
-    "stretch-touched": Entry(
-        "warns",
-        "a wrench of {size} and {moment:N·m} that the model does not know: contact, or a motion "
-        "too fast for it",
-        "find what touched the terminal, or move more slowly",
-        (("end", ": {begin:.2f} to {end:.2f} s of the log were left out"),),
-    ),
-}
-
-CAMPAIGN: dict[str, Entry] = {
-    "draft-unconfirmed": Entry(
-        "warns",
-        "the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}",
-        "confirm these lines, and take the mark behind them out",
-    ),
-    "terminal-turned": Entry(
-        "warns",
-        "the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in "
-        "{always:every posture|most postures}",
-        "check that the supports' names in the log are right"
-        "{upright:; it would stand upright with ~|}",
-    ),
-    "sensor-turned": Entry(
-        "warns",
-        "the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting",
-        "look whether it is, and state nominal_rpy in rig.yaml",
-    ),
-    "angles-locked": Entry(
-        "notes",
-        "{subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its "
-        "uncertainties are those of the turns about X, Y and Z of the BCS",
-    ),
-    "mounting-open": Entry(
-        "warns",
-        "{subject}: the axes that are measured leave the mounting of the sensor undetermined, so "
-        "that it has no angles; the others stand",
-    ),
-    "mounting-ambiguous": Entry(
-        "warns",
-        "another mounting explains the motion about as well, {other}; the nominal one decided",
-    ),
-    "channels-noisy": Entry(
-        "warns",
-        "the residuals show more noise than is stated in some channels, and the postures were "
-        "weighted by it: {channels}",
-        "look at these sensors and their cables",
-    ),
-    "sensitivity-in-situ": Entry(
-        "notes",
-        "gain and crosstalk of the sensors were decoupled in situ, from a prior of {number:.2%}: a "
-        "reading needs rotation · sensitivity⁻¹",
-    ),
-    "noise-from-residuals": Entry(
-        "warns",
-        "neither the log nor rig.yaml states a force noise; it was taken from the residuals, so χ² "
-        "cannot warn of contact or a wrong rig file",
-        "state uncertainty.force_noise in rig.yaml",
-    ),
-    "noise-understated": Entry(
-        "warns",
-        "the residuals are {number:.2g} times what the stated uncertainties explain ({p}); all "
-        "noise was scaled up by that factor",
-    ),
-    "noise-overstated": Entry(
-        "warns",
-        "the residuals are only {number:.2g} times what the stated uncertainties explain: those "
-        "may be overstated (uncertainty.force_noise, positioner), and so the angles' own",
-    ),
-    "mass-exact": Entry(
-        "warns",
-        "the mass is called exact, and the zeros rest on it: an error of 0.1 % would move the zero "
-        "{zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and hardly a residual",
-        "write its own as `terminal.mass.std`, or tare",
-    ),
-    "barycentre-exact": Entry(
-        "warns",
-        "the barycentre is called exact, and the zeros rest on it: an error of 1 mm would move the "
-        "zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and hardly a "
-        "residual",
-        "write its own as `terminal.barycenter.std`, or tare",
-    ),
-    "parabola-estimated": Entry(
-        "notes",
-        "the residuals ask for more than a slope of the zeros in time: a parabola was estimated "
-        "beside it",
-    ),
-    "trials-unsettled": Entry(
-        "warns",
-        "{number:.0f} of {trials} Monte Carlo trials did not settle; they count where they ended: "
-        "the angles are known so poorly that noise can turn a sensor away",
-    ),
-    "intervals-by-trials": Entry(
-        "notes",
-        "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those of "
-        "the trials",
-    ),
-    "trials-left-out": Entry(
-        "notes",
-        "the linear intervals of {number:.0f} sensors stand without a Monte Carlo, which takes "
-        "minutes",
-        "ask for it by --trials",
-    ),
-    "recording-paused": Entry(
-        "warns",
-        "no stream has a sample from {begin:.2f} to {end:.2f} s: the recording paused; the motion "
-        "is cut there",
-    ),
-    "clock-jumped": Entry(
-        "warns",
-        "no stream has a sample from {begin:.2f} to {end:.2f} s: the NCPs go on from where they "
-        "stood: the clock of all streams jumped ahead; the motion is cut there",
-    ),
-    "holes-more": Entry("warns", "{number:.0f} more holes in all streams, cut likewise"),
-    "moves-add-nothing": Entry("notes", "the moves add nothing to the dwells: {why}"),
-    "stops-left-out": Entry(
-        "warns",
-        "{number:.0f} of {stops} stops were left out (mostly: {reason})",
-        "hold postures for longer, and see that forces and positions share one clock",
-    ),
-    "stops-over-capacity": Entry(
-        "warns",
-        "{number:.0f} of {stops} stops were left out (mostly: {reason}), and F{axis} of {subject} "
-        "reaches its capacity of {capacity:N}",
-        "squeeze less, or widen the range of sensor and amplifier",
-    ),
-    "samples-repeated": Entry(
-        "warns",
-        "{number:.0f} of {dwells} dwells repeat earlier readings, noise included, and are left "
-        "out: first, at {begin:.6g} s the readings of {subject} are those of {original:.6g} s",
-        "give each recording once",
-    ),
-}
+CAMPAIGN: dict[str, Entry] = entries("""
+angle-uncertain rejects
+  {angle} of {subject} has a standard uncertainty of {size}, above the limit of
+  {limit:rad}
+residuals-large rejects
+  the residuals are {number:.2g} times what the stated uncertainties explain, above
+  the limit of {limit:.2g}
+postures-rejected rejects
+  {number:.0f} of {postures} postures had to be rejected, above the limit of
+  {limit:.0%}
+contact-uncertain rejects
+  the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty
+  of {size} (95.45 %), above the limit of {limit:g}; its error exceeds the limit
+  with a probability of {exceeding:.1g}
+contact-below-threshold warns
+  of the {subject} that must be told from none, {limit:g}, a machine sees {size} at
+  best: one false stop in ten hours, 95 % seen, without noise and drift
+  -> look along its path: `tdfscal capability`; more postures and a harder squeeze
+    lower it
+motion-left-out rejects
+  {number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}
+halves-disagree rejects
+  the two halves of the log disagree ({p}), most about the {axis} axis of {subject}:
+  {size} ± {std:rad}
+  -> see what changed while it moved (a screw, a hinge, a warming sensor: declare
+    drift.time), and calibrate the two halves of the log apart
+methods-disagree rejects
+  self-calibration and tracker differ beyond their uncertainties (joint {p}), in
+  {above} of {of} angles by themselves (worst: {angle} of {support}:
+  {difference:+.3g} mrad, E_n = {en:.2f})
+  -> calibrate by each method alone and compare: the tracker sees a sensor's body,
+    self-calibration its sensing axes (tracker.misalignment states what may lie
+    between)
+channel-broken rejects
+  {channel} scatters by {size}, {factor:.2g} times as much as stated and {share:.1%}
+  of the load, as no channel that works does: contact (postures {postures}{more:,
+  …|} do not fit), or a broken channel
+  ? alike ; about as likely {alike}
+  -> find what touched the terminal or a sensor at the postures that do not fit, and
+    record them again; where nothing did, look at {channel}, its cable and
+    amplifier, or leave that axis out of `axes` in rig.yaml
+posture-over-capacity warns
+  the {axis} axis of the sensor of {subject} reaches its capacity of {size}
+  -> squeeze less, carry less, or widen the range of sensor and amplifier (or
+    correct `capacity` in rig.yaml)
+posture-saturated warns
+  the {axis} axis of the sensor of {subject} is saturated at {size}
+  -> squeeze less, carry less, or widen the range of sensor and amplifier (or
+    correct `capacity` in rig.yaml)
+posture-frozen warns
+  the {axis} axis of the sensor of {subject} is frozen at {size}
+  -> look at the sensor's cable and amplifier
+posture-misfits warns
+  unexplained force {size} and moment {moment:N·m}, {ratio:.0f} times what is
+  expected: contact, a hand, or a jolt
+  -> find what touched the terminal (cables, a hand, a stop), free it, and record
+    again
+stretch-frozen warns
+  the {axis} axis of the sensor of {subject} is frozen
+  ? end : {begin:.2f} to {end:.2f} s of the log were left out
+  -> look at the sensor's cable and amplifier
+stretch-standing warns
+  the position of {subject} is frozen while others move
+  ? end : {begin:.2f} to {end:.2f} s of the log were left out
+  -> look at the recorder's link to that positioner
+stretch-over-capacity warns
+  a sensor is at its capacity
+  ? end : {begin:.2f} to {end:.2f} s of the log were left out
+  -> squeeze less, or carry less
+stretch-touched warns
+  a wrench of {size} and {moment:N·m} that the model does not know: contact, or a
+  motion too fast for it
+  ? end : {begin:.2f} to {end:.2f} s of the log were left out
+  -> find what touched the terminal, or move more slowly
+draft-unconfirmed warns
+  the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
+  -> confirm these lines, and take the mark behind them out
+terminal-turned warns
+  the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in
+  {always:every posture|most postures}
+  -> check that the supports' names in the log are right{upright:; it would stand
+    upright with ~|}
+sensor-turned warns
+  the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
+  -> look whether it is, and state nominal_rpy in rig.yaml
+angles-locked notes
+  {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its
+  uncertainties are those of the turns about X, Y and Z of the BCS
+mounting-open warns
+  {subject}: the axes that are measured leave the mounting of the sensor
+  undetermined, so that it has no angles; the others stand
+mounting-ambiguous warns
+  another mounting explains the motion about as well, {other}; the nominal one
+  decided
+channels-noisy warns
+  the residuals show more noise than is stated in some channels, and the postures
+  were weighted by it: {channels}
+  -> look at these sensors and their cables
+sensitivity-in-situ notes
+  gain and crosstalk of the sensors were decoupled in situ, from a prior of
+  {number:.2%}: a reading needs rotation · sensitivity⁻¹
+noise-from-residuals warns
+  neither the log nor rig.yaml states a force noise; it was taken from the
+  residuals, so χ² cannot warn of contact or a wrong rig file
+  -> state uncertainty.force_noise in rig.yaml
+noise-understated warns
+  the residuals are {number:.2g} times what the stated uncertainties explain ({p});
+  all noise was scaled up by that factor
+noise-overstated warns
+  the residuals are only {number:.2g} times what the stated uncertainties explain:
+  those may be overstated (uncertainty.force_noise, positioner), and so the angles'
+  own
+mass-exact warns
+  the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
+  the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and
+  hardly a residual
+  -> write its own as `terminal.mass.std`, or tare
+barycentre-exact warns
+  the barycentre is called exact, and the zeros rest on it: an error of 1 mm would
+  move the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and
+  hardly a residual
+  -> write its own as `terminal.barycenter.std`, or tare
+parabola-estimated notes
+  the residuals ask for more than a slope of the zeros in time: a parabola was
+  estimated beside it
+trials-unsettled warns
+  {number:.0f} of {trials} Monte Carlo trials did not settle; they count where they
+  ended: the angles are known so poorly that noise can turn a sensor away
+intervals-by-trials notes
+  Monte Carlo does not confirm the linear 95 % intervals; the intervals given are
+  those of the trials
+trials-left-out notes
+  the linear intervals of {number:.0f} sensors stand without a Monte Carlo, which
+  takes minutes
+  -> ask for it by --trials
+recording-paused warns
+  no stream has a sample from {begin:.2f} to {end:.2f} s: the recording paused; the
+  motion is cut there
+clock-jumped warns
+  no stream has a sample from {begin:.2f} to {end:.2f} s: the NCPs go on from where
+  they stood: the clock of all streams jumped ahead; the motion is cut there
+holes-more warns
+  {number:.0f} more holes in all streams, cut likewise
+moves-add-nothing notes
+  the moves add nothing to the dwells: {why}
+stops-left-out warns
+  {number:.0f} of {stops} stops were left out (mostly: {reason})
+  -> hold postures for longer, and see that forces and positions share one clock
+stops-over-capacity warns
+  {number:.0f} of {stops} stops were left out (mostly: {reason}), and F{axis} of
+  {subject} reaches its capacity of {capacity:N}
+  -> squeeze less, or widen the range of sensor and amplifier
+samples-repeated warns
+  {number:.0f} of {dwells} dwells repeat earlier readings, noise included, and are
+  left out: first, at {begin:.6g} s the readings of {subject} are those of
+  {original:.6g} s
+  -> give each recording once
+""")

@@ -1,11 +1,12 @@
-"""How a finding is put into words: a template, its clauses, and what its fields may be."""
+"""How a finding is put into words: a row of the catalogue, and what its fields may be."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from string import Formatter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -38,9 +39,9 @@ class Entry:
 
     severity: Severity
     sentence: str
-    cure: str = ""
-    clauses: tuple[tuple[str, str], ...] = ()
-    where: str = ""
+    cure: str
+    clauses: tuple[tuple[str, str], ...]
+    where: str
 
     def words(self, finding: Finding) -> str:
         """Return what a finding says."""
@@ -51,6 +52,34 @@ class Entry:
     def advice(self, finding: Finding) -> str:
         """Return what to do about it."""
         return _FORMAT.vformat(self.cure, (), _fields(finding))
+
+
+def entries(rows: str, sentence: str = "%s", more: str = "", code: str = "%s") -> dict[str, Entry]:
+    """Read a table of findings, by their codes.
+
+    rows : of each finding `code severity`, and indented below it the sentence; behind `?` a value
+    and the clause that it adds, behind `->` the cure, behind `@` where. more : lines that each row
+    has besides. sentence, code : what stands around each row's own.
+    """
+    found = {}
+    for row in re.split(r"\n(?=\S)", rows.strip()):
+        name, severity, *words = f"{row}\n{more}".split()
+        own, *marked = re.split(r" (->|[?@]) ", " ".join(words))
+        parts: dict[str, list[str]] = {"?": [], "->": [], "@": []}
+        for mark, text in zip(marked[::2], marked[1::2], strict=True):
+            parts[mark].append(text)
+        found[code % name] = Entry(
+            cast(Severity, severity),
+            sentence % own,
+            "".join(parts["->"]),
+            tuple(_clause(*text.split(" ", 1)) for text in parts["?"]),
+            "".join(parts["@"]),
+        )
+    return found
+
+
+def _clause(value: str, text: str) -> tuple[str, str]:
+    return value, text if text[0] in ",;:" else f" {text}"
 
 
 class _Words(Formatter):

@@ -2,268 +2,212 @@
 
 from __future__ import annotations
 
-from tdfscal.catalogue.entry import Entry
+from tdfscal.catalogue.entry import Entry, entries
 
+#: Why a campaign does not fit the others, or the calibration before it.
+MISFITS: dict[str, Entry] = entries(
+    """
+misfit-turned rejects
+  {subject} seems turned by {size} there
+misfit-load rejects
+  the terminal seems loaded otherwise there
+misfit-sensitivity rejects
+  gains or crosstalk of the sensors seem otherwise there
+misfit-hinge rejects
+  the hinges seem to lie otherwise there
+misfit-datum rejects
+  the servo coordinates seem offset otherwise there
+misfit-tilt rejects
+  the base seems tilted otherwise there
+misfit-compliance rejects
+  what gives between encoders and hinges seems otherwise there
+misfit-unexplained rejects
+  no single cause explains it
+""",
+    "{campaign} does not fit {than} ({p}): %s",
+    "-> {updating:calibrate anew instead of updating; or declare drift.angle, where the angles walk"
+    "|leave it out, or calibrate the campaigns before and after apart}",
+)
 
-def _misfit(what: str) -> Entry:
-    """A campaign that does not fit the others, or the calibration before it."""
-    return Entry(
-        "rejects",
-        f"{{campaign}} does not fit {{than}} ({{p}}): {what}",
-        "{updating:calibrate anew instead of updating; or declare drift.angle, where the angles "
-        "walk|leave it out, or calibrate the campaigns before and after apart}",
-    )
-
-
-def _change(what: str, remedy: str) -> Entry:
-    """What may have changed since a calibration."""
-    return Entry("rejects", f"{{tied:or |}}{what}", remedy)
-
-
-#: Why a campaign does not fit the others.
-MISFITS: dict[str, Entry] = {
-    "misfit-turned": _misfit("{subject} seems turned by {size} there"),
-    "misfit-load": _misfit("the terminal seems loaded otherwise there"),
-    "misfit-sensitivity": _misfit("gains or crosstalk of the sensors seem otherwise there"),
-    "misfit-hinge": _misfit("the hinges seem to lie otherwise there"),
-    "misfit-datum": _misfit("the servo coordinates seem offset otherwise there"),
-    "misfit-tilt": _misfit("the base seems tilted otherwise there"),
-    "misfit-compliance": _misfit("what gives between encoders and hinges seems otherwise there"),
-    "misfit-unexplained": _misfit("no single cause explains it"),
-}
+#: What may have changed since a calibration.
+_CHANGES = entries(
+    """
+change-sensor-turned rejects
+  the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the
+  BCS, ± {change_std:rad}
+  -> look at the mounting of this sensor, then calibrate again
+change-zero-drifted rejects
+  the zero of {subject} {stated:is off what the rig file states|has drifted} by
+  {change:N} along x, y, z of the sensor, ± {change_std:N}
+  -> tare, and validate again; if it returns, calibrate again
+change-gain rejects
+  the gain of {subject} has changed by {change:+.3f} ± {change_std:.3f} % along
+  {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
+  -> have this sensor, its amplifier and its cable checked; calibrate again with
+    uncertainty.force_sensitivity declared until then
+change-load rejects
+  the terminal's mass has changed by {mass:+.3f} ± {mass_std:.3f} kg, and its
+  barycentre by {barycentre:m}, ± {barycentre_std:m}
+  -> correct the load, or the rig file and calibrate again
+change-base-tilted rejects
+  the base is no longer level as it was: {change:rad} about x, y of the BCS, ±
+  {change_std:rad}
+  -> level the base, or calibrate again with gravity.tilt_std declared
+change-contact rejects
+  contact in {more:postures|posture} {postures}: {size}, {torque:N·m}
+  -> free these postures and record them again before anything else
+change-hinges-stick rejects
+  the moments scatter as friction of {size} in the hinges makes them
+  -> see whether the hinges move freely, or state uncertainty.hinge_moment
+change-noise-grown rejects
+  the forces of {whose} scatter by {size} per axis and posture more than log and rig
+  file state
+  -> look for what shakes or hums, at cables and amplifiers, or state
+    uncertainty.force_noise, and validate again
+change-zeros-moved rejects
+  the zeros of all sensors have moved by about {size} per axis, farther than the rig
+  file's zero.std has it
+  -> tare, or state in zero.std by how much zeros move, and validate again
+change-zeros-wander rejects
+  the zeros of all sensors wander by {size} per axis, from posture to posture and
+  over the whole log, as 1/f noise does
+  -> let sensors and amplifiers warm up, keep cables and temperature still, or state
+    drift.walk, and validate again
+""",
+    "{tied:or |}%s",
+)
 
 IN_USE: dict[str, Entry] = {
-    "rejected-in-use": Entry(
-        "warns", "{subject} IS A REJECTED CALIBRATION, not fit for use: {why}"
-    ),
-    "provisional-in-use": Entry(
-        "warns",
-        "{subject} is provisional: {number:.0f} lines of its rig file are still to be confirmed "
-        "({lines})",
-        "confirm them and calibrate again",
-    ),
-    "rig-renamed": Entry("warns", "{subject} is of {own}, the log's rig file of {other}"),
-    "calibration-unsealed": Entry(
-        "notes",
-        "{subject} has no `content_sha256`, by which an edited file is known: what stands in it "
-        "once only is taken on trust",
-    ),
-    "calibrations-compatible": Entry(
-        "notes",
-        "metrologically compatible: {first} and {second} agree within their uncertainties (worst: "
-        "{angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})",
-        clauses=(("above", "; {above} of {of} angles alone exceed E_n = 1, as chance has it"),),
-    ),
-    "calibrations-incompatible": Entry(
-        "rejects",
-        "not compatible: {first} and {second} differ beyond their uncertainties (joint {p}), in "
-        "{above} of {of} angles by themselves (worst: {angle} of {support}: {difference:+.3g} "
-        "mrad, E_n = {en:.2f})",
-    ),
-    "calibrations-incompatible-together": Entry(
-        "rejects",
-        "not compatible: no single angle is beyond its uncertainty (worst: {angle} of {support}: "
-        "{difference:+.3g} mrad, E_n = {en:.2f}), but all differences together are ({p})",
-    ),
-    "compared-rejected": Entry("rejects", "not verified: {names} was rejected by the quality gate"),
-    "compared-other-rig": Entry("rejects", "not of one rig: of that of {subject}, {differences}"),
-    "calibration-rejected": Entry("warns", "{subject} is a rejected calibration"),
-    "calibration-open": Entry(
-        "warns",
-        "the calibration leaves zeros, mass or barycentre open: the uncertainty of the components "
-        "that they touch is unknown (empty)",
-    ),
-    "log-used-before": Entry(
-        "warns", "{subject} went into this calibration: what it shows is no proof"
-    ),
-    "noise-of-calibration": Entry(
-        "notes",
-        "neither the log nor the rig file states a force noise; {size} per axis and posture was "
-        "taken from the residuals of the calibration",
-    ),
-    "noise-as-calibrated": Entry(
-        "notes",
-        "noise is taken as {number:.2f} times what is stated, as the calibration's residuals "
-        "showed it (fit.birge)",
-    ),
-    "channels-as-calibrated": Entry(
-        "notes",
-        "the channels' noise is taken as unequal as the calibration's residuals showed it "
-        "(fit.channel_noise)",
-    ),
-    "zeros-moved": Entry(
-        "notes",
-        "the zeros have moved since the calibration, by up to {size}, as a tare moves them",
-        "bring the new ones in by `tdfscal update`",
-    ),
-    "change-sensor-turned": _change(
-        "the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the BCS, ± "
-        "{change_std:rad}",
-        "look at the mounting of this sensor, then calibrate again",
-    ),
-    "change-zero-drifted": _change(
-        "the zero of {subject} {stated:is off what the rig file states|has drifted} by {change:N} "
-        "along x, y, z of the sensor, ± {change_std:N}",
-        "tare, and validate again; if it returns, calibrate again",
-    ),
-    "change-gain": _change(
-        "the gain of {subject} has changed by {change:+.3f} ± {change_std:.3f} % along {axes} of "
-        "the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}",
-        "have this sensor, its amplifier and its cable checked; calibrate again with "
-        "uncertainty.force_sensitivity declared until then",
-    ),
-    "change-load": _change(
-        "the terminal's mass has changed by {mass:+.3f} ± {mass_std:.3f} kg, and its barycentre by "
-        "{barycentre:m}, ± {barycentre_std:m}",
-        "correct the load, or the rig file and calibrate again",
-    ),
-    "change-base-tilted": _change(
-        "the base is no longer level as it was: {change:rad} about x, y of the BCS, ± "
-        "{change_std:rad}",
-        "level the base, or calibrate again with gravity.tilt_std declared",
-    ),
-    "change-contact": _change(
-        "contact in {more:postures|posture} {postures}: {size}, {torque:N·m}",
-        "free these postures and record them again before anything else",
-    ),
-    "change-hinges-stick": _change(
-        "the moments scatter as friction of {size} in the hinges makes them",
-        "see whether the hinges move freely, or state uncertainty.hinge_moment",
-    ),
-    "change-noise-grown": _change(
-        "the forces of {whose} scatter by {size} per axis and posture more than log and rig file "
-        "state",
-        "look for what shakes or hums, at cables and amplifiers, or state uncertainty.force_noise, "
-        "and validate again",
-    ),
-    "change-zeros-moved": _change(
-        "the zeros of all sensors have moved by about {size} per axis, farther than the rig file's "
-        "zero.std has it",
-        "tare, or state in zero.std by how much zeros move, and validate again",
-    ),
-    "change-zeros-wander": _change(
-        "the zeros of all sensors wander by {size} per axis, from posture to posture and over the "
-        "whole log, as 1/f noise does",
-        "let sensors and amplifiers warm up, keep cables and temperature still, or state "
-        "drift.walk, and validate again",
-    ),
-    "change-unexplained": Entry(
-        "rejects",
-        "the residual wrench is not what the stated uncertainties explain, and no single cause "
-        "explains it ({p})",
-        "calibrate again",
-    ),
-    "samples-uncovered": Entry(
-        "notes",
-        "{number:.0f} force samples lie where another stream has a gap, has not begun or has "
-        "ended; they are left out",
-    ),
-    "samples-unreadable": Entry("notes", "{number:.0f} samples hold no number and are left out"),
-    "wrench-in-part": Entry("notes", "{components}"),
-    "wrench-rewired": Entry(
-        "warns",
-        "the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times smaller "
-        "with {other}",
-        "check the log block in rig.yaml, and the cabling",
-    ),
-    "wrench-large": Entry(
-        "warns",
-        "the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the weight "
-        "in force",
-        "unless that is contact, check log.force_unit, log.force_on, the force fields and the "
-        "cabling",
-    ),
-    "turns-visible": Entry(
-        "notes",
-        "a turn since {subject} would have been seen with {power:.0%} probability from this size "
-        "on, whatever the angle: {turns}",
-    ),
     **MISFITS,
-    "campaign-unsound": Entry(
-        "rejects",
-        "{subject} says nothing of any turn: calibrate rejects it by itself: {why}",
-    ),
-    "campaign-postures-rejected": Entry(
-        "rejects",
-        "{number:.0f} of {postures} postures of {subject} had to be rejected, above the limit of "
-        "{limit:.0%}",
-    ),
-    "campaign-left-out": Entry(
-        "warns", "{subject} takes no part, since calibrate rejects it by itself: {why}"
-    ),
-    "campaign-remark": Entry("warns", "{subject}: {said}"),
-    "campaign-noisy": Entry(
-        "warns",
-        "{subject} scatters {number:.2g} times as much as is stated, and counts with that",
-    ),
-    "checks-rejected": Entry("warns", "rejected by the quality gate: {subject}"),
-    "checks-undated": Entry(
-        "warns",
-        "nothing says when it was recorded, and the file's date stands for it: {subject}",
-    ),
-    "check-silent": Entry(
-        "notes", "{subject} leaves {sensors} undetermined and says nothing of it"
-    ),
-    "sensor-never-determined": Entry(
-        "warns",
-        "{subject}: no check determines the mounting of its sensor, which lacks an axis; it has no "
-        "angles, and its turn raises no alarm",
-    ),
-    "sensor-overdue": Entry("warns", "the sensor of {subject} was due for calibration on {due}"),
-    "path-in-contact": Entry(
-        "rejects",
-        "{subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one stays "
-        "below {limit:.3g}: it was in contact, or the calibration no longer holds",
-        "drive it free, or see whether it holds: tdfscal validate",
-    ),
-    "moves-beyond": Entry(
-        "warns",
-        "{subject}: on the move the wrench reaches {size}, {time:.4g} s into the path, where "
-        "{limit:.3g} may stand on a free one: what moving adds is in no threshold",
-        "state terminal.inertia, drive slower, or watch at rest only",
-    ),
-    "threshold-unbounded": Entry(
-        "rejects",
-        "{subject}: nothing bounds what stands on it without contact, for zeros, load or their "
-        "drift are unknown",
-        "tare or weigh, and state it in the rig file",
-    ),
-    "covariance-in-part": Entry(
-        "warns",
-        "{subject} has no joint covariance: angles, zeros and load count as independent, which "
-        "makes thresholds too high",
-        "calibrate anew",
-    ),
-    "zeros-aged": Entry(
-        "warns",
-        "the zeros are {days:.3g} days old: their drift makes {number:.0%} of what stands on the "
-        "wrench",
-        "tare, or calibrate anew",
-    ),
-    "drift-undeclared": Entry(
-        "warns",
-        "the zeros are {number:.3g} days old and the rig file declares no drift: they count as "
-        "they were",
-        "tare, or declare drift in the rig file",
-    ),
-    "path-without-noise": Entry(
-        "notes", "the path shows no noise of samples: thresholds are for what it is without"
-    ),
-    "contact-conforms-until": Entry(
-        "notes",
-        "the contact {subject} keeps within its limit (acceptance.contact) until {date}, as its "
-        "sensors' mountings walk",
-        "calibrate before then",
-    ),
-    "contact-lost": Entry(
-        "warns",
-        "the contact {subject} is no longer known within its limit (acceptance.contact)",
-        "calibrate anew",
-    ),
-    "contact-unseen": Entry(
-        "rejects",
-        "of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen "
-        "(acceptance.contact)",
-        "tare, filter lower, or calibrate with more postures and a harder squeeze",
-    ),
+    **_CHANGES,
+    **entries("""
+rejected-in-use warns
+  {subject} IS A REJECTED CALIBRATION, not fit for use: {why}
+provisional-in-use warns
+  {subject} is provisional: {number:.0f} lines of its rig file are still to be
+  confirmed ({lines})
+  -> confirm them and calibrate again
+rig-renamed warns
+  {subject} is of {own}, the log's rig file of {other}
+calibration-unsealed notes
+  {subject} has no `content_sha256`, by which an edited file is known: what stands
+  in it once only is taken on trust
+calibrations-compatible notes
+  metrologically compatible: {first} and {second} agree within their uncertainties
+  (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})
+  ? above ; {above} of {of} angles alone exceed E_n = 1, as chance has it
+calibrations-incompatible rejects
+  not compatible: {first} and {second} differ beyond their uncertainties (joint
+  {p}), in {above} of {of} angles by themselves (worst: {angle} of {support}:
+  {difference:+.3g} mrad, E_n = {en:.2f})
+calibrations-incompatible-together rejects
+  not compatible: no single angle is beyond its uncertainty (worst: {angle} of
+  {support}: {difference:+.3g} mrad, E_n = {en:.2f}), but all differences together
+  are ({p})
+compared-rejected rejects
+  not verified: {names} was rejected by the quality gate
+compared-other-rig rejects
+  not of one rig: of that of {subject}, {differences}
+calibration-rejected warns
+  {subject} is a rejected calibration
+calibration-open warns
+  the calibration leaves zeros, mass or barycentre open: the uncertainty of the
+  components that they touch is unknown (empty)
+log-used-before warns
+  {subject} went into this calibration: what it shows is no proof
+noise-of-calibration notes
+  neither the log nor the rig file states a force noise; {size} per axis and posture
+  was taken from the residuals of the calibration
+noise-as-calibrated notes
+  noise is taken as {number:.2f} times what is stated, as the calibration's
+  residuals showed it (fit.birge)
+channels-as-calibrated notes
+  the channels' noise is taken as unequal as the calibration's residuals showed it
+  (fit.channel_noise)
+zeros-moved notes
+  the zeros have moved since the calibration, by up to {size}, as a tare moves them
+  -> bring the new ones in by `tdfscal update`
+change-unexplained rejects
+  the residual wrench is not what the stated uncertainties explain, and no single
+  cause explains it ({p})
+  -> calibrate again
+samples-uncovered notes
+  {number:.0f} force samples lie where another stream has a gap, has not begun or
+  has ended; they are left out
+samples-unreadable notes
+  {number:.0f} samples hold no number and are left out
+wrench-in-part notes
+  {components}
+wrench-rewired warns
+  the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times
+  smaller with {other}
+  -> check the log block in rig.yaml, and the cabling
+wrench-large warns
+  the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the
+  weight in force
+  -> unless that is contact, check log.force_unit, log.force_on, the force fields
+    and the cabling
+turns-visible notes
+  a turn since {subject} would have been seen with {power:.0%} probability from this
+  size on, whatever the angle: {turns}
+campaign-unsound rejects
+  {subject} says nothing of any turn: calibrate rejects it by itself: {why}
+campaign-postures-rejected rejects
+  {number:.0f} of {postures} postures of {subject} had to be rejected, above the
+  limit of {limit:.0%}
+campaign-left-out warns
+  {subject} takes no part, since calibrate rejects it by itself: {why}
+campaign-remark warns
+  {subject}: {said}
+campaign-noisy warns
+  {subject} scatters {number:.2g} times as much as is stated, and counts with that
+checks-rejected warns
+  rejected by the quality gate: {subject}
+checks-undated warns
+  nothing says when it was recorded, and the file's date stands for it: {subject}
+check-silent notes
+  {subject} leaves {sensors} undetermined and says nothing of it
+sensor-never-determined warns
+  {subject}: no check determines the mounting of its sensor, which lacks an axis; it
+  has no angles, and its turn raises no alarm
+sensor-overdue warns
+  the sensor of {subject} was due for calibration on {due}
+path-in-contact rejects
+  {subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one
+  stays below {limit:.3g}: it was in contact, or the calibration no longer holds
+  -> drive it free, or see whether it holds: tdfscal validate
+moves-beyond warns
+  {subject}: on the move the wrench reaches {size}, {time:.4g} s into the path,
+  where {limit:.3g} may stand on a free one: what moving adds is in no threshold
+  -> state terminal.inertia, drive slower, or watch at rest only
+threshold-unbounded rejects
+  {subject}: nothing bounds what stands on it without contact, for zeros, load or
+  their drift are unknown
+  -> tare or weigh, and state it in the rig file
+covariance-in-part warns
+  {subject} has no joint covariance: angles, zeros and load count as independent,
+  which makes thresholds too high
+  -> calibrate anew
+zeros-aged warns
+  the zeros are {days:.3g} days old: their drift makes {number:.0%} of what stands
+  on the wrench
+  -> tare, or calibrate anew
+drift-undeclared warns
+  the zeros are {number:.3g} days old and the rig file declares no drift: they count
+  as they were
+  -> tare, or declare drift in the rig file
+path-without-noise notes
+  the path shows no noise of samples: thresholds are for what it is without
+contact-conforms-until notes
+  the contact {subject} keeps within its limit (acceptance.contact) until {date}, as
+  its sensors' mountings walk
+  -> calibrate before then
+contact-lost warns
+  the contact {subject} is no longer known within its limit (acceptance.contact)
+  -> calibrate anew
+contact-unseen rejects
+  of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen
+  (acceptance.contact)
+  -> tare, filter lower, or calibrate with more postures and a harder squeeze
+"""),
 }

@@ -2,286 +2,218 @@
 
 from __future__ import annotations
 
-from tdfscal.catalogue.entry import Entry
+from tdfscal.catalogue.entry import Entry, entries
 
-_LONGER = "{moving:move for longer|record more postures}"
-_SIZE = "{unknown:more than ±1 rad|±{mrad:.2g} mrad}"
 #: Why the data do not determine an angle, and what to do.
-_WEAK = {
-    "by-prior": (
-        f"its standard uncertainty, {_SIZE}, is mostly that of its prior",
-        f"{_LONGER} or squeeze harder, or widen rpy_std to let the data speak",
-    ),
-    "few-postures": (
-        f"standard uncertainty {_SIZE} from "
-        "{moving:too short or too small a motion|too few or too similar postures}",
-        f"{_LONGER} with more tilt, tare the sensors, and weigh the terminal",
-    ),
-    "along-load": (
-        "the loads on this sensor stay within {within:.2g}° of one direction, and turning a sensor "
-        "about its load changes nothing",
-        "squeeze the NCPs against each other so that the sensors feel sideways loads (they carry "
-        "{carried:{across:.2g} N across it|none}{enough:; about ~ N would show it|})",
-    ),
-}
+_WEAK = """
+by-prior refuses
+  its standard uncertainty, {unknown:more than ±1 rad|±{mrad:.2g} mrad}, is mostly
+  that of its prior
+  -> {moving:move for longer|record more postures} or squeeze harder, or widen
+    rpy_std to let the data speak
+few-postures refuses
+  standard uncertainty {unknown:more than ±1 rad|±{mrad:.2g} mrad} from {moving:too
+  short or too small a motion|too few or too similar postures}
+  -> {moving:move for longer|record more postures} with more tilt, tare the sensors,
+    and weigh the terminal
+along-load refuses
+  the loads on this sensor stay within {within:.2g}° of one direction, and turning a
+  sensor about its load changes nothing
+  -> squeeze the NCPs against each other so that the sensors feel sideways loads
+    (they carry {carried:{across:.2g} N across it|none}{enough:; about ~ N would
+    show it|})
+"""
 
 REFUSALS: dict[str, Entry] = {
-    **{f"angle-{name}": Entry("refuses", cause, cure) for name, (cause, cure) in _WEAK.items()},
-    **{
-        f"angles-{name}": Entry(
-            "refuses",
-            "{moving:the motion does|the data do} not determine {angles}; for {first}, " + cause,
-            cure,
-        )
-        for name, (cause, cure) in _WEAK.items()
-    },
-    "angles-determined": Entry(
-        "notes",
-        "every angle{but: of a sensor but ~|} is determined by the data; the weakest is {angle} of "
-        f"{{subject}}, {_SIZE}",
+    **entries(_WEAK, code="angle-%s"),
+    **entries(
+        _WEAK,
+        "{moving:the motion does|the data do} not determine {angles}; for {first}, %s",
+        code="angles-%s",
     ),
-    "estimate-unsettled": Entry(
-        "refuses",
-        "the estimate did not settle in {number:.0f} iterations",
-        "check mass, hinges and nominal mounting in rig.yaml, and record "
-        "{moving:a longer motion|more postures}",
-    ),
-    "mountings-alike": Entry(
-        "refuses",
-        "two mountings explain the log about equally well (χ² apart by {number:.2g}): {mountings}",
-        "state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or squeeze "
-        "harder, tilt more and record more postures",
-    ),
-    "forces-exchanged": Entry(
-        "refuses",
-        "the forces fit with {exchange}, and not as they are named; without it the residuals fall "
-        "from {before:.2g} to {after:.2g} times what is stated",
-        "correct the force fields of the log block in rig.yaml, or the cabling",
-        where="log forces",
-    ),
-    "force-rescaled": Entry(
-        "refuses",
-        "{axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of "
-        "it{as_if:, as if it were ~|}; without it the residuals fall from {before:.2g} to "
-        "{after:.2g} times what is stated",
-        "look at the recorder's scaling of that channel, and at its amplifier; correct the log, or "
-        "leave the axis out of `axes` in rig.yaml",
-        where="log forces",
-    ),
-    "zero-tared": Entry(
-        "refuses",
-        "the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and {first:.0f} "
-        "({end:.1f} and {begin:.1f} s){tared:, as a tare makes it|}; without it the residuals fall "
-        "from {before:.2g} to {after:.2g} times what is stated",
-        "give the parts before and after as two campaigns, each in a folder with a rig.yaml (zeros "
-        "are each campaign's own), or one of them by --from or --to",
-        where="log forces",
-    ),
-    "forces-mirrored": Entry(
-        "refuses",
-        "the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the opposite "
-        "sign, or sensors record the reaction",
-        "correct the force fields of the log block in rig.yaml (log.force_on for the reaction), or "
-        "the cabling",
-        where="log forces",
-    ),
-    "postures-unusable": Entry(
-        "refuses",
-        "no posture can be used",
-        "check the sensors, and supports.capacity in rig.yaml",
-        where="log forces",
-    ),
-    "temperature-missing": Entry(
-        "refuses",
-        "zeros are declared to follow the temperature, but the log has none",
-        "name the recorder's field as log.temperature, or declare drift.time",
-        where="drift.temperature",
-    ),
-    "temperature-constant": Entry(
-        "refuses",
-        "the temperature is {number:.6g} °C in every posture, so that no slope against it can be "
-        "known",
-        "check the sensor and the field, or take drift.temperature out of rig.yaml",
-        where="log.temperature",
-    ),
-    "linear-axis-missing": Entry(
-        "refuses",
-        "the sensor of {subject} does not measure {axis}, and the linear method needs every "
-        "component",
-        "calibrate by maximum likelihood (--estimator ml)",
-        where="rig.yaml, supports",
-    ),
-    "linear-postures-few": Entry(
-        "refuses",
-        "the linear method needs {need} postures for {sensors} sensors and finds {number:.0f}",
-        "record more postures, or use the default estimator",
-        where="log",
-    ),
-    "channel-dead": Entry(
-        "refuses",
-        "the {axis} axis of the sensor of {subject} reads {number:.6g} N throughout: it is dead or "
-        "not connected",
-        "check the sensor, its amplifier and the force fields in rig.yaml, or write "
-        "`axes: [{others}]` for {subject} in rig.yaml",
-        where="log forces",
-    ),
-    "positions-coarse": Entry(
-        "refuses",
-        "the positions are recorded in steps of {step:.3g} µm, which is an error of {error:.2g} µm "
-        "where the NCPs' own is {own:.2g} µm: in motion no dwell averages it out",
-        "record the positions with all their digits, or calibrate from dwells",
-        where="log positions",
-    ),
-    "motion-short": Entry(
-        "refuses",
-        "no stretch of {number:.0f} s is left to calibrate from in motion",
-        "record half a minute of motion or more, without holes in the streams",
-        where="log",
-    ),
-    "motion-fast": Entry(
-        "refuses",
-        "the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of "
-        "{rate:.3g} Hz show faithfully here",
-        "record faster, or move more slowly",
-        where="log",
-    ),
-    "streams-short": Entry(
-        "refuses",
-        "the log is too short to tell a motion",
-        "record at least a few seconds of every stream; check the unit of its time",
-        where="log",
-    ),
-    "axes-leave-nothing": Entry(
-        "refuses",
-        "the components that the sensors do not measure leave nothing of the balance of forces and "
-        "moments",
-        "measure more axes: a rigid terminal needs some beyond six that are missing",
-    ),
-    "delay-changed": Entry(
-        "refuses",
-        "the delay between forces and positions changes within the log, by {ms:.3g} ± "
-        "{ms_std:.2g} ms from its first to its second half: a clock was set anew, or samples are "
-        "missing in one stream",
-        "calibrate each half alone, and check the recorder's clocks",
-        where="log",
-    ),
-    "dwells-unusable": Entry("refuses", "no dwell can be used", where="log forces"),
-    "noise-unstated": Entry(
-        "refuses",
-        "neither the log nor the rig file states a force noise",
-        "set uncertainty.force_noise in rig.yaml",
-        where="log forces",
-    ),
-    "comparison-of-one": Entry(
-        "refuses", "one calibration cannot be compared", "name two files or more"
-    ),
-    "supports-differ": Entry(
-        "refuses",
-        "the calibrations are of different supports: {subject} and {others}",
-        "compare calibrations of the same rig",
-    ),
-    "covariance-singular": Entry(
-        "refuses",
-        "the covariance of the rotations is not positive definite",
-        "calibrate again; a rotation that the data do not determine cannot be compared",
-    ),
-    "joint-unsettled": Entry(
-        "refuses",
-        "the joint estimate found no minimum",
-        "compare the two calibrations; they lie too far apart to be combined",
-    ),
-    "calibration-unnamed": Entry(
-        "refuses",
-        "stands on a calibration of {date} that is not named",
-        "name every calibration since the first, or campaigns instead",
-    ),
-    "points-unmatched": Entry(
-        "refuses",
-        "no point has the same {by} as one of {file}: {measured} against {reference}",
-        "name the points alike in both files; `register` also pairs them by --match point or "
-        "order, and by --groups MEASURED=REFERENCE",
-    ),
-    "point-group-missing": Entry("refuses", "has no group {subject}", "its groups are: {groups}"),
-    "points-uncounted": Entry(
-        "refuses",
-        "has {number:.0f} points where {file} has {other}: they cannot be paired by their order",
-        "leave out what only one of the files has, or pair the points by name",
-    ),
-    "points-ungrouped": Entry(
-        "refuses",
-        "has several points {subject}, which their groups alone tell apart",
-        "give both files a column `group`, or rename groups by --groups",
-    ),
-    "points-at-instrument": Entry(
-        "refuses",
-        "a measured point lies in the origin of the tracker's frame",
-        "export the measured points in the instrument's own frame, not in a work frame",
-    ),
-    "registration-few": Entry(
-        "refuses",
-        "{number:.0f} points in {groups} group(s) do not determine a rotation",
-        "measure at least three points that do not lie on one line",
-    ),
-    "registration-unsettled": Entry("refuses", "the registration found no minimum"),
-    "registration-open": Entry(
-        "refuses",
-        "the points do not determine the rotation about ({axis}) in the measured frame: "
-        "{bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on one line "
-        "or in one place",
-        "measure at least three points that span a plane",
-    ),
-    "points-mirrored": Entry(
-        "refuses",
-        "the measured points are the mirror image of the reference: no rotation takes one to the "
-        "other, a reflection does",
-        "look for an axis with the wrong sign or a left-handed frame",
-    ),
-    "points-alike-off": Entry(
-        "refuses",
-        "the {what} do not fit their reference points, and any of {subject} may be the one that is "
-        "off",
-        "measure them again; a fifth or sixth target would tell which one it is",
-    ),
-    "points-certain": Entry(
-        "refuses",
-        "some {what} have an uncertainty of zero in some direction",
-        "state a range and an angle uncertainty of the instrument above zero",
-    ),
-    "points-rescaled": Entry(
-        "refuses", "the {what} differ in size: {mistake}", "correct the length unit"
-    ),
-    "points-misnamed": Entry(
-        "refuses",
-        "the names of the {what} do not fit the distances between them; they fit if {order}",
-        "correct the names of these points",
-    ),
-    "groups-misnamed": Entry(
-        "refuses",
-        "the {what} of {subject} do not fit its reference points, those of {other} do",
-        "correct the group names",
-    ),
-    "groups-fit-alone": Entry(
-        "refuses",
-        "each of the groups {subject} fits by itself",
-        "each of the groups {subject} fits by itself: register one at a time, or calibrate sensors "
-        "with targets by --method tracker",
-    ),
-    "scale-open": Entry("refuses", "the points do not determine a scale", "measure more"),
-    "scale-unsettled": Entry("refuses", "the scale found no minimum"),
-    "targets-few": Entry(
-        "refuses",
-        "{number:.0f} target(s) of {subject} have both a nominal and a measured position"
-        "{alone: (~ in one of the two files only)|}; three are the least",
-        "measure at least three targets on each sensor, named as in the drawing",
-    ),
-    "moves-none": Entry(
-        "refuses",
-        "no support of the rig has two moves or more",
-        "name the groups as the supports: {subject}",
-    ),
-    "points-off": Entry(
-        "refuses",
-        "{number:.0f} of {points} points do not fit the others: {subject}",
-        "measure these points again, or state the survey's real uncertainties",
-    ),
+    **entries("""
+angles-determined notes
+  every angle{but: of a sensor but ~|} is determined by the data; the weakest is
+  {angle} of {subject}, {unknown:more than ±1 rad|±{mrad:.2g} mrad}
+estimate-unsettled refuses
+  the estimate did not settle in {number:.0f} iterations
+  -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a
+    longer motion|more postures}
+mountings-alike refuses
+  two mountings explain the log about equally well (χ² apart by {number:.2g}):
+  {mountings}
+  -> state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or
+    squeeze harder, tilt more and record more postures
+forces-exchanged refuses
+  the forces fit with {exchange}, and not as they are named; without it the
+  residuals fall from {before:.2g} to {after:.2g} times what is stated
+  -> correct the force fields of the log block in rig.yaml, or the cabling
+  @ log forces
+force-rescaled refuses
+  {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors
+  ask of it{as_if:, as if it were ~|}; without it the residuals fall from
+  {before:.2g} to {after:.2g} times what is stated
+  -> look at the recorder's scaling of that channel, and at its amplifier; correct
+    the log, or leave the axis out of `axes` in rig.yaml
+  @ log forces
+zero-tared refuses
+  the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and
+  {first:.0f} ({end:.1f} and {begin:.1f} s){tared:, as a tare makes it|}; without it
+  the residuals fall from {before:.2g} to {after:.2g} times what is stated
+  -> give the parts before and after as two campaigns, each in a folder with a
+    rig.yaml (zeros are each campaign's own), or one of them by --from or --to
+  @ log forces
+forces-mirrored refuses
+  the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the
+  opposite sign, or sensors record the reaction
+  -> correct the force fields of the log block in rig.yaml (log.force_on for the
+    reaction), or the cabling
+  @ log forces
+postures-unusable refuses
+  no posture can be used
+  -> check the sensors, and supports.capacity in rig.yaml
+  @ log forces
+temperature-missing refuses
+  zeros are declared to follow the temperature, but the log has none
+  -> name the recorder's field as log.temperature, or declare drift.time
+  @ drift.temperature
+temperature-constant refuses
+  the temperature is {number:.6g} °C in every posture, so that no slope against it
+  can be known
+  -> check the sensor and the field, or take drift.temperature out of rig.yaml
+  @ log.temperature
+linear-axis-missing refuses
+  the sensor of {subject} does not measure {axis}, and the linear method needs every
+  component
+  -> calibrate by maximum likelihood (--estimator ml)
+  @ rig.yaml, supports
+linear-postures-few refuses
+  the linear method needs {need} postures for {sensors} sensors and finds
+  {number:.0f}
+  -> record more postures, or use the default estimator
+  @ log
+channel-dead refuses
+  the {axis} axis of the sensor of {subject} reads {number:.6g} N throughout: it is
+  dead or not connected
+  -> check the sensor, its amplifier and the force fields in rig.yaml, or write
+    `axes: [{others}]` for {subject} in rig.yaml
+  @ log forces
+positions-coarse refuses
+  the positions are recorded in steps of {step:.3g} µm, which is an error of
+  {error:.2g} µm where the NCPs' own is {own:.2g} µm: in motion no dwell averages it
+  out
+  -> record the positions with all their digits, or calibrate from dwells
+  @ log positions
+motion-short refuses
+  no stretch of {number:.0f} s is left to calibrate from in motion
+  -> record half a minute of motion or more, without holes in the streams
+  @ log
+motion-fast refuses
+  the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of
+  {rate:.3g} Hz show faithfully here
+  -> record faster, or move more slowly
+  @ log
+streams-short refuses
+  the log is too short to tell a motion
+  -> record at least a few seconds of every stream; check the unit of its time
+  @ log
+axes-leave-nothing refuses
+  the components that the sensors do not measure leave nothing of the balance of
+  forces and moments
+  -> measure more axes: a rigid terminal needs some beyond six that are missing
+delay-changed refuses
+  the delay between forces and positions changes within the log, by {ms:.3g} ±
+  {ms_std:.2g} ms from its first to its second half: a clock was set anew, or
+  samples are missing in one stream
+  -> calibrate each half alone, and check the recorder's clocks
+  @ log
+dwells-unusable refuses
+  no dwell can be used
+  @ log forces
+noise-unstated refuses
+  neither the log nor the rig file states a force noise
+  -> set uncertainty.force_noise in rig.yaml
+  @ log forces
+comparison-of-one refuses
+  one calibration cannot be compared
+  -> name two files or more
+supports-differ refuses
+  the calibrations are of different supports: {subject} and {others}
+  -> compare calibrations of the same rig
+covariance-singular refuses
+  the covariance of the rotations is not positive definite
+  -> calibrate again; a rotation that the data do not determine cannot be compared
+joint-unsettled refuses
+  the joint estimate found no minimum
+  -> compare the two calibrations; they lie too far apart to be combined
+calibration-unnamed refuses
+  stands on a calibration of {date} that is not named
+  -> name every calibration since the first, or campaigns instead
+points-unmatched refuses
+  no point has the same {by} as one of {file}: {measured} against {reference}
+  -> name the points alike in both files; `register` also pairs them by --match
+    point or order, and by --groups MEASURED=REFERENCE
+point-group-missing refuses
+  has no group {subject}
+  -> its groups are: {groups}
+points-uncounted refuses
+  has {number:.0f} points where {file} has {other}: they cannot be paired by their
+  order
+  -> leave out what only one of the files has, or pair the points by name
+points-ungrouped refuses
+  has several points {subject}, which their groups alone tell apart
+  -> give both files a column `group`, or rename groups by --groups
+points-at-instrument refuses
+  a measured point lies in the origin of the tracker's frame
+  -> export the measured points in the instrument's own frame, not in a work frame
+registration-few refuses
+  {number:.0f} points in {groups} group(s) do not determine a rotation
+  -> measure at least three points that do not lie on one line
+registration-unsettled refuses
+  the registration found no minimum
+registration-open refuses
+  the points do not determine the rotation about ({axis}) in the measured frame:
+  {bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on
+  one line or in one place
+  -> measure at least three points that span a plane
+points-mirrored refuses
+  the measured points are the mirror image of the reference: no rotation takes one
+  to the other, a reflection does
+  -> look for an axis with the wrong sign or a left-handed frame
+points-alike-off refuses
+  the {what} do not fit their reference points, and any of {subject} may be the one
+  that is off
+  -> measure them again; a fifth or sixth target would tell which one it is
+points-certain refuses
+  some {what} have an uncertainty of zero in some direction
+  -> state a range and an angle uncertainty of the instrument above zero
+points-rescaled refuses
+  the {what} differ in size: {mistake}
+  -> correct the length unit
+points-misnamed refuses
+  the names of the {what} do not fit the distances between them; they fit if {order}
+  -> correct the names of these points
+groups-misnamed refuses
+  the {what} of {subject} do not fit its reference points, those of {other} do
+  -> correct the group names
+groups-fit-alone refuses
+  each of the groups {subject} fits by itself
+  -> each of the groups {subject} fits by itself: register one at a time, or
+    calibrate sensors with targets by --method tracker
+scale-open refuses
+  the points do not determine a scale
+  -> measure more
+scale-unsettled refuses
+  the scale found no minimum
+targets-few refuses
+  {number:.0f} target(s) of {subject} have both a nominal and a measured
+  position{alone: (~ in one of the two files only)|}; three are the least
+  -> measure at least three targets on each sensor, named as in the drawing
+moves-none refuses
+  no support of the rig has two moves or more
+  -> name the groups as the supports: {subject}
+points-off refuses
+  {number:.0f} of {points} points do not fit the others: {subject}
+  -> measure these points again, or state the survey's real uncertainties
+"""),
 }

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.logs import STOPS
+from tdfscal.catalogue.inputs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign

@@ -8,8 +8,8 @@ from math import ceil
 
 import numpy as np
 
+from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.in_use import MISFITS
-from tdfscal.catalogue.suspects import SUSPECTS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture

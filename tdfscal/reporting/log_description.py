@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.logs import STOPS
+from tdfscal.catalogue.inputs import STOPS
 from tdfscal.dwells.clock_offset import Offset
 from tdfscal.errors import visible
 from tdfscal.files.yaml.scalars import shorten

@@ -1,0 +1,186 @@
+"""What is said of what is read: logs, clocks, readings, stops that are no dwells; point files and a
+tracker's survey.
+"""
+
+from __future__ import annotations
+
+from tdfscal.catalogue.entry import Entry, entries
+
+#: Why stops are left out, in a word or two.
+STOPS: dict[str, str] = {
+    "stop-too-short": "too short",
+    "stop-unsettled": "forces never settled",
+    "stop-changing": "forces never settled",
+    "stop-interrupted": "interrupted",
+    "stop-jolted": "jolt",
+    "stop-repeated": "readings repeated",
+}
+
+LOGS: dict[str, Entry] = entries("""
+log-truncated warns
+  {file}: the file ends within a record at byte {byte}, as one that was cut short
+  does: it is read as far as it is whole, to {at} s
+recorders-overlap-in-part warns
+  {subject} holds {begin:.1f} s to {end:.1f} s of the first recorder's {span:.1f} s:
+  what only one of the two saw is not used
+  -> see whether a file of either is missing, or was cut short
+log-window notes
+  the log is used {window} only
+messages-lost warns
+  {file}: {number:.0f} messages are there where {metadata} states {recorded}: the
+  recorder has lost some
+recordings-unlisted warns
+  {file}: the folder also holds {files}, which {metadata} does not list and which is
+  not read; `ros2 bag reindex` lists it
+samples-not-ascending warns
+  {file}: of {count} samples of {subject}, {repeat} repeat the time of the sample
+  before and {back} step back by up to {worst:.3g} s; they are left out
+stream-gaps warns
+  {file}: {gaps} {several_gaps:gaps|gap} of more than {periods:g} periods of
+  {period:.2g} s in {subject}, the longest of {number:.3g} s at {at} s
+streams-late warns
+  {file}: {subject} {subjects:begin up to|begins} {number:.3g} s after the others;
+  postures without all signals are not used
+streams-early warns
+  {file}: {subject} {subjects:end up to|ends} {number:.3g} s before the others;
+  postures without all signals are not used
+header-clock-off warns
+  {file}: the header times of {subject} are {number:+.3g} s off the recorder's
+header-clock-departs warns
+  {file}: of {count} messages of {subject}, {departing} have a header time that
+  departs by more than {limit:g} s from its usual offset to the recorder's, by
+  {number:.3g} s at most
+readings-alone warns
+  {file}: {several:~ readings stand|1 reading stands} alone in the {signal} of
+  {subject} and {several:are|is} left out, of {samples}: at {at} s {lone:.4g}
+  {lone_unit} follows {before:.4g} {lone_unit}, which then returns
+readings-zero warns
+  the {signal} of {subject} drops to 0, 0, 0 and returns, at {number:.2%} of the
+  samples, as if the recorder wrote zeros where it had no reading
+  -> let the recorder leave such cells empty, or repeat the last reading
+readings-return warns
+  readings leave their level and return within a stop in {several:~ places|one
+  place}, first at {first:.2f} s
+  -> look for wrong samples in the log
+dwell-drifts warns
+  dwell {begin:.2f} to {end:.2f} s: the position of {subject} drifts by {size} along
+  {axis}
+dwell-force-drifts warns
+  dwell {begin:.2f} to {end:.2f} s: the force of {subject} drifts by {size} along
+  {axis}
+clocks-run-apart warns
+  clocks: those of forces and positions run apart by {ppm:.0f} ppm (standard error
+  {ppm_std:.2g} ppm): the forces come {begin:s} after the positions at the beginning
+  and {end:s} at the end ({moves} moves)
+clocks-apart warns
+  clocks: the forces follow the motion {size} {late:later|earlier} than the
+  positions (standard error {std:s}, {moves} moves)
+clocks-together notes
+  clocks: no offset of the forces against the positions is seen: {size}, standard
+  error {std:s}, {moves} moves
+postures-repeated warns
+  {number:.0f} of {postures} postures repeat an earlier one in every digit (first:
+  {later} is {earlier}): a recording that is there twice counts once
+stop-too-short notes
+  too short: at rest for {number:.2f} s, {wanted:.2f} s needed
+stop-unsettled notes
+  forces never settled in {number:.2f} s at rest
+  ? constant : they ring, time constant {constant:.2g} s
+  ? frequency , {frequency:.2g} Hz
+stop-changing notes
+  forces never settled between two changes
+stop-interrupted notes
+  interrupted: readings leave their level and return
+stop-jolted notes
+  jolt: a burst of force, excluded from the dwell around it
+stop-repeated notes
+  the readings of {subject} are those of {original:.6g} s
+""")
+
+SURVEY: dict[str, Entry] = entries("""
+columns-unused notes
+  {subject}: columns not used: {columns}
+columns-assumed notes
+  {subject}: no line names the columns; read as {columns}
+column-of-reflectors notes
+  {subject}: the column Target holds reflectors ({reflector}), not points
+points-numbered notes
+  {subject}: the points have no names; they are numbered by their rows
+measurements-averaged notes
+  {subject}: {measurements} measurements of {points} points are averaged; they
+  scatter by {scatter:.3g} per coordinate in the file's unit
+uncertainty-expanded notes
+  {subject}: U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}
+uncertainty-sigma notes
+  {subject}: its uncertainties are of {coverage:g} sigma, as it says
+uncertainty-standard notes
+  {subject}: its uncertainties are taken as standard ones (1 sigma); no line says
+  more
+uncertainty-rounded notes
+  {subject}: uncertainties printed as 0 are taken as {rounded:g}, as rounded
+uncertainty-missing notes
+  {subject}: {number:.0f} point(s) have no uncertainty
+uncertainty-unstated notes
+  {subject}: its uncertainties are all {zero:zero|blank}, which states none
+point-left-out warns
+  {subject} is left out: residual {size}, {ratio:.3g} times what its uncertainty
+  allows
+  -> measure it again
+point-apart warns
+  {subject} is left out: residual {size}, {ratio:.3g} times what the other points
+  allow
+  -> measure it again
+points-left-out warns
+  {number:.0f} more points are left out
+points-not-measured warns
+  {subject}: not measured: {points}
+points-without-reference warns
+  {subject}: measured, but without reference: {points}
+group-unknown warns
+  {file}: group {subject} is no support of the rig
+moves-few warns
+  {file}: {subject} has fewer than two moves; the other NCPs' axes stand for its own
+instrument-understated warns
+  the instrument's noise is {number:.2g} times the stated one; the result is
+  weighted by it
+positioners-understated warns
+  the NCPs' positions scatter by {size} beyond what is stated; the result is
+  weighted by it
+drawing-understated warns
+  the nominal points are off by {size} beyond what is stated; the result is weighted
+  by it
+positioner-axis-faulty warns
+  {subject}: {axis}: {kind} {size} ± {spread}
+  -> calibrate the positioner
+targets-coplanar warns
+  the targets of {subject} lie in one plane within their uncertainty: a mirrored
+  frame would not be noticed
+targets-symmetric warns
+  the targets of {subject} are symmetric: as {order} they would fit too, so their
+  distances do not check their names
+targets-misnamed warns
+  {subject} is turned by {size} from its nominal mounting, far more than its rpy_std
+  allows
+  -> check the names of its targets
+targets-swapped warns
+  the targets of {subject} lie nearest to the moves of {other}
+  -> check the group names
+uncertainty-from-files notes
+  uncertainties that the point files state stand in place of the instrument's, the
+  drawing's and the positioners'
+uncertainty-from-file notes
+  the uncertainties stated in the file stand in place of the instrument's
+scale-fits-better warns
+  a scale of {ppm:+.0f} ± {ppm_std:.0f} ppm fits significantly better
+  -> check temperature and units, or let --scale estimate it
+points-coplanar warns
+  the points lie in one plane within their uncertainty: a mirrored frame would not
+  be noticed
+points-symmetric warns
+  the points are symmetric: they would fit under other names too
+groups-moved-apart warns
+  {model} of its own for each group ({subject}) fits {ratio:.3g} times better,
+  within {size} per coordinate: the groups have moved against each other, or are
+  given in frames of their own
+  -> register each by itself
+""")
