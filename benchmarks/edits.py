@@ -28,8 +28,7 @@ from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.update import update
 from tdfscal.commands.validate import validate
 from tdfscal.errors import TdfscalError
-from tdfscal.exports.cheader import c_header
-from tdfscal.exports.csvtable import csv_table
+from tdfscal.exports.formats import c_header, csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder

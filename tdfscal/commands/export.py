@@ -22,8 +22,8 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.detection.capability import Request, assess
 from tdfscal.errors import RejectedError
-from tdfscal.exports import FORMATS, WITH_THRESHOLDS
-from tdfscal.exports.thresholds import ContactThresholds
+from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
+from tdfscal.exports.statements import ContactThresholds
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.findings import Finding

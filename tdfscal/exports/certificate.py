@@ -7,186 +7,148 @@ person stand as blanks, and every place that a reader looks at first says that i
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from typing import Any
 
-from tdfscal.exports.words import number, origin
+from tdfscal.exports.statements import number, origin
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.escaping import xml_text
 from tdfscal.records import ANGLES
 from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE
 
-DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
+SPACES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 VERSION = "3.3.0"
 BLANK = "to be completed"
 DRAFT = (
     "DRAFT written by software. This is not an accredited calibration certificate and carries no "
     "signature; a laboratory must check and complete it."
 )
+Part = tuple[str, Any]
+"""Name of an element and its text, or its parts; of D-SI behind `si:`."""
 
 
 def certificate(c: Calibration) -> str:
     """Return the draft as XML for the DCC's schema of `VERSION`, over D-SI 2.2."""
-    ET.register_namespace("dcc", DCC)
-    ET.register_namespace("si", SI)
-    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": VERSION})
+    for prefix, space in SPACES.items():
+        ET.register_namespace(prefix, space)
+    root = ET.Element(f"{{{SPACES['dcc']}}}digitalCalibrationCertificate", schemaVersion=VERSION)
     root.append(ET.Comment(f" {DRAFT} "))
-    _administration(_add(root, "administrativeData"), c)
-    result = _add(_add(root, "measurementResults"), "measurementResult")
-    _named(result, "Installation rotations of force sensors (DRAFT)")
-    description = _add(result, "description")
-    unknown = [] if ambient(c) else [f"Ambient temperature: {BLANK}"]
-    for line in (DRAFT, *origin(c), *unknown):
-        _content(description, line)
-    method = _add(_add(result, "usedMethods"), "usedMethod")
-    _named(method, f"{c.method} calibration")
-    _content(_add(method, "description"), f"Command: {c.command}")
-    _software(_add(result, "usedSoftware"), c)
-    if (span := ambient(c)) is not None:
-        _conditions(result, *span)
-    results = _add(result, "results")
+    software = ("software", [_name(c.software.name), ("release", c.software.version)])
+    result = [_name("Installation rotations of force sensors (DRAFT)")]
+    temperature = c.dwells.temperature if c.dwells is not None else None
+    unknown = () if temperature else (f"Ambient temperature: {BLANK}",)
+    result.append(("description", [("content", line) for line in (DRAFT, *origin(c), *unknown)]))
+    command = ("description", [("content", f"Command: {c.command}")])
+    method = ("usedMethod", [_name(f"{c.method} calibration"), command])
+    result += [("usedMethods", [method]), ("usedSoftware", [software])]
+    if temperature:
+        ends = (("lowest temperature", min(temperature)), ("highest temperature", max(temperature)))
+        data = ("data", [_quantity(name, value, "\\degreecelsius") for name, value in ends])
+        condition = ("influenceCondition", [_name("Ambient temperature"), data])
+        result.append(("influenceConditions", [condition]))
     # The standard uncertainties tell the intervals: k = 2 then covers what it says.
     linear = c.monte_carlo is None or c.monte_carlo.linear_interval_validated
-    for support in c.supports:
-        _sensor(results, support, linear=linear)
+    result.append(("results", [_sensor(support, linear=linear) for support in c.supports]))
+    administration = [("dccSoftware", [software]), *_administration(c)]
+    _grow(root, ("administrativeData", administration))
+    _grow(root, ("measurementResults", [("measurementResult", result)]))
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _administration(data: ET.Element, c: Calibration) -> None:
-    _software(_add(data, "dccSoftware"), c)
-    core = _add(data, "coreData")
-    begin, end = days(c)
-    for name, text in (
+def _administration(c: Calibration) -> list[Part]:
+    """Whose certificate, of what, when; the days are the computation's where none are told."""
+    begin, end = (
+        (c.created, c.created) if c.measured is None else (c.measured.begin, c.measured.end)
+    )
+    core = [
         ("countryCodeISO3166_1", "XX"),
         ("usedLangCodeISO639_1", "en"),
         ("mandatoryLangCodeISO639_1", "en"),
         ("uniqueIdentifier", f"DRAFT-{c.created}-{c.rig.sha256[:12]}"),
-        ("beginPerformanceDate", begin),
-        ("endPerformanceDate", end),
+        ("beginPerformanceDate", begin[:10]),
+        ("endPerformanceDate", end[:10]),
         ("performanceLocation", "other"),
-    ):
-        _add(core, name, text)
-    items = _add(data, "items")
-    _named(items, c.rig.name)
+    ]
+    items = [_name(c.rig.name)]
     for support, stated in zip(c.supports, c.rig.supports, strict=True):
-        item = _add(items, "item")
-        _named(item, f"Force sensor of {support.name}")
-        _named(_add(item, "manufacturer"), BLANK)
-        known = [("owner", support.name, "place on the rig")]
-        if stated.sensor is not None and stated.sensor.serial:
-            known.append(("manufacturer", stated.sensor.serial, "serial number"))
-        if stated.sensor is not None and stated.sensor.certificate:
-            known.append(("calibrationLaboratory", stated.sensor.certificate, "certificate"))
-        if c.rig.serial:
-            known.append(("owner", c.rig.serial, "serial number of the rig"))
-        identifications = _add(item, "identifications")
-        for issuer, value, name in known:
-            identification = _add(identifications, "identification")
-            _add(identification, "issuer", issuer)
-            _add(identification, "value", value)
-            _named(identification, name)
-    _contact(_add(_add(data, "calibrationLaboratory"), "contact"))
-    person = _add(_add(_add(data, "respPersons"), "respPerson"), "person")
-    _named(person, BLANK)
-    _contact(_add(data, "customer"))
+        papers = stated.sensor
+        known = [
+            ("owner", support.name, "place on the rig"),
+            ("manufacturer", papers and papers.serial, "serial number"),
+            ("calibrationLaboratory", papers and papers.certificate, "certificate"),
+            ("owner", c.rig.serial, "serial number of the rig"),
+        ]
+        identifications = [
+            ("identification", [("issuer", issuer), ("value", value), _name(name)])
+            for issuer, value, name in known
+            if value
+        ]
+        maker = ("manufacturer", [_name(BLANK)])
+        name = _name(f"Force sensor of {support.name}")
+        items.append(("item", [name, maker, ("identifications", identifications)]))
+    blank = [_name(BLANK), ("eMail", BLANK), ("location", [("city", BLANK)])]
+    return [
+        ("coreData", core),
+        ("items", items),
+        ("calibrationLaboratory", [("contact", blank)]),
+        ("respPersons", [("respPerson", [("person", [_name(BLANK)])])]),
+        ("customer", blank),
+    ]
 
 
-def days(c: Calibration) -> tuple[str, str]:
-    """First and last day of the measurement; that of the computation where a file tells neither."""
-    if c.measured is None:
-        return c.created[:10], c.created[:10]
-    return c.measured.begin[:10], c.measured.end[:10]
-
-
-def ambient(c: Calibration) -> tuple[float, float] | None:
-    """Lowest and highest temperature of the dwells, °C, where it was recorded."""
-    temperature = c.dwells.temperature if c.dwells is not None else None
-    return (min(temperature), max(temperature)) if temperature else None
-
-
-def _conditions(result: ET.Element, low: float, high: float) -> None:
-    condition = _add(_add(result, "influenceConditions"), "influenceCondition")
-    _named(condition, "Ambient temperature")
-    data = _add(condition, "data")
-    for name, value in (("lowest temperature", low), ("highest temperature", high)):
-        _real(data, name, value, "\\degreecelsius")
-
-
-def _sensor(results: ET.Element, support: SupportResult, *, linear: bool) -> None:
-    result = _add(results, "result")
-    _named(result, f"Installation angles of {support.name}")
-    data = _add(result, "data")
+def _sensor(support: SupportResult, *, linear: bool) -> Part:
+    quantities: list[Part] = []
     mounting = support.mounting
-    for k, angle in enumerate(ANGLES):
-        if mounting is None:
-            break
+    for k, angle in enumerate(ANGLES if mounting is not None else ()):
+        assert mounting is not None  # else there are no angles
         interval, value, std = mounting.interval, mounting.rpy[k], mounting.rpy_std[k]
         low, high = interval.low[k], interval.high[k]
-        real = _real(data, f"{angle} of {support.name}", value, "\\radian")
-        if low is None or high is None:  # roll and yaw are one turn: neither has an uncertainty
-            continue
-        half = max(high - value, value - low, std)  # D-SI knows no coverage factor below 1
-        if std > 0 and linear:
-            _doubled(real, std)
-        elif std > 0:
-            _expanded(real, half, half / std, interval.coverage)
+        expanded: tuple[float, float, float] | None = None
+        # Where roll and yaw are one turn, neither has an uncertainty.
+        if low is not None and high is not None and std > 0:
+            half = max(high - value, value - low, std)  # D-SI knows no coverage factor below 1
+            expanded = _doubled(std) if linear else (half, half / std, interval.coverage)
+        name = f"{angle} of {support.name}"
+        quantities.append(_quantity(name, value, "\\radian", expanded))
     for axis, zero, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
-        if zero is None:
-            continue
-        real = _real(data, f"zero {axis} of {support.name}", zero, "\\newton")
-        if open_std:
-            _doubled(real, open_std)
+        if zero is not None:
+            expanded = _doubled(open_std) if open_std else None
+            name = f"zero {axis} of {support.name}"
+            quantities.append(_quantity(name, zero, "\\newton", expanded))
+    return "result", [_name(f"Installation angles of {support.name}"), ("data", quantities)]
 
 
-def _real(data: ET.Element, name: str, value: float, unit: str) -> ET.Element:
-    quantity = _add(data, "quantity")
-    _named(quantity, name)
-    real = _si(quantity, "real")
-    _si(real, "value", number(value))
-    _si(real, "unit", unit)
-    return real
+def _doubled(std: float) -> tuple[float, float, float]:
+    """Expanded uncertainty with k = 2 of a normal distribution, k, and its coverage."""
+    return COVERAGE_FACTOR * std, COVERAGE_FACTOR, EXPANDED_COVERAGE
 
 
-def _doubled(real: ET.Element, std: float) -> None:
-    """Expanded uncertainty with k = 2 of a normal distribution."""
-    _expanded(real, COVERAGE_FACTOR * std, COVERAGE_FACTOR, EXPANDED_COVERAGE)
+def _quantity(
+    name: str, value: float, unit: str, expanded: tuple[float, float, float] | None = None
+) -> Part:
+    """A number with its unit; expanded : half an interval, its factor, its coverage."""
+    real: list[Part] = [("si:value", number(value)), ("si:unit", unit)]
+    if expanded is not None:
+        names = ("si:valueExpandedMU", "si:coverageFactor", "si:coverageProbability")
+        stated = list(zip(names, map(number, expanded), strict=True))
+        real.append(("si:measurementUncertaintyUnivariate", [("si:expandedMU", stated)]))
+    return "quantity", [_name(name), ("si:real", real)]
 
 
-def _expanded(real: ET.Element, half: float, k: float, coverage: float) -> None:
-    """Expanded uncertainty: half an interval, with k so that half / k is standard."""
-    place = _si(_si(real, "measurementUncertaintyUnivariate"), "expandedMU")
-    _si(place, "valueExpandedMU", number(half))
-    _si(place, "coverageFactor", number(k))
-    _si(place, "coverageProbability", number(coverage))
+def _name(text: str) -> Part:
+    return "name", [("content", text)]
 
 
-def _software(place: ET.Element, c: Calibration) -> None:
-    software = _add(place, "software")
-    _named(software, c.software.name)
-    _add(software, "release", c.software.version)
-
-
-def _contact(place: ET.Element) -> None:
-    _named(place, BLANK)
-    _add(place, "eMail", BLANK)
-    _add(_add(place, "location"), "city", BLANK)
-
-
-def _named(place: ET.Element, text: str) -> None:
-    _content(_add(place, "name"), text)
-
-
-def _content(place: ET.Element, text: str) -> None:
-    _add(place, "content", text).set("lang", "en")
-
-
-def _add(place: ET.Element, name: str, text: str | None = None) -> ET.Element:
-    element = ET.SubElement(place, f"{{{DCC}}}{name}")
-    element.text = text if text is None else xml_text(text)
-    return element
-
-
-def _si(place: ET.Element, name: str, text: str | None = None) -> ET.Element:
-    element = ET.SubElement(place, f"{{{SI}}}{name}")
-    element.text = text
-    return element
+def _grow(place: ET.Element, part: Part) -> None:
+    """Put an element with all its parts into a place."""
+    (name, content) = part
+    space, _, tag = name.rpartition(":")
+    element = ET.SubElement(place, f"{{{SPACES[space or 'dcc']}}}{tag}")
+    if tag == "content":
+        element.set("lang", "en")
+    if isinstance(content, str):
+        element.text = xml_text(content)
+        return
+    for inner in content:
+        _grow(element, inner)

@@ -18,11 +18,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import UsageError
-from tdfscal.exports import FORMATS
-from tdfscal.exports.cheader import c_header
-from tdfscal.exports.csvtable import csv_table
-from tdfscal.exports.ros import ros
-from tdfscal.exports.urdf import urdf
+from tdfscal.exports.formats import FORMATS, c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tests.reporting.samples import NASTY, changed, run, sample, saved

@@ -1,0 +1,250 @@
+"""A calibration in the formats of controllers: URDF, ROS 2, CSV, C; and a draft certificate."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from tdfscal.errors import visible
+from tdfscal.exports.certificate import certificate
+from tdfscal.exports.statements import (
+    ContactThresholds,
+    determined,
+    frame,
+    number,
+    origin,
+    uncertain,
+)
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.escaping import c_comment, csv_cell, xml_comment, xml_text
+from tdfscal.files.saving import to_yaml
+from tdfscal.records import ANGLES, FloatArray
+
+_URDF = """\
+<?xml version="1.0" encoding="utf-8"?>
+<!--
+{notes}
+-->
+<robot name={robot}>
+  <link name="{base}"/>
+{joints}</robot>
+"""
+_JOINT = """\
+  <link name="{sensor}"/>
+  <!-- zero of {name}: {zero} N; {said} -->
+  <joint name="{sensor}_joint" type="fixed">
+    <parent link="{base}"/>
+    <child link="{sensor}"/>
+    <origin xyz="0 0 0" rpy="{rpy}"/>
+  </joint>
+"""
+_TRANSFORM = (
+    "ros2 run tf2_ros static_transform_publisher --x 0 --y 0 --z 0 --qx {} --qy {} --qz {} --qw {} "
+    "--frame-id {base} --child-frame-id {sensor}"
+)
+_HEADER = """\
+/*
+{notes}
+ */
+#ifndef TDFSCAL_CALIBRATION_H
+#define TDFSCAL_CALIBRATION_H
+
+#define TDFSCAL_SENSORS {count}
+
+static const char *const tdfscal_sensor[TDFSCAL_SENSORS] = {{{names}}};
+
+static const double tdfscal_rotation[TDFSCAL_SENSORS][3][3] = {rotation};
+
+static const double tdfscal_matrix[TDFSCAL_SENSORS][3][3] = {matrix};
+
+/* N, sensor frames */
+static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {zero};
+
+{thresholds}
+/* Force of sensor i on the terminal in the BCS, N; reading and force may be one array. */
+static inline void tdfscal_force_bcs(int i, const double reading[3], double force[3])
+{{
+    double load[3], sum[3];
+    int a, b;
+    for (a = 0; a < 3; ++a)
+        load[a] = reading[a] - tdfscal_zero[i][a];
+    for (a = 0; a < 3; ++a) {{
+        sum[a] = 0.0;
+        for (b = 0; b < 3; ++b)
+            sum[a] += tdfscal_matrix[i][a][b] * load[b];
+    }}
+    for (a = 0; a < 3; ++a)
+        force[a] = sum[a];
+}}
+
+#endif
+"""
+
+
+def urdf(c: Calibration, parent: str = "bcs") -> str:
+    """Return a small robot of one base and a link per sensor; its joints are for pasting.
+
+    URDF's rpy are fixed-axis roll, pitch, yaw, so that R = Rz(yaw)·Ry(pitch)·Rx(roll) takes the
+    child's frame to the parent's: the same convention as here.
+    """
+    base = frame(parent)
+    notes = [
+        *origin(c),
+        "An NCP only translates, so its link has the BCS's axes: paste each joint under that link. "
+        "xyz is not calibrated; set it from the drawing.",
+        "A rotation alone does not correct a reading: subtract the zero, given with each joint.",
+    ]
+    joints = [
+        _JOINT.format(
+            sensor=_child(support.name),
+            name=support.name,
+            zero=" ".join(map(number, support.offset)),
+            said=xml_comment(uncertain(support)),
+            base=base,
+            rpy=" ".join(map(number, support.rpy)),
+        )
+        for support in determined(c)
+    ]
+    return _URDF.format(
+        notes="\n".join(f"  {xml_comment(note)}" for note in notes),
+        robot=quoteattr("_".join(xml_text(c.rig.name).split()) or "rig"),
+        base=base,
+        joints="".join(joints),
+    )
+
+
+def ros(c: Calibration, parent: str = "bcs", limits: ContactThresholds | None = None) -> str:
+    """Return a parameter file, a `force_torque_sensor_broadcaster` per sensor.
+
+    A broadcaster adds its `offset`, so that it stands as −zero. The transforms, whose rotation
+    takes coordinates in the sensor's frame to the BCS, stand as commands in comments. A
+    sensitivity that was estimated is no parameter of a broadcaster: it stands in the comments too.
+    """
+    base = frame(parent)
+    notes = [
+        *origin(c),
+        f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
+        "A broadcaster adds its offset, N, to the reading: it is the zero with its sign turned.",
+    ]
+    nodes: dict[str, object] = {}
+    for support in determined(c):
+        name, sensor = support.name, _child(support.name)
+        notes.append(f"{name}: {uncertain(support)}")
+        if support.sensitivity is not None:
+            rows = [list(map(number, row)) for row in support.sensitivity]
+            notes.append(f"{name}: sensitivity {rows}, not applied by a broadcaster")
+        turn = map(number, support.quaternion_xyzw or ())
+        notes.append(_TRANSFORM.format(*turn, base=base, sensor=sensor))
+        offset = {axis: -zero + 0.0 for axis, zero in zip("xyz", support.offset, strict=True)}
+        names = {axis: f"{sensor}/force.{axis}" for axis in "xyz"}
+        nodes[f"{sensor}_broadcaster"] = {
+            "ros__parameters": {
+                "frame_id": sensor,
+                "interface_names": {"force": names},
+                "offset": {"force": offset},
+            }
+        }
+    if limits is not None and limits.bounded:
+        notes += limits.notes
+        force, torque = (
+            dict(zip("xyz", map(float, part), strict=True)) for part in np.split(limits.value, 2)
+        )
+        nodes["contact_thresholds"] = {"ros__parameters": {"force": force, "torque": torque}}
+    return "\n".join(f"# {visible(note)}" for note in notes) + "\n" + to_yaml(nodes)
+
+
+def csv_table(c: Calibration) -> str:
+    """Return a row per sensor: r_xx … r_zz, zero in N, inverse sensitivity u_xx … u_zz; roll,
+    pitch, yaw in degrees, their standard uncertainties in rad, the zero's in N; convention.
+
+    F_bcs = r · u · (F_sensor − zero); u = (I + S)⁻¹ stands only where a sensitivity was estimated.
+    """
+    scaled, entries = _scaled(c), [f"{a}{b}" for a in "xyz" for b in "xyz"]
+    header = ["sensor", *(f"r_{e}" for e in entries), *(f"zero_{a}" for a in "xyz")]
+    header += [f"u_{e}" for e in entries] if scaled else []
+    header += [f"{angle}_deg" for angle in ANGLES] + [f"std_{angle}" for angle in ANGLES]
+    header += [f"std_zero_{a}" for a in "xyz"]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*header, "status", "created", "convention"])
+    for support in determined(c):
+        scale = np.eye(3) if support.sensitivity is None else np.array(support.sensitivity)
+        numbers = [
+            *np.ravel(support.rotation),  # type: ignore[arg-type]
+            *support.offset,
+            *(np.linalg.inv(scale).ravel() if scaled else ()),
+            *np.degrees(np.array(support.rpy, dtype=np.float64)),
+            *support.rpy_std,
+            *support.zero_std,
+        ]
+        cells = [csv_cell(support.name), *map(number, numbers)]
+        writer.writerow([*cells, c.status, c.created, c.convention])
+    return stream.getvalue()
+
+
+def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
+    """Return a C99 and C++ header without dependencies.
+
+    tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated.
+    """
+    rotation = c.rotation[c.determined]
+    matrix = rotation @ np.linalg.inv(c.sensitivity[c.determined]) if _scaled(c) else rotation
+    notes = [
+        *origin(c),
+        "Rows of a matrix are the BCS's axes, columns the sensor's.",
+        *(f"{support.name}: {uncertain(support)}" for support in determined(c)),
+    ]
+    thresholds = ""
+    if limits is not None and limits.bounded:
+        row = _initialiser(limits.value)
+        thresholds = f"/*\n{_remarks(limits.notes)}\n */\n"
+        thresholds += f"static const double tdfscal_threshold[6] = {row};\n"
+    return _HEADER.format(
+        notes=_remarks(notes),
+        count=len(rotation),
+        names=", ".join(f'"{support.name}"' for support in determined(c)),
+        rotation=_initialiser(rotation),
+        matrix=_initialiser(matrix),
+        zero=_initialiser(c.zero[c.determined]),
+        thresholds=thresholds,
+    )
+
+
+def _remarks(notes: list[str] | tuple[str, ...]) -> str:
+    return "\n".join(f" * {c_comment(note)}" for note in notes)
+
+
+def _initialiser(values: FloatArray) -> str:
+    """An array of C, the rows of a table or matrix on lines of their own."""
+    if values.ndim == 1:
+        return f"{{{', '.join(map(number, values))}}}"
+    if values.ndim == 2:
+        return "{\n" + ",\n".join(f"    {_initialiser(row)}" for row in values) + "\n}"
+    blocks = (",\n     ".join(map(_initialiser, matrix)) for matrix in values)
+    return "{\n" + ",\n".join(f"    {{{block}}}" for block in blocks) + "\n}"
+
+
+def _child(support: str) -> str:
+    """Name of a sensor's frame."""
+    return f"{support}_tdfs"
+
+
+def _scaled(c: Calibration) -> bool:
+    """A sensitivity was estimated."""
+    return any(support.sensitivity for support in c.supports)
+
+
+FORMATS: dict[str, Callable[[Calibration, str, ContactThresholds | None], str]] = {
+    "urdf": lambda calibration, parent, limits: urdf(calibration, parent),
+    "ros": ros,
+    "csv": lambda calibration, parent, limits: csv_table(calibration),
+    "c": lambda calibration, parent, limits: c_header(calibration, limits),
+    "dcc": lambda calibration, parent, limits: certificate(calibration),
+}
+"""Format → writer of (calibration, parent frame, thresholds)."""
+#: Formats that hold thresholds.
+WITH_THRESHOLDS = ("ros", "c")
