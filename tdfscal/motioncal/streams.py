@@ -22,6 +22,8 @@ from tdfscal.wrench.resampling import joined, together
 RATE = 20.0
 #: Half width of the kernel in steps of the time base, and its cut-off as a share of the rate.
 _REACH, _CUT = 3.0, 0.4
+#: Least sum of the kernel's weights, as a share of their sizes: else its side lobes prevail.
+_LOBES = 0.2
 #: Means of consecutive samples per step of the time base that the kernel works on, where a stream
 #: has at least twice as many samples: they weaken 1 Hz by 6e-5, and all streams alike.
 _BOXES = 8
@@ -167,24 +169,28 @@ class _Group:
         self._full, self._start, self._step = full, start, step
         #: Length of the means, s; 0 where samples stand for themselves.
         self._box = step / _BOXES if spacing <= 0.5 * step / _BOXES else 0.0
-        #: Time, share that is clipped, values; and sums of a mean that is not complete: its place
-        #: among all, how many samples it has, and theirs.
-        self._rows = np.empty((0, 2 + full.size))
+        #: Samples of each mean, time, share that is clipped, values; and sums of a mean that is not
+        #: complete, after its place among all.
+        self._rows = np.empty((0, 3 + full.size))
         self._open = np.empty((0, 4 + full.size))
 
     @property
     def reach(self) -> float:
         """Time that the rows have reached, s."""
-        return float(self._rows[-1, 0]) if len(self._rows) else -np.inf
+        return float(self._stamps[-1]) if len(self._rows) else -np.inf
+
+    @property
+    def _stamps(self) -> FloatArray:
+        return self._rows[:, 1]
 
     def parted(self) -> list[_Group]:
         """The streams each by itself, from now on."""
         out = []
         for i, full in enumerate(self._full):
             one = copy(self)
-            own = [0, 1, *range(3 * i + 2, 3 * i + 5)]
+            own = [0, 1, 2, *range(3 * i + 3, 3 * i + 6)]
             one._full, one._rows = full[None], self._rows[:, own]
-            one._open = self._open[:, [0, 1, *(2 + k for k in own)]]
+            one._open = self._open[:, [0, *(1 + k for k in own)]]
             out.append(one)
         return out
 
@@ -196,7 +202,8 @@ class _Group:
             if np.isfinite(full).any():
                 clipped[(np.abs(value) >= full).any(axis=1)] = 1.0
         if not self._box:
-            self._rows = np.vstack([self._rows, np.column_stack([time, clipped, *values])])
+            alone = np.column_stack([np.ones(len(time)), time, clipped, *values])
+            self._rows = np.vstack([self._rows, alone])
         elif len(time):
             number = np.floor(time / self._box + _EVEN)
             first = np.flatnonzero(np.diff(number, prepend=-np.inf))
@@ -207,62 +214,76 @@ class _Group:
                 means[0, 1:] += self._open[0, 1:]
             else:
                 means = np.vstack([self._open, means])
-            self._rows = np.vstack([self._rows, means[:-1, 2:] / means[:-1, 1:2]])
+            self._rows = np.vstack([self._rows, _mean(means[:-1, 1:])])
             self._open = means[-1:]
 
     def finish(self) -> None:
         """Append the last mean, as it is."""
-        self._rows = np.vstack([self._rows, self._open[:, 2:] / self._open[:, 1:2]])
+        self._rows = np.vstack([self._rows, _mean(self._open[:, 1:])])
 
     def next_stamp(self, time: float) -> float:
         """Return the first stamp that is not before a time, s; ∞ where there is none."""
-        k = int(np.searchsorted(self._rows[:, 0], time))
-        return float(self._rows[k, 0]) if k < len(self._rows) else np.inf
+        k = int(np.searchsorted(self._stamps, time))
+        return float(self._stamps[k]) if k < len(self._rows) else np.inf
 
     def forget(self, before: float) -> None:
         """Drop what lies before a time."""
-        self._rows = self._rows[int(np.searchsorted(self._rows[:, 0], before)) :].copy()
+        self._rows = self._rows[int(np.searchsorted(self._stamps, before)) :].copy()
 
     def at(self, time: FloatArray) -> FloatArray:
         """Whether the streams are clipped at times (J,), and their kernel averages, (J, 1 + 3 m).
 
         NaN where the streams do not cover them.
         """
-        stamps, reach = self._rows[:, 0], (_REACH + _EVEN) * self._step
+        stamps, reach = self._stamps, (_REACH + _EVEN) * self._step
         low = np.searchsorted(stamps, time - reach)
         high = np.searchsorted(stamps, time + reach, side="right")
         if low[0] == high[-1]:
-            return np.full((len(time), self._rows.shape[1] - 1), np.nan)
+            return np.full((len(time), self._rows.shape[1] - 2), np.nan)
         rows = self._rows[low[0] : high[-1]]
         # Samples about each instant (J, M); those that an instant has fewer are out of its reach.
         near = low[:, None] + np.arange(int((high - low).max()))
         few = near >= high[:, None]
         near = np.minimum(near, high[-1] - 1) - low[0]
-        offset = np.where(few, 2 * _REACH, (rows[near, 0] - time[:, None]) / self._step)
-        weight, covered = _weights(offset)
+        offset = np.where(few, 2 * _REACH, (rows[near, 1] - time[:, None]) / self._step)
+        weight, covered = _weights(offset, rows[near, 0])
         used: BoolArray = weight != 0.0
         finite = np.asarray(np.isfinite(rows).all(axis=1))
-        covered = covered & _without_hole(rows[:, 0], time, self._step)
+        covered = covered & _without_hole(rows[:, 1], time, self._step)
         covered &= (finite[near] | ~used).all(axis=1)
-        value = np.where(finite[:, None], rows[:, 1:], 0.0)
+        value = np.where(finite[:, None], rows[:, 2:], 0.0)
         out: FloatArray = (weight[:, None] @ value[near])[:, 0]
-        out[:, 0] = (used & (rows[near, 1] > 0)).any(axis=1)
+        out[:, 0] = (used & (rows[near, 2] > 0)).any(axis=1)
         out[~covered] = np.nan
         return out
 
 
-def _weights(offset: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Weights (J, M) of samples at offsets (J, M) in steps, and where they are enough (J,)."""
+def _mean(sums: FloatArray) -> FloatArray:
+    """Counts and means (N, c) of counts and sums (N, c)."""
+    return np.concatenate([sums[:, :1], sums[:, 1:] / sums[:, :1]], axis=1)
+
+
+def _weights(offset: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Weights (J, M) of means at offsets (J, M) in steps, and where they are enough (J,).
+
+    count : (J, M), samples of each mean: every sample weighs by where it is, not by how many
+    happen to share its mean.
+    """
     # Low-pass of zero phase: a sinc under a Hann window.
-    weight = np.sinc(2 * _CUT * offset) * np.cos(np.pi * offset / (2 * _REACH)) ** 2
-    weight = np.where(np.abs(offset) < _REACH, weight, 0.0)
-    # A weight that is linear in time keeps straight lines straight, also at the log's ends.
-    moment = weight * offset
-    s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
-    det = s0 * s2 - s1**2
-    fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
-    det = np.where(fine, det, 1.0)[:, None]
-    return (s2[:, None] * weight - s1[:, None] * moment) / det, fine
+    near = np.abs(offset) < _REACH
+    window = np.where(near, count * np.cos(np.pi * offset / (2 * _REACH)) ** 2, 0.0)
+    weight = np.sinc(2 * _CUT * offset) * window
+    total = weight.sum(axis=1)
+    fine = total > _LOBES * np.abs(weight).sum(axis=1)
+    weight = weight / np.where(fine, total, 1.0)[:, None]
+    # What is added keeps straight lines straight, at the log's ends and under stamps that jitter:
+    # the window times a line in time, as a sinc's own second moment is next to none.
+    moment = window * offset
+    h0, h1, h2 = window.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
+    det = h0 * h2 - h1**2
+    fine &= det > 1e-9 * np.maximum(h0 * h2, 1e-300)
+    added = -(weight * offset).sum(axis=1) / np.where(fine, det, 1.0)
+    return weight + added[:, None] * (h0[:, None] * moment - h1[:, None] * window), fine
 
 
 def _quantum(value: FloatArray) -> float:
