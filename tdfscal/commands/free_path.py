@@ -23,8 +23,8 @@ from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.parameters import gravity, sensing
+from tdfscal.model.statics import carrying
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.planning.static_loads import carrying
 from tdfscal.records import FloatArray
 from tdfscal.wrench.kinematics import rotations
 from tdfscal.wrench.sample_noise import LogHead, by_sensor

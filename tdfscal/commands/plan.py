@@ -33,8 +33,7 @@ from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
 from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.limits import Limits, travel_limits
-from tdfscal.planning.moving_information import MovingRequest
-from tdfscal.planning.moving_plan import MovingPlan, plan_motion
+from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Objective, Plan, Request
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.reporting.layout import Drawing, Report

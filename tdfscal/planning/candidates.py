@@ -8,9 +8,9 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.model.parameters import gravity, nominal
+from tdfscal.model.statics import carrying, internal_modes
 from tdfscal.numerics import so3
 from tdfscal.planning.limits import Limits, displacement
-from tdfscal.planning.static_loads import carrying, internal_modes
 from tdfscal.records import FloatArray, IntArray, Rig
 
 #: Share of a sensor's capacity that a plan uses.
@@ -214,5 +214,5 @@ def _too_heavy(rig: Rig, limits: Limits, carried: FloatArray) -> UsageError:
         f"no posture keeps every reading within {OF_CAPACITY:.0%} of the sensors' capacity "
         f"with {margin:.3g} N of unplanned internal forces",
         where="capacity",
-        hint="check mass and capacity in the rig file",
+        hint="check the mass and the capacities that are stated",
     )

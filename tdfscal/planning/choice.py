@@ -10,9 +10,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, draw
-from tdfscal.planning.exchange import choose, gains, information, inverse, objective, variances
 from tdfscal.planning.limits import check_limits, check_reach
-from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
 from tdfscal.planning.plan import Plan, Request, contact_conforms, hinge_radius
 from tdfscal.planning.predicted_information import (
     Forecast,
@@ -24,6 +22,18 @@ from tdfscal.planning.predicted_information import (
     wrench_rows,
 )
 from tdfscal.planning.refinement import refine
+from tdfscal.planning.selection import (
+    approaches,
+    choose,
+    distances,
+    gains,
+    information,
+    inverse,
+    objective,
+    short_tour,
+    variances,
+    with_returns,
+)
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import faked_information
 from tdfscal.selfcal.estimator import Fit
@@ -345,8 +355,8 @@ def _check(rig: Rig, request: Request) -> None:
         raise UsageError(f"the noise is {request.noise:g} N", hint="give newtons, 0 or more")
     if request.noise == 0.0 and rig.declared.force_noise == 0.0:
         raise UsageError(
-            "neither the request nor the rig file states a force noise",
-            hint="state what a posture's mean force will scatter by, with --noise",
+            "neither the request nor the rig states a force noise",
+            hint="state what a posture's mean force will scatter by",
         )
     if request.candidates < 1:
         raise UsageError(f"{request.candidates} candidates", hint="ask for one or more")

@@ -50,7 +50,7 @@ def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> Flo
             raise UsageError(
                 f"there is no support {name!r}",
                 where="travel",
-                hint=f"the rig file names {', '.join(rig.supports)}",
+                hint=f"the rig has {', '.join(rig.supports)}",
             )
         if len(value) not in (1, 3):
             raise UsageError(

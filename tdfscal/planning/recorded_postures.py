@@ -1,8 +1,10 @@
-"""Postures recorded already, as a plan builds on them."""
+"""Postures recorded already: a plan builds on them, and what more would make of them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -10,9 +12,11 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information
-from tdfscal.model.parameters import nominal
-from tdfscal.model.statics import postures
-from tdfscal.records import Dwells, Rig
+from tdfscal.model.parameters import nominal, sensing
+from tdfscal.model.statics import internal_part, postures
+from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import spectrum, triangular
+from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.covariance import evaluate
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
@@ -48,3 +52,70 @@ def scatter_of(fit: Fit) -> float:
     """Quadratic mean, N per axis, of the postures' force noise beyond what the rig declares."""
     variance = np.diagonal(fit.postures.force_cov, axis1=2, axis2=3).mean()
     return float(np.sqrt(max(0.0, variance - fit.rig.declared.force_noise**2)))
+
+
+Change = Literal["postures", "squeeze", "tare"]
+#: Postures that a campaign is easily given besides; how much harder it is squeezed; N, what a
+#: tare just before it leaves.
+_MORE, _HARDER, _TARED = 5, 2.0, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """A change of the campaign, and the angles' uncertainty to expect of it.
+
+    amount : postures more; N, largest internal force at an NCP; N, standard uncertainty of a zero.
+    rpy_std : (n, 3), rad, of roll, pitch, yaw.
+    """
+
+    change: Change
+    amount: float
+    rpy_std: FloatArray
+
+
+def prospects(fit: Fit, rpy_std: FloatArray) -> tuple[Prospect, ...]:
+    """Linearise a campaign as it would be at the estimate of the one that is there.
+
+    rpy_std : (n, 3), rad, as published; what the linear covariance promises of it is its share.
+    """
+    now = _linear_std(fit)
+    return tuple(
+        Prospect(change, amount, rpy_std * _linear_std(other, more) / now)
+        for change, amount, other, more in _changes(fit)
+    )
+
+
+def _changes(fit: Fit) -> Iterator[tuple[Change, float, Fit, float]]:
+    """Each change with its amount, its fit, and by how much its rows count more."""
+    rig, used = fit.rig, int((fit.weight > 0).sum())
+    yield "postures", float(_MORE), fit, (used + _MORE) / used
+    squeezed = _squeezed(fit)
+    if squeezed is not None:
+        yield "squeeze", *squeezed, 1.0
+    if np.any(rig.zero.std > 2 * _TARED):
+        zero = UncertainValue(rig.zero.value, np.minimum(rig.zero.std, _TARED))
+        tared = replace(rig, zero=zero)
+        yield "tare", _TARED, at_state(tared, fit.postures, fit.state, fit.weight), 1.0
+
+
+def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
+    """The same postures with larger internal forces; None where a sensor would be full."""
+    seen, M = fit.postures, sensing(fit.state)
+    force = np.einsum("nab,knb->kna", M, seen.force - fit.state.zero)
+    arm = seen.position - fit.state.datum
+    inside = internal_part(arm - arm.mean(axis=1, keepdims=True), force)
+    more = np.einsum("nab,knb->kna", np.linalg.inv(M), (_HARDER - 1.0) * inside)
+    reading = np.where(seen.measured, seen.force + more, 0.0)
+    if not np.all(seen.measured) or np.any(np.abs(reading) > fit.rig.capacity):
+        return None
+    size = _HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
+    harder = replace(seen, force=reading)
+    return size, at_state(fit.rig, harder, fit.state, fit.weight)
+
+
+def _linear_std(fit: Fit, more: float = 1.0) -> FloatArray:
+    """Standard uncertainties (n, 3), rad, where each posture counts `more` times."""
+    J = np.sqrt(more) * (fit.root @ fit.jacobian)
+    rows = np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian])
+    turns = spectrum(triangular(rows), len(rows)).root[: 3 * fit.rig.n]
+    return np.sqrt(so3.rpy_variance(fit.state.rotation, turns @ turns.T))

@@ -11,9 +11,9 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, realised
-from tdfscal.planning.exchange import gains, information, inverse, updated
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.predicted_information import Sight
+from tdfscal.planning.selection import gains, information, inverse, updated
 from tdfscal.records import FloatArray
 
 #: Rounds, proposals per round, at most and at least per posture; sizes of the steps, as shares of

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.model.statics import internal_modes, internal_part
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, hanging, room
 from tdfscal.planning.limits import Limits, displacement
-from tdfscal.planning.static_loads import internal_modes, internal_part
 from tdfscal.records import FloatArray, IntArray, Rig
 
 #: Time in which a motion starts and ends, s, and at most as a share of it.
@@ -89,7 +89,7 @@ def brought_to_limits(
     if left < 0.0:
         raise UsageError(
             "the weight alone takes the NCPs or the sensors to their limit of force",
-            hint="raise --force-limit, tilt less, or correct supports.capacity",
+            hint="raise the force limit, tilt less, or correct the capacities that are stated",
         )
     return Trajectory(rig, limits, duration, lines, way, turn, force * min(left, 1.0))
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
+from tdfscal.model.statics import carrying, internal_modes
 from tdfscal.planning.candidates import draw
 from tdfscal.planning.limits import check_limits, displacement, travel_limits
-from tdfscal.planning.static_loads import carrying, internal_modes
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 

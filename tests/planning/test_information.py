@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.model.parameters import layout
+from tdfscal.model.statics import internal_modes
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import draw, hanging
 from tdfscal.planning.predicted_information import Sight, forecast, wrench_rows
-from tdfscal.planning.static_loads import internal_modes
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import make_rig, reference_rig
 

@@ -7,8 +7,17 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 
-from tdfscal.planning.exchange import choose, gains, greedy, inverse, updated
-from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
+from tdfscal.planning.selection import (
+    approaches,
+    choose,
+    distances,
+    gains,
+    greedy,
+    inverse,
+    short_tour,
+    updated,
+    with_returns,
+)
 from tdfscal.records import FloatArray
 
 

@@ -18,7 +18,7 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.numerics import so3
-from tdfscal.planning.prospects import prospects
+from tdfscal.planning.recorded_postures import prospects
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
