@@ -27,10 +27,10 @@ import tdfscal
 from benchmarks.frame import heads, over, row
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.detection.capability import Capability, Request, assess
-from tdfscal.detection.exceedance import Noise
 from tdfscal.detection.noise import MeasuredNoise, measured_noise
 from tdfscal.detection.path import Path as Places
 from tdfscal.detection.path import ZeroChange, errors
+from tdfscal.detection.threshold import Noise
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, retract

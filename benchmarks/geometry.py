@@ -41,7 +41,7 @@ from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import GEOMETRY_MISFIT
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.moving_campaign import draw_field, simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 
 from .frame import heads
 

@@ -23,7 +23,7 @@ from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Acceptance
 from tdfscal.significance import ALARMS_PER_YEAR, INCOMPATIBLE
 from tdfscal.simulation import Options, Recorder, make_rig
-from tdfscal.simulation.months import simulate_months
+from tdfscal.simulation.scenarios import simulate_months
 
 #: N/m, of the carriages; months and postures of a history; N, of the internal forces.
 STIFFNESS, MONTHS, POSTURES, SQUEEZE = (20e6, 200e6), (4, 36), (6, 24), (100.0, 200.0, 400.0)

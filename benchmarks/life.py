@@ -36,8 +36,8 @@ from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 from tdfscal.simulation.moving_campaign import simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.reference_rig import make_rig
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.truth import make_rig
 from tests.comparison.histories import history
 
 RIG = reference_rig()

@@ -45,9 +45,8 @@ from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions, Touch
-from tdfscal.simulation.reference_rig import make_rig
-from tdfscal.simulation.truth import Truth
+from tdfscal.simulation.options import MovingOptions, Touch
+from tdfscal.simulation.truth import Truth, make_rig
 from tdfscal.validation.in_motion import validate_moving
 
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))

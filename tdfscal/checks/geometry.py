@@ -25,7 +25,7 @@ from tdfscal.checks.hinge_distances import (
     without_jolts,
 )
 from tdfscal.findings import Finding, Value
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, FRAME_MISFIT, GEOMETRY_MISFIT

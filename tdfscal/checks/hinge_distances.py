@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.model.statics import wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf

@@ -16,7 +16,7 @@ from tdfscal.checks.hinge_distances import Cause
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State, gravity, nominal
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig

@@ -18,8 +18,14 @@ from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.wrench_pass import WrenchPass
-from tdfscal.detection.capability import Capability, Request, assess, beyond_contact_free
-from tdfscal.detection.remedies import Remedy, remedies
+from tdfscal.detection.capability import (
+    Capability,
+    Remedy,
+    Request,
+    assess,
+    beyond_contact_free,
+    remedies,
+)
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding, Value

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.detection.exceedance import Noise
+from tdfscal.detection.threshold import Noise
 from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
 from tdfscal.records import FloatArray
 

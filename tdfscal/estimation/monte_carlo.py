@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.numerics import so3
-from tdfscal.numerics.propagation import MonteCarlo, propagate
+from tdfscal.numerics.distributions import MonteCarlo, propagate
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
 

@@ -37,8 +37,7 @@ from tdfscal.model.parameters import (
     unmixing,
     with_motions,
 )
-from tdfscal.model.pose import register
-from tdfscal.model.postures import Postures, forces, postures, zeros
+from tdfscal.model.postures import Postures, forces, postures, register, zeros
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, IntArray
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.detection.capability import Capability, Request
-from tdfscal.detection.remedies import Remedy
+from tdfscal.detection.capability import Capability, Remedy, Request
 from tdfscal.findings import Finding, rejecting
 from tdfscal.reporting.layout import Block, Drawing, Items, Report, Section, Table, illustrated
 from tdfscal.wrench.contact_wrench import COMPONENTS

@@ -10,7 +10,7 @@ from tdfscal.errors import DataError
 from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile

@@ -20,8 +20,8 @@ from tdfscal.estimation.priors import Priors
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.estimator import Fit, statistic

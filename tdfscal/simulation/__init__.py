@@ -4,8 +4,10 @@ A rigid terminal stands on elastic carriages, so that positioning errors and com
 strain it as they do on a real machine; its forces are those of the static equilibrium.
 """
 
+from tdfscal.simulation.campaign import Batch as Batch
 from tdfscal.simulation.campaign import Campaign as Campaign
 from tdfscal.simulation.campaign import simulate_campaign as simulate_campaign
+from tdfscal.simulation.campaign import simulate_dwells as simulate_dwells
 from tdfscal.simulation.equilibrium import Equilibrium as Equilibrium
 from tdfscal.simulation.equilibrium import Load as Load
 from tdfscal.simulation.equilibrium import Pose as Pose
@@ -23,11 +25,7 @@ from tdfscal.simulation.moving_campaign import MovingCampaign as MovingCampaign
 from tdfscal.simulation.options import Options as Options
 from tdfscal.simulation.options import Recorder as Recorder
 from tdfscal.simulation.options import SurveyOptions as SurveyOptions
-from tdfscal.simulation.posture_means import Batch as Batch
-from tdfscal.simulation.posture_means import simulate_dwells as simulate_dwells
 from tdfscal.simulation.postures import internal_part as internal_part
-from tdfscal.simulation.reference_rig import make_rig as make_rig
-from tdfscal.simulation.reference_rig import reference_rig as reference_rig
 from tdfscal.simulation.scenarios import MOVING as MOVING
 from tdfscal.simulation.scenarios import SCENARIOS as SCENARIOS
 from tdfscal.simulation.scenarios import Run as Run
@@ -37,3 +35,5 @@ from tdfscal.simulation.survey import measure as measure
 from tdfscal.simulation.survey import simulate_survey as simulate_survey
 from tdfscal.simulation.truth import Truth as Truth
 from tdfscal.simulation.truth import draw_truths as draw_truths
+from tdfscal.simulation.truth import make_rig as make_rig
+from tdfscal.simulation.truth import reference_rig as reference_rig

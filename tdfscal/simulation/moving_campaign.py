@@ -14,11 +14,9 @@ import numpy as np
 from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
-from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.options import Options
+from tdfscal.simulation.options import MovingOptions, Options
 from tdfscal.simulation.postures import internal_part, reading
-from tdfscal.simulation.time_course import correlated, streams
-from tdfscal.simulation.trajectories import Trajectory, draw_trajectory
+from tdfscal.simulation.time_course import Trajectory, correlated, draw_trajectory, streams
 from tdfscal.simulation.truth import Truth, draw_truths
 
 #: Rate at which the equilibrium is computed, Hz; between its instants splines run.

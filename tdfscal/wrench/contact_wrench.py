@@ -21,9 +21,8 @@ from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
-from tdfscal.numerics.in_place import dot
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.kinematics import Motion, motion, poses, rotations
+from tdfscal.wrench.kinematics import Motion, dot, motion, poses, rotations
 from tdfscal.wrench.resampling import Samples
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")

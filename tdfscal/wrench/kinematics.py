@@ -6,14 +6,14 @@ cubic fitted to a window that lies symmetrically about the sample: a filter of z
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.numerics import so3
-from tdfscal.numerics.in_place import dot
 from tdfscal.records import FloatArray
 
 #: Samples that share one exact registration; the others follow it by Gauss–Newton.
@@ -177,3 +177,16 @@ def _vee(M: FloatArray) -> FloatArray:
     """Vector (N, 3) of the skew part of M (N, 3, 3)."""
     skew = (M - np.swapaxes(M, 1, 2)) / 2
     return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
+
+
+def dot(
+    a: Sequence[FloatArray] | FloatArray,
+    b: Sequence[FloatArray] | FloatArray,
+    out: FloatArray,
+    part: FloatArray,
+) -> None:
+    """Write Σ aₖ bₖ into out; part, of the same shape, is overwritten."""
+    np.multiply(a[0], b[0], out=out)
+    for x, y in zip(a[1:], b[1:], strict=True):
+        np.multiply(x, y, out=part)
+        out += part

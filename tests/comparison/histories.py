@@ -12,8 +12,8 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import Options
+from tdfscal.simulation.campaign import record_means
 from tdfscal.simulation.equilibrium import settle
-from tdfscal.simulation.posture_means import record_means
 from tdfscal.simulation.postures import set_stage, stand
 
 Step = tuple[int, int, tuple[float, float, float]]

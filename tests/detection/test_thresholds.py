@@ -8,9 +8,8 @@ from scipy.signal import butter, lfilter
 from scipy.special import ndtr, ndtri
 from scipy.stats import binom
 
-from tdfscal.detection.exceedance import Noise, crossing_probability, crossings
 from tdfscal.detection.noise import LowPass, measured_noise
-from tdfscal.detection.threshold import Places, Watch
+from tdfscal.detection.threshold import Noise, Places, Watch, crossing_probability, crossings
 from tdfscal.records import FloatArray
 
 LEVELS = np.array([0.0, 1.0, 2.5, 4.0])

@@ -26,7 +26,7 @@ from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Options
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 
 SQUEEZED = Options(squeeze=100.0)

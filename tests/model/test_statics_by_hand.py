@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal import simulation
 from tdfscal.model import free_forces
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.pose import approach, register
-from tdfscal.model.postures import Postures, forces, postures, zeros
+from tdfscal.model.postures import Postures, approach, forces, postures, register, zeros
 from tdfscal.model.statics import balance, features
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3

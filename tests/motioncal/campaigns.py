@@ -16,8 +16,8 @@ from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.reference_rig import make_rig
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.truth import make_rig
 
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 

@@ -20,8 +20,8 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation.moving_campaign import MovingCampaign
-from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.reference_rig import make_rig
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.truth import make_rig
 from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
 from tests.words import in_words
 

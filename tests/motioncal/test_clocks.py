@@ -12,7 +12,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Series, UncertainValue
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, turn_error
 
 FOUR_MINUTES = MovingOptions(duration=240.0, rate=40.0, noise=0.7)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.model.earlier import free_constants, joint_prior
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.covariance import FIELD, estimate, of_poses
 from tdfscal.motioncal.design import instants
@@ -19,7 +19,7 @@ from tdfscal.numerics.information import Information
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
 from tdfscal.simulation.moving_campaign import draw_field
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 
 #: Stiff carriages: the internal forces, and with them a pose error's moment, differ by posture.

@@ -13,7 +13,7 @@ from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import retract
 from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.records import FloatArray
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
 
 FAST = quiet(duration=20.0, frequency=0.25)

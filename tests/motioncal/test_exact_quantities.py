@@ -11,7 +11,7 @@ from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.motioncal.estimator import MovingPriors, MovingState, fit_moving
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import played, true_state
 
 

@@ -11,7 +11,7 @@ from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.motioncal.monte_carlo import Sampler, simulate
 from tdfscal.numerics import so3
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 
 ALL = np.ones(3, dtype=np.bool_)

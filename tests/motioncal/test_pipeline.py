@@ -15,7 +15,7 @@ from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation.moving_campaign import MovingCampaign
-from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tdfscal.simulation.options import MovingOptions, Touch
 from tests.motioncal.campaigns import played, turn_error
 from tests.words import in_words
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.motioncal.blocks import blocks, rests_of
 from tdfscal.motioncal.estimator import MovingPriors, at_state
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 
 STOPS = replace(MovingOptions.stops(), rate=100.0, stiffness=(2e8, 2e8, 2e8), duration=76.0)

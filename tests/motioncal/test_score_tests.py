@@ -16,7 +16,7 @@ from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
-from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, turn_error
 from tests.words import in_words
 

@@ -10,7 +10,7 @@ from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
-from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tdfscal.simulation.options import MovingOptions, Touch
 from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
 
 

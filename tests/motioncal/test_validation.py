@@ -14,7 +14,7 @@ from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tdfscal.simulation.options import MovingOptions, Touch
 from tdfscal.simulation.truth import Truth
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tests.motioncal.campaigns import DELAY, played

@@ -24,8 +24,8 @@ from tdfscal.reporting.planning import extremes
 from tdfscal.simulation import reference_rig, rotations
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.trajectories import Trajectory
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.time_course import Trajectory
 from tests.cli.running import run
 from tests.motioncal.campaigns import DELAY
 

@@ -11,7 +11,7 @@ from scipy import stats
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, retract
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue

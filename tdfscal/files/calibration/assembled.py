@@ -29,8 +29,7 @@ from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import coverage_factor
-from tdfscal.numerics.propagation import MonteCarlo
+from tdfscal.numerics.distributions import MonteCarlo, coverage_factor
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.significance import INTERVAL_COVERAGE
 

@@ -17,7 +17,7 @@ from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
-from tdfscal.model.pose import register
+from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.cross_validation import CrossValidation

@@ -26,7 +26,7 @@ from tdfscal.simulation import (
     reference_rig,
     run,
 )
-from tdfscal.simulation.months import simulate_months
+from tdfscal.simulation.scenarios import simulate_months
 
 LogFormat = Literal["csv", "parquet", "mcap"]
 

@@ -13,7 +13,7 @@ from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.records import CampaignInfo, Drift, Rig, SensorInfo, UncertainValue
 from tdfscal.simulation import Run, Survey
-from tdfscal.simulation.months import Months
+from tdfscal.simulation.scenarios import Months
 
 _TRACKER: dict[str, Any] = {
     "targets": {"nominal": "tracker/nominal.csv", "measured": "tracker/targets.csv"},
