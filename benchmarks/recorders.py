@@ -28,7 +28,6 @@ from benchmarks.frame import heads, over, row
 from tdfscal import calibrate
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
-from tdfscal.files.writers.apart import write_apart
 from tdfscal.logs import concatenate
 from tdfscal.logs.recorders import on_one_clock
 from tdfscal.model.dynamics import DELAY, RATE
@@ -49,6 +48,7 @@ from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import MOVING, Options, Recorder, Run, reference_rig, run
 from tdfscal.simulation.recorded_apart import Apart, recorded_apart
+from tests.cli.apart import write_apart
 
 RATES = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0)
 LAGS = (0.0, 3.7, 600.0, 81234.5, 1.8e9)

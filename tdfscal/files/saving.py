@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import yaml
 
 from tdfscal.files.outputs import replacing, writing
@@ -24,15 +27,28 @@ def to_json(content: Any) -> str:
 
 
 def to_yaml(content: Any) -> str:
-    """Plain YAML in the order given, lists of numbers and short words on one line each."""
+    """Plain YAML in the order given, lists of numbers and short words on one line each.
+
+    content : mappings, lists, numbers, text; records and arrays as these.
+    """
     return yaml.dump(
-        content,
+        _plain(content),
         Dumper=_PlainDumper,
         sort_keys=False,
         allow_unicode=True,
         width=1 << 30,
         default_flow_style=False,
     )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if dataclasses.is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 if TYPE_CHECKING:

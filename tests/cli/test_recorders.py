@@ -9,11 +9,11 @@ import pytest
 
 from tdfscal import calibrate, info, init
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.writers.apart import write_apart
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.reporting.figures import drawings
 from tdfscal.simulation import MOVING, Options, Run, reference_rig, run
 from tdfscal.simulation.recorded_apart import Apart, recorded_apart
+from tests.cli.apart import write_apart
 
 
 def played(scenario: str, seed: int) -> Run:

@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import load_rig
-from tdfscal.files.writers import point_files
+from tdfscal.files.writers import documents
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder, write_campaign
 from tdfscal.records import Acceptance, CampaignInfo, Drift, FloatArray, SensorInfo, UncertainValue
 from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
@@ -256,7 +256,7 @@ def test_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Monke
     def full(folder: Path, session: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(point_files, "write_session", full)
+    monkeypatch.setattr(documents, "write_session", full)
     with pytest.raises(UsageError, match="No space left"):
         simulate_to_folder(tmp_path / "c", postures=2)
     assert list(tmp_path.iterdir()) == []

@@ -37,6 +37,8 @@ from tdfscal.records import (
 
 #: s
 HOUR = 3600.0
+#: What a drift of the record is multiplied by for the file.
+DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
 
 def _rig(file: RigFile) -> Rig:
     supports, terminal, acceptance = file.supports, file.terminal, dict(file.acceptance)
-    declared, drift = dict(file.uncertainty), dict(file.drift)
+    declared = dict(file.uncertainty)
     contact, compliance = acceptance.pop("contact"), declared.pop("compliance")
     sensors = tuple(SensorInfo(**dict(support.sensor or ())) for support in supports)
     return Rig(
@@ -158,7 +160,7 @@ def _rig(file: RigFile) -> Rig:
         acceptance=Acceptance(
             **acceptance, **{f"contact_{what}": limit for what, limit in contact or ()}
         ),
-        drift=Drift(**drift | {"time": drift["time"] / HOUR, "walk": drift["walk"] / HOUR**0.5}),
+        drift=Drift(**{name: value / DRIFT_UNITS[name] for name, value in file.drift}),
         serial=file.serial,
         campaign=CampaignInfo(**dict(file.campaign or ())),
         sensors=sensors if any(support.sensor for support in supports) else (),

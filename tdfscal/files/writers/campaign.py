@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +13,8 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.outputs import make_folder, replacing, together, writing
-from tdfscal.files.writers import documents, point_files, recordings, table_log
+from tdfscal.files.saving import to_yaml, write_text
+from tdfscal.files.writers import documents, logs
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
@@ -32,9 +33,9 @@ LogFormat = Literal["csv", "parquet", "mcap"]
 
 #: What writes a log, and returns the rig file's `log` block that reads it.
 _FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
-    "csv": table_log.write_csv,
-    "parquet": table_log.write_parquet,
-    "mcap": recordings.write_mcap,
+    "csv": logs.write_csv,
+    "parquet": logs.write_parquet,
+    "mcap": logs.write_mcap,
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
@@ -123,7 +124,7 @@ def _months(
             place = folder / date[:7]
             write_run(of_month, place, format=format, seed=seed, overwrite=overwrite)
         story = {"name": "months", "seed": seed}
-        documents.write_yaml(folder / _TRUTH, documents.months_document(played, story))
+        _write(folder / _TRUTH, documents.months_document(played, story))
     return runs[-1]
 
 
@@ -159,14 +160,15 @@ def write_run(
     with writing(folder), together() as outputs:
         make_folder(folder)
         if recorded is not None:
-            block = _write_log(folder / f"log.{format}", recorded.log, format)
+            with replacing(folder / f"log.{format}") as beside:
+                block = _FORMATS[format](beside, recorded.log)
         if played.moving is not None:
             block["delay"] = STATED_DELAY
         if survey is not None:
-            point_files.write_session(folder / "tracker", survey.session)
+            documents.write_session(folder / "tracker", survey.session)
             tracker = documents.tracker_block(survey)
         rig_file = documents.rig_document(rig, block or None, tracker)
-        documents.write_yaml(folder / "rig.yaml", rig_file)
+        _write(folder / "rig.yaml", rig_file)
         files = {}
         for name in _OURS:
             place = Path(os.path.realpath(folder / name))
@@ -175,14 +177,12 @@ def write_run(
             else:
                 outputs.removed.append(folder / name)
         truth = documents.truth_document(played, rig, story)
-        documents.write_yaml(folder / _TRUTH, truth | {"files": files})
+        _write(folder / _TRUTH, truth | {"files": files})
     return tuple(folder / name for name in (*files, _TRUTH))
 
 
-def _write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any]:
-    """Write a log; returns the rig file's `log` block that reads it."""
-    with replacing(path) as beside:
-        return _FORMATS[form](beside, log)
+def _write(path: Path, document: Mapping[str, Any]) -> None:
+    write_text(path, to_yaml(document))
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.files import WRENCH_WRITER
 from tdfscal.files.outputs import check_suffix, replacing, writing
-from tdfscal.files.writers.recordings import WRENCH, definition, recorder, stamped
+from tdfscal.files.writers.logs import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 

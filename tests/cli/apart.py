@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.files.writers.documents import rig_document, write_yaml
-from tdfscal.files.writers.table_log import AXES, MM
+from tdfscal.files.saving import to_yaml
+from tdfscal.files.writers.documents import rig_document
 from tdfscal.records import Log, Rig
 
 
@@ -19,10 +19,10 @@ def write_apart(folder: Path, rig: Rig, moves: Log, loads: Log) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     places = {name: [f"X{i}", f"Y{i}", f"Z{i}"] for i, name in enumerate(rig.supports, 1)}
-    forces = {name: [f"F{i}{a}" for a in AXES] for i, name in enumerate(rig.supports, 1)}
+    forces = {name: [f"F{i}{a}" for a in "xyz"] for i, name in enumerate(rig.supports, 1)}
     with (folder / "cnc.csv").open("w", encoding="ascii") as file:
         file.write(";".join(["t", *(c for own in places.values() for c in own)]) + "\n")
-        values = np.hstack([series.value for series in moves.position]) * MM
+        values = np.hstack([series.value for series in moves.position]) * 1e3
         for time, row in zip(moves.position[0].time, values, strict=True):
             line = ";".join([f"{1e3 * time:.3f}", *(f"{value:.4f}" for value in row)])
             file.write(line.replace(".", ",") + "\n")
@@ -46,6 +46,5 @@ def write_apart(folder: Path, rig: Rig, moves: Log, loads: Log) -> None:
             "supports": {name: {"force": own} for name, own in forces.items()},
         },
     ]
-    document = rig_document(rig)
-    document["log"] = blocks
-    write_yaml(folder / "rig.yaml", document)
+    document = rig_document(rig) | {"log": blocks}
+    (folder / "rig.yaml").write_text(to_yaml(document), encoding="utf-8")
