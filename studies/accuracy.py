@@ -185,7 +185,7 @@ def _figure(rig: Rig, case: Case, i: int) -> Drawing:
 
 def _paint_errors(rig: Rig, case: Case, i: int) -> Figure:
     fig = figure(0.5 + 1.9 * len(case.error))
-    grid = fig.subplots(len(case.error), 3, squeeze=False)
+    grid = fig.subplots(len(case.error), 3, sharex=True, squeeze=False)
     for row, (method, error) in enumerate(case.error.items()):
         for j in range(3):
             ax = grid[row, j]

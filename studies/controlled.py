@@ -8,6 +8,9 @@ from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from studies.arms import KNOWS, MOUNTED, Arm
 from studies.campaigns import mapped
@@ -21,6 +24,7 @@ from studies.frame import Beside, Table
 from studies.statistics import ratio
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import signed
 from tdfscal.simulation import Pose, Truth
 
 #: Colour, line and marker of each calibration: each tells them apart on its own.
@@ -157,3 +161,13 @@ def beside(
             here = ratio(values[a], values[b])
             items.append(Beside(figure, f"{quantity}, {a} / {b}", "", printed, here, draws=draws))
     return items
+
+
+def linear_then_log(ax: Axes, which: str, linear: float) -> None:
+    """Scale an axis, "x" or "y", linearly up to ± a limit and logarithmically beyond it."""
+    getattr(ax, f"set_{which}scale")("symlog", linthresh=linear, linscale=2.0)
+    steps = [*(linear * k / 3 for k in (1, 2, 3)), *(linear / 0.3 * 10**k for k in range(3))]
+    axis: Axis = getattr(ax, f"{which}axis")
+    axis.set_major_locator(FixedLocator([-step for step in reversed(steps)] + [0.0, *steps]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: signed(value, "g")))
+    axis.set_minor_locator(NullLocator())

@@ -190,7 +190,7 @@ def run(
         tuple(tables),
         beside=tuple(item for name, one in found.items() for item in _like(name, one)),
         chosen=tuple(item for name, one in found.items() for item in _chosen(name, one)),
-        drawings=tuple(d for name, one in found.items() for d in _drawings(name, one)),
+        drawings=tuple(d for name, one in found.items() for d in drawings(name, one)),
     )
 
 
@@ -260,7 +260,7 @@ def _chosen(name: str, one: Dockings) -> list[tuple[str, str, str]]:
     return said
 
 
-def _drawings(name: str, one: Dockings) -> list[Drawing]:
+def drawings(name: str, one: Dockings) -> list[Drawing]:
     """Fig. 17, of the median run of the paper's self-calibration, and Fig. 18."""
     arms = [arm.name for arm in one.arms]
     c = arms.index("Eq. 24") if "Eq. 24" in arms else len(arms) - 1
@@ -293,7 +293,7 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
     last = len(traces.time) if np.isnan(stop) else int(np.searchsorted(traces.time, stop)) + 1
     time = traces.time[:last]
     fig = figure(5.4)
-    grid = fig.subplots(2, 3, sharex=True)
+    grid = fig.subplots(2, 3, sharex=True, sharey="row")
     for axis, ax in enumerate(grid.flat):
         seen, true = traces.measured[:last, lane, axis], traces.contact[:last, lane, axis]
         ax.plot(time, seen, color=ink.ORANGE, linewidth=0.7, label="as the controller sees it")
@@ -304,9 +304,9 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
                 ax.axvline(start, color=ink.BLUE, linewidth=0.9, linestyle=line,
                            label=f"{phase}, {start:.1f} s")  # fmt: skip
         ax.set_title(f"{_FORCES[axis]}; largest true {one.peak[c, run, axis]:.3g}")
-        limit = one.setup.controller.thresholds[axis] if axis < 3 else 0.0
-        ax.set_yscale("symlog", linthresh=_LINEAR[axis // 3], linscale=2.0)
+        controlled.linear_then_log(ax, "y", _LINEAR[axis // 3])
         if axis < 3:
+            limit = one.setup.controller.thresholds[axis]
             ax.axhline(limit, color=ink.RED, linewidth=0.7)
             ax.axhline(-limit, color=ink.RED, linewidth=0.7, label="limit" if axis == 0 else None)
         else:
@@ -316,29 +316,30 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
 
 
 def _paint_maxima(one: Dockings) -> Figure:
-    fig = figure(5.8)
-    grid = fig.subplots(2, 3, sharex=True)
-    runs = one.seated.shape[1]
-    spread = np.linspace(-0.25, 0.25, runs)
+    names = [arm.name for arm in one.arms]
+    fig = figure(1.2 + 0.38 * len(names))
+    grid = fig.subplots(2, 3, sharex="row", sharey=True)
+    spread = np.linspace(-0.25, 0.25, one.seated.shape[1])
     for axis, ax in enumerate(grid.flat):
-        for c in range(len(one.arms)):
+        for c in range(len(names)):
             colour, _, marker = controlled.MARKS[c % len(controlled.MARKS)]
             met = one.touched[c]
             values = one.peak[c, met, axis]
             if not values.size:
-                ax.text(c, 0.3, "no contact", rotation=90, fontsize=6.5, ha="center", va="bottom")
+                ax.text(0.2, c, "no contact", fontsize=6.5, va="center")
                 continue
-            ax.plot(c + spread[met], values, marker, color=colour, markersize=2.5, alpha=0.6,
+            ax.plot(values, c + spread[met], marker, color=colour, markersize=2.5, alpha=0.6,
                     linestyle="none")  # fmt: skip
             middle = mean(values)
-            ax.errorbar(c, middle.value, np.nan_to_num(middle.std), color=ink.BLACK, marker="_",
-                        markersize=12, capsize=3)  # fmt: skip
+            ax.errorbar(middle.value, c, xerr=np.nan_to_num(middle.std), color=ink.BLACK,
+                        marker="|", markersize=8, capsize=2)  # fmt: skip
         if axis < 3:
-            ax.axhline(one.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
-        ax.set_yscale("symlog", linthresh=_LINEAR[axis // 3], linscale=2.0)
-        ax.set_ylim(0.0)
-        ax.set_xlim(-0.6, len(one.arms) - 0.4)
-        ax.set_title(_FORCES[axis] + ("" if axis > 2 else ", limit in red"))
-        names = [arm.name for arm in one.arms]
-        ax.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+            ax.axvline(one.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
+        controlled.linear_then_log(ax, "x", _LINEAR[axis // 3])
+        ax.set_xlabel(_FORCES[axis] + ("" if axis > 2 else "; limit in red"))
+        ax.grid(axis="y", visible=False)
+    for row in grid:
+        row[0].set_xlim(left=0.0)
+    grid[0, 0].set_yticks(range(len(names)), names)
+    grid[0, 0].set_ylim(len(names) - 0.4, -0.6)
     return fig

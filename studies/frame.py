@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ from tdfscal.reporting.layout import Block, Drawing, Facts, Items, Report, Secti
 from tdfscal.reporting.layout import Table as Shown
 
 Cell = str | float | int | Estimate | None
+#: Letters beside each other on a terminal, and on a page.
+_TERMINAL, _PAGE = 80, 125
 #: Of the document, and of the file among a study's that says whose folder it is.
-_WIDTH = 80
 FORMAT, DOCUMENT, PAGE = "tdfscal-study/1", "study.json", "study.html"
 
 
@@ -39,13 +41,13 @@ class Table:
     left: int = 1
     shown: bool = True
 
-    def blocks(self) -> list[Shown]:
-        """As a report has it; columns that a terminal has no room for go below, words whole."""
+    def blocks(self, width: int) -> list[Shown]:
+        """As a report has it; columns beyond a width in letters go below, words whole."""
         cells = [list(self.columns), *(list(map(_text, row)) for row in self.rows)]
         widths = [2 + max(len(row[k]) for row in cells) for k in range(len(self.columns))]
         chosen, parts = list(range(self.left)), []
         for k in range(self.left, len(widths)):
-            if len(chosen) > self.left and sum(widths[c] for c in (*chosen, k)) > _WIDTH:
+            if len(chosen) > self.left and sum(widths[c] for c in (*chosen, k)) > width:
                 parts.append(chosen)
                 chosen = list(range(self.left))
             chosen.append(k)
@@ -154,17 +156,30 @@ class Study:
             found.append(Table("chosen", "Inputs, not results", head, self.chosen, left=3))
         return tuple(found)
 
-    def report(self) -> Report:
-        """Lay it out in words and tables."""
-        blocks: list[Block] = []
+    @property
+    def conclusion(self) -> str:
+        """How many of the paper's numbers came out how; what a run says where none could differ."""
+        if not self.beside:
+            return " ".join(self.notes)
+        verdicts = Counter(item.verdict for item in self.beside)
+        counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
+        one = len(self.beside) == 1
+        said = "The paper's one number" if one else f"Of the paper's {len(self.beside)} numbers"
+        return f"{said} that could have come out otherwise: {counted}."
+
+    def report(self, width: int = _TERMINAL) -> Report:
+        """Lay it out in words, figures and tables: what comes of it first."""
+        tables: list[Block] = []
         for table in self.all_tables:
             if table.name == "chosen":
-                blocks.append(Facts(tuple((what, f"{v}; {why}") for what, v, why in self.chosen)))
+                tables.append(Facts(tuple((what, f"{v}; {why}") for what, v, why in self.chosen)))
             elif table.shown:
-                blocks += table.blocks()
-        if self.notes:
-            blocks.append(Items("What the runs say", self.notes))
-        return Report(self.title, self.subtitle, sections=(Section(self.title, tuple(blocks)),))
+                tables += table.blocks(width)
+        figures = [Section(d.title, (), d.reading, d) for d in self.drawings]
+        sections = [*figures, Section("Tables", tuple(tables))]
+        if self.beside and self.notes:
+            sections.insert(0, Section("What the runs say", (Items("", self.notes),)))
+        return Report(self.title, self.subtitle, claim=self.conclusion, sections=tuple(sections))
 
     def document(self) -> dict[str, Any]:
         """Return plain JSON values."""
@@ -196,10 +211,7 @@ class Study:
             names.append(f"{table.name}.csv")
             write_text(folder / names[-1], table.csv())
         figures = [p.name for drawing in self.drawings for p in style.save(drawing, folder)]
-        report = self.report()
-        shown = tuple(Section(d.title, (), d.reading, d) for d in self.drawings)
-        page = replace(report, sections=report.sections + shown)
-        write_text(folder / PAGE, render(page))
+        write_text(folder / PAGE, render(self.report(_PAGE)))
         text = json.dumps(self.document(), ensure_ascii=False, allow_nan=False, indent=1)
         write_text(folder / DOCUMENT, text + "\n")
         return (*names, *figures, PAGE, DOCUMENT)

@@ -170,7 +170,7 @@ def _tables(case: str, found: Deviations) -> list[Table]:
 
 def _paint(found: Deviations) -> Figure:
     fig = figure(4.8)
-    grid = fig.subplots(2, 3, sharex=True)
+    grid = fig.subplots(2, 3, sharex=True, sharey="row")
     names = ("x", "y", "z", "about x", "about y", "about z")
     rms = 1e3 * np.sqrt(np.mean(found.value**2, axis=2))  # (C, M, 6)
     at = np.arange(1.0, rms.shape[1] + 1.0)

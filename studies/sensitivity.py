@@ -171,7 +171,7 @@ def _drawing(supports: tuple[str, ...], s: Sweep) -> Drawing:
 def _paint(supports: tuple[str, ...], s: Sweep) -> Figure:
     n, both = len(supports), ((s.force, "force error, N"), (s.torque, "torque error, N·m"))
     fig = figure(0.5 + 2.0 * n)
-    grid = fig.subplots(n, 2, sharex=True, squeeze=False)
+    grid = fig.subplots(n, 2, sharex=True, sharey="col", squeeze=False)
     for i, name in enumerate(supports):
         for ax, (values, label) in zip(grid[i], both, strict=True):
             for j, (colour, line, marker) in enumerate(_LINES):
