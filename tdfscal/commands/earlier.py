@@ -18,9 +18,7 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.earlier import free_constants
-from tdfscal.model.parameters import furthest
-from tdfscal.numerics.information import Information
+from tdfscal.model.earlier import constants_known
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
 
 
@@ -73,12 +71,6 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     covariance = known.covariance
     if file.parameters is not None and file.parameters.unscaled is not None:
         covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
-    free = free_constants(known.rig)
-    size = len(free)
-    own = covariance[:size, :size][np.ix_(free, free)]
-    open_std = np.where(np.diagonal(own) > 0, 0.0, furthest(known.rig.n)[free])
-    own += np.diag(open_std**2)
-    matrix = Information(own, np.zeros(len(own))).covariance  # the inverse, scaled
     # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
     alone = () if file.fit is None or file.motion is not None else (file.fit,)
     fits = file.campaigns or alone
@@ -90,7 +82,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         file=file,
         rig=known.rig,
         state=known.state,
-        information=Information(matrix, np.zeros(len(own))),
+        information=constants_known(known.rig, covariance),
         determined=file.determined,
         measured=_measured(file),
         sha256=sha256(content).hexdigest(),

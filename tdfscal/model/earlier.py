@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import (
     EVEN_TURN,
     LOAD,
     State,
     constants,
+    furthest,
     layout,
     parameter_count,
     prior_std,
@@ -45,6 +47,22 @@ def of_load(rig: Rig) -> BoolArray:
     for group in LOAD:
         load[place[group]] = True
     return np.asarray(load[free_constants(rig)])
+
+
+def constants_known(rig: Rig, covariance: FloatArray) -> Information:
+    """Information (C,) on the free constants by all parameters' covariance; open ones are wide."""
+    free = free_constants(rig)
+    own = covariance[: len(free), : len(free)][np.ix_(free, free)]
+    wide = np.where(np.diagonal(own) > 0, 0.0, furthest(rig.n)[free])
+    own = own + np.diag(wide**2)
+    # The inverse, scaled.
+    return Information(Information(own, np.zeros(len(own))).covariance, np.zeros(len(own)))
+
+
+def informed(rig: Rig, given: Calibrated) -> Rig:
+    """Return a campaign's rig with what a calibration knows of the rig's constants."""
+    known = constants_known(given.rig, given.covariance)
+    return replace(rig, earlier=joint_prior(given.rig, given.state, known))
 
 
 def same_load(a: Rig, b: Rig) -> bool:

@@ -28,7 +28,7 @@ from tdfscal.significance import CAUSES_APART
 #: this, and not above what is stated by as much.
 _BETTER = 9.0
 #: Postures that are looked at, at most, evenly spread over the log.
-_POSTURES = 60
+MOST_POSTURES = 60
 #: Share of a tare by which it may miss the load, at most.
 _TARED = 0.1
 
@@ -57,6 +57,12 @@ class Misreading:
         return spread(self.fit.distance, self.fit.at.rows)
 
     @property
+    def unknowns(self) -> int:
+        """How many numbers the mistake was fitted by: of a unit or an exchange none."""
+        exact = self.names or self.axis is None or log_against_rig.unit_of(self.factor)
+        return 0 if exact else 1
+
+    @property
     def turn(self) -> float:
         """Largest turn of a sensor from its nominal mounting, rad."""
         back = np.swapaxes(nominal(self.fit.rig).rotation, 1, 2)
@@ -72,7 +78,7 @@ def likeliest_misreading(
     postures; without it no jump is looked for.
     """
     order = np.arange(len(observed)) if time is None else np.argsort(time, kind="stable")
-    some = np.unique(np.linspace(0, len(order) - 1, _POSTURES).round().astype(np.int64))
+    some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
     seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
     if misfit < _BETTER:
         return None

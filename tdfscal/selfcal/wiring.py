@@ -18,7 +18,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import Fit, spread
-from tdfscal.selfcal.misreadings import likeliest_misreading, refusal
+from tdfscal.selfcal.misreadings import Misreading, likeliest_misreading, refusal
 from tdfscal.selfcal.slip import find_slip
 
 #: Variance of the residuals, in units of the one stated, above which no mounting explains them.
@@ -90,15 +90,41 @@ def check_readings(
     Several may, each with sensors that are turned by quarters: the least turned is the likely one.
     Parameters as in `check_forces`.
     """
+    if (found := misreading(rig, observed, present, number, time)) is not None:
+        raise misread(rig, found, present, number, time)
+
+
+def misreading(
+    rig: Rig,
+    observed: Postures,
+    present: Fit,
+    number: IntArray | None = None,
+    time: FloatArray | None = None,
+) -> Misreading | None:
+    """The one mistake that explains the postures, which a sensor that turned does not.
+
+    present : the best that can be made of them as they are. number, time as in `check_forces`.
+    """
     found = likeliest_misreading(rig, observed, present, None if number is None else time)
-    if found is None:
-        return
+    if found is None or found.jump is None or found.tared:
+        return found
+    assert number is not None  # without them no jump is looked for
+    assert time is not None
+    step = find_slip(estimate(present), time, number)
+    # A sensor that turned is for the gate to say.
+    return None if step is not None and step.kind == "slip" else found
+
+
+def misread(
+    rig: Rig,
+    found: Misreading,
+    present: Fit,
+    number: IntArray | None = None,
+    time: FloatArray | None = None,
+) -> DataError:
+    """The error that names a mistake with its evidence; parameters as in `misreading`."""
     if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
-        raise log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
-    number = np.arange(len(observed)) + 1 if number is None else number
-    if found.jump is not None and not found.tared and time is not None:
-        step = find_slip(estimate(present), time, number)
-        if step is not None and step.kind == "slip":  # a sensor that turned: for the gate to say
-            return
-    raise refusal(rig, found, spread(present.distance, present.at.rows), number, time)
+        return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
+    number = np.arange(len(present.postures)) + 1 if number is None else number
+    return refusal(rig, found, spread(present.distance, present.at.rows), number, time)

@@ -30,12 +30,14 @@ from tdfscal.motioncal.estimator import (
     estimate_noise,
 )
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
+from tdfscal.motioncal.start import moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
+from tdfscal.validation.misread import refuse_misread
 from tdfscal.validation.verdict import Judged, Verdict, searched
 from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
@@ -67,7 +69,8 @@ def validate_moving(
     Raises
     ------
     DataError
-        The log cannot serve, or its positions do not fit the hinges.
+        The log cannot serve, its positions do not fit the hinges, or its forces are not what their
+        fields are called.
     """
     rig = rig or given.rig
     usable = usable_samples(rig, slow)
@@ -83,6 +86,8 @@ def validate_moving(
     given = with_own_load(given, rig)
     at = _linearised(given, fit, MovingPriors(rig, slow, delay))
     judged, zeros = judged_with_zeros(at, given, rig, _judged)
+    if not judged.holds:
+        refuse_misread(given, rig, moments(rig, slow, usable.keep))
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),

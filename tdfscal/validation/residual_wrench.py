@@ -23,6 +23,7 @@ from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
 from tdfscal.validation.causes import Cause, Causes
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
+from tdfscal.validation.misread import refuse_misread
 from tdfscal.validation.verdict import Judged, Verdict, searched
 from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
@@ -68,8 +69,8 @@ def validate(
     Raises
     ------
     DataError
-        There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, or no
-        noise is stated anywhere.
+        There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, no
+        noise is stated anywhere, or the forces are not what their fields are called.
     """
     rig = rig or given.rig
     if len(dwells) == 0:
@@ -84,6 +85,13 @@ def validate(
     observed, found = _with_noise(postures(rig, dwells, age).subset(used), noise)
     balanced, slopes, at = _linearised(given, known.scaled(observed))
     judged, zeros = judged_with_zeros(at, given, rig, lambda white: _judged(white, known))
+    if not judged.holds:
+
+        def judge(seen: Postures) -> Judged:
+            at = _linearised(given, known.scaled(seen))[2]
+            return judged_with_zeros(at, given, rig, lambda white: _judged(white, known))[0]
+
+        refuse_misread(given, rig, observed, judge, used + 1, dwells.start[used])
     given = zeros.brought_into(given)
     before, after = (
         contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)

@@ -41,6 +41,14 @@ class Judged:
         """Neither all residuals together nor the likeliest single cause are beyond chance."""
         return self.search_p >= _SEARCH and self.p_value >= VALIDATION_ALARM - _SEARCH
 
+    @property
+    def merit(self) -> tuple[bool, float]:
+        """Whether anything explains the residuals, and the likelihood of what does, −deviance."""
+        explaining = [cause for cause in self.causes.best if cause.explains]
+        weights = [cause.weight for cause in explaining or self.causes.best]
+        best = max(*weights, 0.0) if self.holds else max(weights)
+        return self.holds or bool(explaining), best - self.white.deviance
+
 
 def searched(found: Causes, chance: Callable[[Cause], float]) -> float:
     """Smallest probability that chance looks so much like one cause, for as many as were tried.

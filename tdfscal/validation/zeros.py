@@ -82,7 +82,7 @@ def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
         worth = same.white.worth
         likeliest = max((_evidence(c) - worth for c in rivals if c.explains), default=-np.inf)
         return bool(likeliest < moving + odds)
-    return _merit(fresh) > _merit(same)
+    return fresh.merit[0] and fresh.merit > same.merit
 
 
 def _evidence(cause: Cause) -> float:
@@ -94,13 +94,6 @@ def _evidence(cause: Cause) -> float:
         return cause.gain
     ratio = max(cause.gain / max(cause.unknowns, 1), 1.0)
     return float(cause.gain - cause.unknowns * (1.0 + np.log(ratio)))
-
-
-def _merit(judged: Judged) -> tuple[bool, float]:
-    """Whether a cause explains the residuals, and the best one's likelihood, −deviance."""
-    explaining = [cause for cause in judged.causes.best if cause.explains]
-    best = max(cause.weight for cause in explaining or judged.causes.best)
-    return bool(explaining), best - judged.white.deviance
 
 
 def _zeros(

@@ -1,0 +1,87 @@
+"""A log that is read wrongly since the calibration: the mistake is named, and no change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.numerics import so3
+from tdfscal.records import Dwells, FloatArray
+from tdfscal.validation.residual_wrench import validate
+
+from .held_out import RIG, turned, world
+
+TRIALS = 100
+
+
+def changed(trial: int, change: Callable[[FloatArray], None], *, tared: bool = False) -> Dwells:
+    """Held-out dwells whose forces (K, n, 3) are changed, tared anew before where that is asked."""
+    held = world(TRIALS).held(trial)
+    force = held.force.copy()
+    if tared:
+        new = np.random.default_rng(trial).normal(RIG.zero.value, RIG.zero.std)
+        force += new - world(TRIALS).batch.truth.zero[trial]
+    change(force)
+    return replace(held, force=force)
+
+
+def exchanged(*pairs: tuple[tuple[int, int], tuple[int, int]]) -> Callable[[FloatArray], None]:
+    """Channels (sensor, axis) that change places."""
+
+    def change(force: FloatArray) -> None:
+        for (i, a), (j, b) in pairs:
+            force[:, [i, j], [a, b]] = force[:, [j, i], [b, a]]
+
+    return change
+
+
+def scaled(
+    factor: float, sensor: int, axis: int | slice = slice(None)
+) -> Callable[[FloatArray], None]:
+    def change(force: FloatArray) -> None:
+        force[:, sensor, axis] *= factor
+
+    return change
+
+
+SENSORS = [((0, axis), (2, axis)) for axis in range(3)]
+MISTAKES = {
+    "channels": (exchanged(((0, 0), (1, 0))), "Fx of ncp1 and Fx of ncp2 exchanged"),
+    "sensors": (
+        exchanged(*SENSORS),
+        "the sensors of ncp1 taken from ncp3 and ncp3 taken from ncp1",
+    ),
+    "axes": (exchanged(((1, 0), (1, 1))), "Fx and Fy of ncp2 exchanged"),
+    "sign": (scaled(-1.0, 2, 1), "the opposite sign of Fy of ncp3"),
+    "unit": (scaled(1 / 9.80665, 0), "in kgf"),
+}
+
+
+@pytest.mark.parametrize("tared", [False, True])
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_the_log_is_named_before_a_tare_or_a_change(name: str, *, tared: bool) -> None:
+    change, mistake = MISTAKES[name]
+    with pytest.raises(DataError) as caught:
+        validate(world(TRIALS).given[0], changed(0, change, tared=tared))
+    found = caught.value.finding
+    assert found is not None
+    assert mistake in (found.values.get("exchange"), found.values.get("as_if"))
+    assert name != "unit" or found.subject == ("ncp1",)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.03, 1.5])
+def test_a_gain_that_changed_is_none(factor: float) -> None:
+    v = validate(world(TRIALS).given[1], changed(1, scaled(factor, 1)))
+    assert [(c.kind, c.support) for c in v.suspected[:1]] == [("gain changed", 1)]
+
+
+@pytest.mark.parametrize("size", [0.3, 1.2])
+def test_a_sensor_mounted_anew_is_no_exchange_and_no_tare(size: float) -> None:
+    turn = size * so3.from_rpy(np.array([0.3, -0.5, 0.9]))[:, 0]
+    v = validate(world(TRIALS).given[2], turned(world(TRIALS), 2, 1, turn))
+    assert not v.holds
+    assert not v.zeros.moved
