@@ -176,10 +176,11 @@ path-in-contact rejects
   {subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one
   stays below {limit:.3g}: it was in contact, or the calibration no longer holds
   -> drive it free, or see whether it holds: tdfscal validate
-moves-beyond warns
+moves-beyond rejects
   {subject}: on the move the wrench reaches {size}, {time:.4g} s into the path,
-  where {limit:.3g} may stand on a free one: what moving adds is in no threshold
-  -> state terminal.inertia, drive slower, or watch at rest only
+  where {limit:.3g} may stand on a free one: what moving adds is in no threshold, and
+  it would stop the machine
+  -> state terminal.inertia, or drive slower
 threshold-unbounded rejects
   {subject}: nothing bounds what stands on it without contact, for zeros, load or
   their drift are unknown
@@ -193,8 +194,8 @@ zeros-aged warns
   on the wrench
   -> tare, or calibrate anew
 drift-undeclared warns
-  the zeros are {number:.3g} days old and the rig file declares no drift: they count
-  as they were
+  the zeros are {number:.3g} days old and the rig file declares no drift: but for
+  their 1/f noise they count as they were
   -> tare, or declare drift in the rig file
 path-without-noise notes
   the path shows no noise of samples: thresholds are for what it is without

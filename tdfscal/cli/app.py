@@ -19,7 +19,7 @@ import typer.main
 from tdfscal import __version__, memory
 from tdfscal.cli.perform import perform
 from tdfscal.cli.process import say
-from tdfscal.errors import TdfscalError
+from tdfscal.errors import TdfscalError, UsageError
 
 if TYPE_CHECKING:
     from tdfscal.commands.options import Command, Described
@@ -231,10 +231,11 @@ def run() -> int:
     if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
         del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
     try:
-        if "" in sys.argv[1:]:
-            from tdfscal.commands.arguments import nameless
-
-            raise nameless()
+        if "" in sys.argv[1:]:  # as a path it would be the folder of now
+            raise UsageError(
+                "an argument is empty",
+                hint="name the file or folder; a variable of the shell may not be set",
+            )
         status: int = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         if memory.is_short(error):  # what else it says was judged without a look at that

@@ -43,6 +43,8 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             # What the quality gate rejects is not written, unless asked for.
             written = result.exit_status == 0 or asked.get("allow_rejected", True)
             words = not json and (carried is None or not written)
+            for note in result.notes:  # before the numbers that they concern
+                say(f"tdfscal: warning: {note}")
             if json:
                 hand_over(_to_json(result.to_dict()))
             elif not words and carried is not None:
@@ -52,8 +54,6 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             text = _in_words(result, _places(result, asked, written=written), whole=verbose)
             with reporting():
                 sys.stdout.write(text)
-        for note in result.notes:
-            say(f"tdfscal: warning: {note}")
     except (KeyboardInterrupt, Signalled):
         if outputs is None or not outputs.appeared:
             raise

@@ -248,7 +248,7 @@ def noise_effect(noise: SampleNoise, posture: float) -> dict[str, Any]:
     posture : N per axis, noise of a force at a posture.
     """
     return {
-        "std": dict(zip(COMPONENTS, noise.std.tolist(), strict=True)),
+        "std": _by_component(noise.std),
         "dwells": noise.dwells,
         "windows": noise.windows,
         "posture": posture,
@@ -296,10 +296,7 @@ def summary_of(
 ) -> dict[str, Any]:
     """Return the document of the command, SI units; rms of each component over the rows."""
     roots = {
-        what: {
-            name: float(v) if np.isfinite(v) else None
-            for name, v in zip(COMPONENTS, np.sqrt(squares / totals.rows), strict=True)
-        }
+        what: _by_component(np.sqrt(squares / totals.rows))
         for what, squares in zip(_ROOTS, totals.squares, strict=True)
     }
     return {
@@ -321,6 +318,13 @@ def _stops(totals: Totals) -> dict[str, Any] | None:
     """Samples at standstill and the rms of the wrench there; None where nothing else moves."""
     if not 0 < totals.still_rows < totals.rows:
         return None
-    root = np.sqrt(totals.still_squares / totals.still_rows)
-    rms = {k: float(v) if np.isfinite(v) else None for k, v in zip(COMPONENTS, root, strict=True)}
+    rms = _by_component(np.sqrt(totals.still_squares / totals.still_rows))
     return {"rows": totals.still_rows, "rms": rms}
+
+
+def _by_component(values: FloatArray) -> dict[str, float | None]:
+    """Values (6,) by the wrench's components, None where one is unknown."""
+    return {
+        name: float(v) if np.isfinite(v) else None
+        for name, v in zip(COMPONENTS, values, strict=True)
+    }

@@ -52,19 +52,9 @@ class Progress:
 SILENT = Progress()
 
 
-def nameless() -> UsageError:
-    """Return the error of no path at all, which would be the folder of now."""
-    return UsageError(
-        "an argument is empty",
-        hint="name the file or folder; a variable of the shell may not be set",
-    )
-
-
 def listed(paths: PathLikes) -> list[Path]:
-    """Return one path, or several, as a list. Raises UsageError for a text that is empty."""
-    each = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    if "" in each:
-        raise nameless()
+    """Return one path, or several, as a list."""
+    each = [paths] if isinstance(paths, str | os.PathLike) else paths
     return [Path(path) for path in each]
 
 

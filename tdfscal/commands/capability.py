@@ -79,6 +79,7 @@ class CapabilityResult(Result):
         c = self.capability
         return {
             "calibration_status": self.calibration.status,
+            "calibration_created": self.calibration.created,
             "false_stops": self.request.false_stops,
             "detect": self.request.detect,
             "filter": self.request.cutoff,
@@ -214,7 +215,7 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
     # Without its inertia a terminal that moves shows a wrench, and no contact.
     unmodelled = path.given.rig.inertia is None and path.in_motion
     free = "moves-beyond" if unmodelled else "path-in-contact"
-    for code, largest, judged in ((free, path.largest, True), ("moves-beyond", path.moved, False)):
+    for code, largest in ((free, path.largest), ("moves-beyond", path.moved)):
         contact, limit = beyond_contact_free(path.errors, found, largest.size)
         if contact.any():
             worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
@@ -232,7 +233,7 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
                     None,
                     None,
                     values,
-                    rejects=judged,
+                    rejects=True,
                 )
             )
     if path.errors.open.any():
@@ -242,6 +243,7 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
         out.append(Finding("covariance-in-part", (use.name,)))
     aged = np.mean(np.sum(path.errors.zeros**2, axis=2), axis=0)
     whole = np.mean(np.sum(path.errors.factor**2, axis=2), axis=0)
+    whole += [one.std**2 for one in found.noise]
     share = float(np.max(np.divide(aged, whole, out=np.zeros(6), where=whole > 0)))
     days = abs(path.age.seconds) / _OLD
     if share > _AGED:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, one
@@ -21,11 +23,12 @@ from tdfscal.commands.free_path import assembly_posture
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.detection.capability import Request, assess
-from tdfscal.errors import RejectedError
+from tdfscal.errors import DataError, RejectedError
 from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.statements import ContactThresholds
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
+from tdfscal.files.yaml.reading import read_document
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing
 
@@ -82,7 +85,13 @@ def export(
     ] = "bcs",
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
     capability: Annotated[
-        CapabilityResult | None, Option("thresholds of a path, for ROS and C", None)
+        PathLike | CapabilityResult | None,
+        Option(
+            "thresholds of a path, for ROS and C: what `capability --json` printed",
+            Path | None,
+            "FILE",
+            python="or its result",
+        ),
     ] = None,
     progress: options.Telling = SILENT,
 ) -> ExportResult:
@@ -97,7 +106,9 @@ def export(
     """
     del progress
     target = one(output)
-    check_outputs({"--output": (target, ())}, paths_of([calibration]))
+    source = None if isinstance(capability, CapabilityResult) else one(capability)
+    reads = [*paths_of([calibration]), *([] if source is None else [source])]
+    check_outputs({"--output": (target, ())}, reads)
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(
@@ -105,21 +116,50 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    limits = _thresholds(loaded, capability) if to in WITH_THRESHOLDS else None
+    limits = None
+    if to in WITH_THRESHOLDS:
+        if isinstance(capability, CapabilityResult):
+            limits = _on_path(capability.to_dict(), loaded, "capability")
+        elif source is not None:
+            limits = _on_path(read_document(source, DataError).content, loaded, str(source))
+        else:
+            limits = _at_assembly(loaded)
     text = FORMATS[to](loaded, parent, limits)
     if target is not None:
         write_text(target, text)
     return ExportResult(to, text, loaded, target, tuple(map(told, _notes(name, loaded))))
 
 
-def _thresholds(loaded: Calibration, path: CapabilityResult | None) -> ContactThresholds:
-    """Those of a path; else those at the assembly posture, by the calibration alone."""
-    if path is not None:
-        band = f"behind {path.request.cutoff:g} Hz" if path.request.cutoff else "unfiltered"
-        return ContactThresholds(
-            path.capability.threshold, path.about, path.request.false_stops,
-            f"on a path of {path.capability.duration:.4g} s, {band}",
-        )  # fmt: skip
+def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:
+    """Thresholds of a path, noise included, of what `capability --json` prints."""
+    try:
+        created, cutoff = found["calibration_created"], found["filter"]
+        x, y, z = map(float, found["about"])
+        values = [
+            np.nan if axis["threshold"] is None else axis["threshold"] for axis in found["axes"]
+        ]
+        band = f"behind {cutoff:g} Hz" if cutoff else "unfiltered"
+        path = f"on a path of {found['duration']:.4g} s, {band}"
+        limits = ContactThresholds(
+            np.array(values, dtype=np.float64).reshape(6), (x, y, z), found["false_stops"], path
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(
+            "holds no thresholds",
+            where=name,
+            hint="write it with tdfscal capability CALIBRATION PATH --json > FILE",
+        ) from error
+    if created != loaded.created:
+        raise DataError(
+            "holds the thresholds of another calibration",
+            where=name,
+            hint="run capability with the calibration that is exported",
+        )
+    return limits
+
+
+def _at_assembly(loaded: Calibration) -> ContactThresholds:
+    """Thresholds at the assembly posture, by the calibration alone."""
     posture, request = assembly_posture(loaded), Request()
     found = assess(
         posture.given, posture.errors, posture.noise(None), posture.places.time, posture.duration,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from numbers import Integral, Real
 from pathlib import Path
 from reprlib import repr as shortly
-from types import NoneType, UnionType
+from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from tdfscal.commands.arguments import Instant, Numbers, PathLike, PathLikes, Progress
@@ -19,12 +19,9 @@ from tdfscal.files.outputs import together
 from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-#: What a scalar is in Python, and to a user.
-_SCALARS: Mapping[Any, tuple[type, str]] = {
-    bool: (bool, "True or False"),
-    int: (Integral, "a whole number"),
-    float: (Real, "a number"),
-}
+#: What takes the place of a number in Python, and what a user is told to give.
+_NUMBERS: Mapping[Any, type] = {int: Integral, float: Real}
+_SAID: Mapping[Any, str] = {bool: "True or False", int: "a whole number", float: "a number"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +54,8 @@ class Described:
     """A parameter of a command.
 
     kind : its type in Python. default : on the command line; `...` where it must be given.
-    positional : it stands without a name. flags : names of the option.
+    positional : it stands without a name. flags : names of the option. repeated : it takes all
+    that stands without a name.
     """
 
     name: str
@@ -66,6 +64,7 @@ class Described:
     positional: bool
     flags: tuple[str, ...]
     option: Option
+    repeated: bool
 
     @classmethod
     def of(cls, parameter: Parameter, annotation: Any) -> Described:
@@ -78,7 +77,8 @@ class Described:
         if option.default is not None:
             default = option.default
         flags = option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
-        return cls(name, kind, default, given, (name,) if given else flags, option)
+        repeated = parameter.kind is Parameter.VAR_POSITIONAL
+        return cls(name, kind, default, given, (name,) if given else flags, option, repeated)
 
     @property
     def shown(self) -> Any:
@@ -92,28 +92,39 @@ class Described:
         return "|".join(words) or self.option.metavar or ("" if self.shown is bool else "N")
 
     def check(self, value: Any) -> None:
-        """Raise UsageError for a word that is no choice, no number, or one that is too small."""
-        members = [kind for kind in _members(self.kind) if kind is not NoneType]
-        if value is None and NoneType in _members(self.kind):
+        """Raise UsageError for what is not of the parameter's kind, or a number too small."""
+        if self.default == () and not value:
             return
-        wanted, sound = ", ".join(_words(self.kind)), True
-        if wanted:
-            sound = isinstance(value, str) and value in _words(self.kind)
-        elif len(members) == 1 and members[0] in _SCALARS:
-            type_, wanted = _SCALARS[members[0]]
-            sound = isinstance(value, type_) and (type_ is bool or not isinstance(value, bool))
-            sound = sound and value == value  # no NaN
-        if not sound:
+        each = value if self.repeated else (value,)
+        if not each or not all(_fits(one, self.kind) for one in each):
+            wanted = ", ".join(_words(self.kind)) or _SAID.get(_members(self.kind)[0])
             raise UsageError(
                 f"{shortly(value)} is none of what this takes",
                 where=self.flags[0],
-                hint=f"give {wanted}",
+                hint=f"give {wanted}" if wanted else f"it means: {self.option.help}",
             )
         least = self.option.least
-        if least is not None and not value >= least:
+        if least is not None and value is not None and not value >= least:
             raise UsageError(
                 f"{value} is too small", where=self.flags[0], hint=f"give {least:g} or more"
             )
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Tell whether a value is of a kind as annotations write it; nothing empty is."""
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(_fits(value, one) for one in inside)
+    if origin is Literal:
+        return isinstance(value, str) and value in inside
+    if kind in _NUMBERS:
+        number = isinstance(value, _NUMBERS[kind]) and not isinstance(value, bool)
+        return number and value == value  # no NaN
+    if origin in (Sequence, Iterable):
+        if isinstance(value, list | tuple):
+            return bool(value) and all(_fits(one, inside[0]) for one in value)
+        return isinstance(value, Iterable) and not isinstance(value, str)
+    return isinstance(value, origin or kind) and value != ""
 
 
 def _members(kind: Any) -> tuple[Any, ...]:
@@ -158,7 +169,9 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
 
         @wraps(function)
         def call(*positional: Any, **named: Any) -> Any:
-            for name, value in whole.bind(*positional, **named).arguments.items():
+            given = whole.bind(*positional, **named)
+            given.apply_defaults()
+            for name, value in given.arguments.items():
                 each[name].check(value)
             try:
                 with together():

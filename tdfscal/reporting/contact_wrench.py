@@ -79,6 +79,8 @@ def _filter(f: dict[str, Any] | None) -> str:
 
 
 def _noise(noise: dict[str, Any] | None) -> str:
+    if noise is not None and None in noise["std"].values():
+        return "noise of a sample: unknown, for so few samples do not show it; nor is u_ known"
     if noise is None or not (noise["dwells"] or noise["windows"]):
         return "noise of a sample: as declared; the log shows none"
     if noise["dwells"]:

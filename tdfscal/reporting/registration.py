@@ -45,7 +45,7 @@ def registration_report(r: PointRegistration) -> Report:
     return Report(
         title=f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
         sections=(Section("Transform", blocks),),
-        warnings=tuple(map(told, r.findings)),
+        reasons=tuple(map(told, r.findings)),  # above the numbers that they concern
     )
 
 

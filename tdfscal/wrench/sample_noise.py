@@ -162,8 +162,8 @@ def coloured_noise(head: LogHead, axes: BoolArray) -> ColouredNoise | None:
 class SampleNoise:
     """Standard deviation (6,) of a sample's contact wrench by its own noise, N and N·m, LCS.
 
-    dwells : static dwells behind it; without any it is the scatter of `windows` short windows,
-    which noise slower than these escapes.
+    NaN where the samples are too few to show any. dwells : static dwells behind it; without any it
+    is the scatter of `windows` short windows, which noise slower than these escapes.
     """
 
     std: FloatArray
@@ -236,7 +236,7 @@ def _scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray
     size = max(_FEWEST, round(_WINDOW / step)) if np.isfinite(step) else _FEWEST
     count = len(time) // size
     if not count:
-        return np.zeros(value.shape[1]), 0
+        return np.full(value.shape[1], np.nan), 0
     parts = value[: count * size].reshape(count, size, -1)
     Q = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))[0]
     rest = parts - Q @ (Q.T @ parts)

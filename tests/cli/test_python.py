@@ -172,7 +172,7 @@ def test_options_have_the_same_names(command: str) -> None:
     parameters = inspect.signature(function_of(command)).parameters
     of_both = {p.name for p in app.described(command).parameters}
     assert of_cli == of_both <= set(parameters)
-    assert set(parameters) - of_both <= {"progress", "command", "capability"}
+    assert set(parameters) - of_both <= {"progress", "command"}
 
 
 @pytest.mark.usefixtures("here")
@@ -202,6 +202,15 @@ def test_errors_are_those_of_the_command(
         lambda: tdfscal.export("own.yaml", "matlab"),  # type: ignore[arg-type]
         lambda: tdfscal.simulate("out/x", rate=1.0),
         lambda: tdfscal.load_calibration("own.yaml").plot("nothing"),
+        lambda: tdfscal.calibrate(None),  # type: ignore[arg-type]
+        lambda: tdfscal.calibrate(""),
+        lambda: tdfscal.calibrate([3]),  # type: ignore[list-item]
+        lambda: tdfscal.apply("own.yaml", []),
+        lambda: tdfscal.report(),
+        lambda: tdfscal.report([]),
+        lambda: tdfscal.compare("own.yaml", None),  # type: ignore[arg-type]
+        lambda: tdfscal.calibrate("campaign", output=3),  # type: ignore[arg-type]
+        lambda: tdfscal.plan("campaign", at=object()),  # type: ignore[arg-type]
     ],
 )
 def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:

@@ -44,8 +44,11 @@ class Places:
     calibration: Path
 
 
-def campaign(rig: Rig, faults: Faults | None = None) -> Campaign:
-    recorder = Recorder(dwell=(2.5, 3.0), move=(1.5, 2.0), force_rate=200.0, position_rate=200.0)
+def campaign(rig: Rig, faults: Faults | None = None, vibration: float = 0.0) -> Campaign:
+    recorder = Recorder(
+        dwell=(2.5, 3.0), move=(1.5, 2.0), force_rate=200.0, position_rate=200.0,
+        vibration=vibration, settling_force=0.0,
+    )  # fmt: skip
     options = Options(
         postures=POSTURES, squeeze=300.0, recorder=recorder, faults=faults or Faults()
     )
@@ -254,6 +257,47 @@ def test_exports_hold_the_thresholds_of_a_path(places: Places) -> None:
     assert [*told["force"].values(), *told["torque"].values()] == pytest.approx(
         found.capability.threshold
     )
+
+
+def test_exports_hold_what_a_file_says_of_a_path(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    status, found = asked(capsys, places.calibration, places.free, "--filter", "10")
+    assert status == 0
+    file = tmp_path / "capability.json"
+    file.write_text(json.dumps(found))
+    seen = run(capsys, "export", places.calibration, "--to", "c", "--capability", file)
+    row = seen.out.split("tdfscal_threshold[6] = {")[1].split("}")[0]
+    assert [float(v) for v in row.split(",")] == [axis["threshold"] for axis in found["axes"]]
+    wrongs: list[Any] = [{**found, "calibration_created": "2020-01-01T00:00:00Z"}, {"axes": 3}, []]
+    for wrong in wrongs:
+        file.write_text(json.dumps(wrong))
+        seen = run(capsys, "export", places.calibration, "--to", "c", "--capability", file)
+        assert seen.status == 3
+        assert not seen.out
+        assert str(file) in seen.err
+
+
+def test_moves_that_shake_beyond_the_threshold_reject_the_path(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    write_campaign(campaign(make_rig(), vibration=40.0), tmp_path / "shaken", format="parquet")
+    status, document = asked(capsys, places.calibration, tmp_path / "shaken")
+    said = next(f for f in document["findings"] if f["code"] == "moves-beyond")
+    assert (status, said["severity"]) == (1, "rejects")
+    threshold = {axis["axis"]: axis["threshold"] for axis in document["axes"]}
+    assert said["size"] > min(threshold[axis] for axis in said["subject"])
+
+
+def test_old_zeros_are_no_more_than_the_table_says(places: Places, tmp_path: Path) -> None:
+    """The share that a warning gives of the zeros is part of their share in the table."""
+    rig = tmp_path / "rig.yaml"
+    for walk in (0.5, 5.0, 50.0):
+        rig.write_text((places.free / "rig.yaml").read_text() + f"drift: {{walk: {walk}}}\n")
+        found = tdfscal.capability(places.calibration, places.free, rig=rig)
+        shares = [f.size for f in found.findings if f.code == "zeros-aged"]
+        assert all(share <= max(found.capability.shares["zeros"]) for share in shares)
+    assert shares
 
 
 def test_exports_without_a_path_take_the_assembly_posture(places: Places) -> None:

@@ -84,6 +84,9 @@ def test_groups_that_moved_against_each_other_are_named(
     said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
     assert len(said) == (model is not None)
     assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
+    # Before the numbers that it concerns.
+    text = run(capsys, "register", *pair, "--unit", "mm").out
+    assert ("(jig, second)" in text.split("roll")[0]) == (model is not None)
 
 
 def test_groups_in_frames_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:

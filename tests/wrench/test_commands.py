@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+import tdfscal
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.files.calibration.document import load_calibration, save_calibration
@@ -155,6 +156,16 @@ def test_csv_and_parquet_hold_the_same(
         assert run(capsys, "apply", places.calibration, places.held, "-o", target).status == 0
         tables.append(read(target).to_pandas().to_numpy())
     assert np.array_equal(*tables)
+
+
+def test_few_samples_show_no_noise(places: Places) -> None:
+    """The uncertainty of a sample is unknown then, not that of the calibration alone."""
+    found = tdfscal.apply(places.calibration, places.held, to="+0.03")
+    frame = found.to_frame()
+    assert 0 < len(frame) < 10
+    assert frame.filter(regex="^u_[fm]").isna().all(axis=None)
+    assert frame.filter(regex="^u_cal_").notna().all(axis=None)
+    assert set(found.to_dict()["noise"]["std"].values()) == {None}
 
 
 def test_still_valid(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
