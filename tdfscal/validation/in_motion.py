@@ -76,6 +76,9 @@ def validate_moving(
     usable = usable_samples(rig, slow)
     place, force = (each[usable.keep][::_EVERY] for each in (slow.position, slow.force))
     log_against_rig.check_geometry(rig, place, force)
+    given = with_own_load(given, rig)
+    # Before the noise is sought in the residuals, for which it would pass.
+    refuse_misread(given, rig, moments(rig, slow, usable.keep))
     priors = MovingPriors(_loosened(rig, given), slow, delay)
     start = priors.start(given.state)
 
@@ -83,11 +86,8 @@ def validate_moving(
         return _best(estimate_noise(at_state(priors, cut, start, None)))
 
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
-    given = with_own_load(given, rig)
     at = _linearised(given, fit, MovingPriors(rig, slow, delay))
     judged, zeros = judged_with_zeros(at, given, rig, _judged)
-    if not judged.holds:
-        refuse_misread(given, rig, moments(rig, slow, usable.keep))
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),

@@ -9,9 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tdfscal.errors import DataError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Touch
@@ -52,6 +54,27 @@ def test_an_unchanged_rig_is_still_valid() -> None:
     assert v.rejected == ()
     assert v.seconds == pytest.approx(60.0, abs=0.5)
     assert np.all(v.residual.after[:, 0] < 0.1 * v.residual.before[:, 0].max())
+
+
+@pytest.mark.parametrize(
+    ("matrix", "exchange"),
+    [
+        (np.diag([-1.0, 1.0, 1.0]), "the opposite sign of Fx of ncp2"),
+        (np.eye(3)[[1, 0, 2]], "Fx and Fy of ncp2 exchanged"),
+    ],
+)
+def test_readings_of_another_name_or_sign_are_no_noise(matrix: FloatArray, exchange: str) -> None:
+    campaign, result = before()
+    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
+    rng = np.random.default_rng(13)
+    later = simulate_moving(campaign.rig, options, rng, campaign.truth)
+    slow = slow_streams([later.log], campaign.rig.capacity)
+    force = slow.force.copy()
+    force[:, 1] = force[:, 1] @ matrix.T
+    with pytest.raises(DataError) as caught:
+        validate_moving(result.calibrated, replace(slow, force=force), DELAY)
+    assert caught.value.finding is not None
+    assert caught.value.finding.values["exchange"] == exchange
 
 
 def test_a_contact_is_left_out_with_its_times_and_spoils_nothing() -> None:
