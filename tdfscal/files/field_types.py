@@ -19,13 +19,14 @@ from pydantic import (
     Field,
     PlainSerializer,
     StringConstraints,
+    ValidationInfo,
     ValidatorFunctionWrapHandler,
     WithJsonSchema,
     WrapValidator,
 )
 from pydantic_core import PydanticCustomError
 
-from tdfscal.files.yaml.scalars import plain_scalar
+from tdfscal.files.yaml import plain_scalar
 from tdfscal.records import BoolArray, FloatArray
 
 UNKNOWN = "unknown"
@@ -246,3 +247,25 @@ Name = Annotated[
 """A support's name; it is part of field and parameter names such as `ncp1.rx`."""
 
 Sha256 = Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$")]
+
+
+def _with_std(given: Any, info: ValidationInfo) -> Any:
+    """Refuse a bare value: a quantity without its uncertainty is no measurement."""
+    if isinstance(given, (dict, Strict)):
+        return given
+    value = from_numpy(given)
+    raise fault(
+        f"states no standard uncertainty, got {value!r:.60}",
+        hint=f"write `{info.field_name}: {{value: {value!r:.60}, std: ...}}`; "
+        "std: 0 says exact, std: unknown says unknown",
+    )
+
+
+WithStd = BeforeValidator(_with_std)
+
+
+class Quantity(Strict):
+    """A scalar with its standard uncertainty."""
+
+    value: Number = key("the value")
+    std: Std = key("its standard uncertainty; 0 exact, .inf unknown")

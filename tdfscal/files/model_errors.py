@@ -11,8 +11,7 @@ from pydantic_core import ErrorDetails
 
 from tdfscal.errors import TdfscalError
 from tdfscal.files.field_types import UNKNOWN
-from tdfscal.files.yaml.reading import Document, Place
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import Document, Place, shorten
 
 Model = TypeVar("Model", bound=BaseModel)
 

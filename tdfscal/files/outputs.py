@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tdfscal.errors import UsageError
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")

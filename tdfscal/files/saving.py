@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from tdfscal.files.outputs import replacing, writing
-from tdfscal.files.yaml.scalars import plain_scalar
+from tdfscal.files.yaml import plain_scalar
 
 
 def write_text(path: Path, text: str) -> None:

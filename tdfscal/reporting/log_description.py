@@ -11,7 +11,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.dwells.clock_offset import Offset
 from tdfscal.errors import visible
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, mapping_block
 from tdfscal.reporting.phrases import told_clock

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 from pydantic_core import PydanticCustomError
 from scipy.spatial.transform import Rotation
 
-from tdfscal.files.rig.checks import (
-    check_hinges,
-    check_inertia,
-    check_names,
-    check_recorders,
-    check_temperature,
-)
+from tdfscal.files.rig.model import check_hinges, check_inertia, check_names
+from tdfscal.files.rig.recorders import LogBlock, check_recorders
 
 from .test_consistency import place_of
 
@@ -68,25 +63,21 @@ def test_hinges_that_coincide_or_stand_in_a_row() -> None:
             check_hinges(names[:3], size * row + shift)
 
 
-@dataclass(frozen=True)
-class Block:
-    """A recorder's block, with nothing but its fields."""
-
-    fields: Mapping[tuple[str, str], tuple[str, ...]]
-    files: str | None = None
-    rows: str = "timeseries"
-    temperature: tuple[str, ...] | None = None
-
-    @property
-    def supports(self) -> dict[str, None]:
-        return dict.fromkeys(name for name, _ in self.fields)
+def block(
+    fields: Mapping[tuple[str, str], tuple[str, ...]], files: str | None, **more: Any
+) -> LogBlock:
+    """A recorder's block of these fields."""
+    supports: dict[str, dict[str, tuple[str, ...]]] = {}
+    for (name, what), named in fields.items():
+        supports.setdefault(name, {})[what] = named
+    return LogBlock.model_validate({"files": files, "supports": supports, **more})
 
 
 def check_mapping(
     names: Sequence[str], *fields: Mapping[tuple[str, str], tuple[str, ...]], one: bool = True
 ) -> None:
-    blocks = [Block(own, None if one else f"{k}*.csv") for k, own in enumerate(fields)]
-    check_recorders(names, blocks, one=one)
+    blocks = [block(own, None if one else f"{k}*.csv") for k, own in enumerate(fields)]
+    check_recorders(names, blocks[0] if one and len(blocks) == 1 else blocks)
 
 
 FIELDS = {
@@ -120,7 +111,7 @@ def test_several_recorders_give_each_quantity_once() -> None:
     assert place == ("log", 1, "supports", "a", "position")
     fewer = {key: fields for key, fields in loads.items() if key[0] != "b"}
     assert place_of(partial(check_mapping, one=False), names, moves, fewer) == ("log",)
-    assert place_of(check_mapping, names, moves, loads) == ("log",)  # no files named
+    assert place_of(check_mapping, names, moves, loads) == ("log", 0)  # no files named
 
 
 def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
@@ -140,12 +131,12 @@ def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
 def test_temperatures_are_one_for_all_or_one_each() -> None:
     names = ["a", "b", "c"]
     for fine in (["T"], ["T1", "T2", "T3"], {"a": "T1", "b": "T2", "c": "T3"}):
-        check_temperature(names, fine, ("log",))
+        check_recorders(names, block(FIELDS, None, temperature=fine))
     for wrong, odd in (([], None), (["T1", "T2"], None), (["T"] * 4, None),
                        ({"a": "T1", "b": "T2"}, "c"),
                        ({"a": "T1", "b": "T2", "c": "T3", "d": "T4"}, "d")):  # fmt: skip
         with pytest.raises(PydanticCustomError) as refused:
-            check_temperature(names, wrong, ("log",))
+            check_recorders(names, block(FIELDS, None, temperature=wrong))
         assert refused.value.context is not None
         assert refused.value.context["place"][:2] == ("log", "temperature")
         if odd:

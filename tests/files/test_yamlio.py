@@ -16,8 +16,7 @@ from tdfscal.errors import DataError, RigError, TdfscalError
 from tdfscal.files.calibration.document import parse_calibration
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import to_json, to_yaml
-from tdfscal.files.yaml.reading import Format, parse_document, read_document
-from tdfscal.files.yaml.scalars import plain_scalar
+from tdfscal.files.yaml import Format, parse_document, plain_scalar, read_document
 from tests.files.sample_documents import RIG
 
 

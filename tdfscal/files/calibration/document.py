@@ -19,7 +19,7 @@ from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
-from tdfscal.files.yaml.reading import Document, Format, parse_document, read_document
+from tdfscal.files.yaml import Document, Format, parse_document, read_document
 from tdfscal.model.free_forces import from_directions
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.records import BoolArray, FloatArray, Rotations

@@ -11,7 +11,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
 from tdfscal.files.points.numbers import refuse, to_metres
-from tdfscal.files.yaml.reading import parse_document
+from tdfscal.files.yaml import parse_document
 from tdfscal.records import PointSet
 
 

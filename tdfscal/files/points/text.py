@@ -11,7 +11,7 @@ from pathlib import Path
 from tdfscal.errors import DataError
 from tdfscal.files.points.columns import is_column_name
 from tdfscal.files.points.numbers import refuse, to_metres, unit_of
-from tdfscal.files.yaml.reading import unreadable
+from tdfscal.files.yaml import unreadable
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
 _PARENTHESES = re.compile(r"\(\s*(?:in\s+)?([^()]+?)\s*\)")

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import combinations
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    Discriminator,
     Field,
-    Tag,
-    ValidationInfo,
-    WithJsonSchema,
     field_validator,
     model_validator,
 )
@@ -25,62 +23,29 @@ from tdfscal.files.field_types import (
     Matrix3,
     Name,
     NotNegative,
-    Number,
     Positive,
     PositiveVector,
+    Quantity,
     Std,
     Stds,
     Strict,
     Text,
     Vector,
+    WithStd,
     fault,
-    from_numpy,
     key,
-    list_of,
-    one_for_all,
-    whole_as_text,
 )
-from tdfscal.files.rig.checks import (
-    check_hinges,
-    check_inertia,
-    check_names,
-    check_recorders,
-)
-from tdfscal.records import Rows
+from tdfscal.files.rig.recorders import LogBlock, LogBlocks, check_recorders
+from tdfscal.records import FloatArray
 
 RIG_FORMAT = "tdfscal-rig/1"
 
-LengthUnit = Literal["m", "mm", "um"]
-PointUnit = Literal["m", "cm", "mm", "um", "in"]
-ForceUnit = Literal["N", "kN"]
-TimeUnit = Literal["s", "ms", "us", "ns"]
 Axis = Literal["x", "y", "z"]
-TimeSource = Literal["header", "log", "publish"]
+#: Hinges nearer to one line than this part of their extent do not fix the terminal's posture.
+_STRAIGHT = 1e-4
 
 _FARTHEST = 100.0
 """m; no terminal reaches farther, and 600 is a millimetre figure."""
-
-
-def _with_std(given: Any, info: ValidationInfo) -> Any:
-    """Refuse a bare value: a quantity without its uncertainty is no measurement."""
-    if isinstance(given, (dict, Strict)):
-        return given
-    value = from_numpy(given)
-    raise fault(
-        f"states no standard uncertainty, got {value!r:.60}",
-        hint=f"write `{info.field_name}: {{value: {value!r:.60}, std: ...}}`; "
-        "std: 0 says exact, std: unknown says unknown",
-    )
-
-
-WithStd = BeforeValidator(_with_std)
-
-
-class Quantity(Strict):
-    """A scalar with its standard uncertainty."""
-
-    value: Number = key("the value")
-    std: Std = key("its standard uncertainty; 0 exact, .inf unknown")
 
 
 class Mass(Quantity):
@@ -121,6 +86,26 @@ class Gravity(Strict):
 
     magnitude: Positive = key("m/s²: along −Z of the BCS", 9.80665)
     tilt_std: NotNegative = key("rad: levelness of the BCS, per horizontal axis", 0.0)
+
+
+def check_inertia(matrix: FloatArray) -> None:
+    """Refuse a (3, 3) that is the inertia of no body: symmetric, positive, triangle inequality."""
+    scale = float(np.abs(matrix).max())
+    unit = matrix / (scale or 1.0)
+    if not np.allclose(unit, unit.T, rtol=0, atol=1e-9):
+        raise fault("must be a symmetric matrix", hint="make Ixy = Iyx and so on")
+    smallest, middle, largest = np.linalg.eigvalsh(unit) * scale
+    if smallest <= 0:
+        raise fault(
+            f"must be positive definite; its smallest principal moment is {smallest:.4g}",
+            hint="check the signs of the products of inertia",
+        )
+    if largest - middle > smallest + 1e-9 * scale:
+        raise fault(
+            f"is the inertia of no body: the principal moment {largest:.4g} exceeds the sum of "
+            f"the other two, {smallest:.4g} and {middle:.4g}",
+            hint="check the entries",
+        )
 
 
 class Inertia(Strict):
@@ -243,136 +228,6 @@ class Drift(Strict):
     angle: NotNegative = key("rad/√month: random walk of the angles between campaigns", 0.0)
 
 
-_FIELD = {"type": ["string", "integer"], "minLength": 1}
-FieldName = Annotated[Text, BeforeValidator(whole_as_text), WithJsonSchema(_FIELD)]
-"""A field of a log: its name or, of a table without a header, the number of its column from 1."""
-
-
-class LogTime(Strict):
-    """The log's clock: field and unit in CSV and Parquet, source in MCAP."""
-
-    field: FieldName = key("column; CSV and Parquet", "time")
-    unit: TimeUnit = key("or ms, us, ns; CSV and Parquet", "s")
-    source: TimeSource = key("or header, publish; MCAP", "log")
-
-
-def _one_or_three(given: Any) -> Any:
-    if isinstance(given, (list, tuple)):
-        if len(given) not in (1, 3):
-            raise fault(
-                f"must be three fields or one with members x, y, z, got {len(given)}",
-                hint="write [X, Y, Z] or one name",
-            )
-        return tuple(given)
-    return (given,)
-
-
-Fields = Annotated[
-    tuple[FieldName, ...],
-    BeforeValidator(_one_or_three),
-    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 3, 3), list_of(_FIELD, 1, 1)]}),
-]
-"""Three fields, or one field with members x, y, z."""
-
-
-def _not_zero(scale: Vector) -> Vector:
-    if not all(scale):
-        raise fault("a scale of zero", hint="write N or m per unit of the log")
-    return scale
-
-
-Scale = Annotated[
-    Vector,
-    BeforeValidator(one_for_all),
-    AfterValidator(_not_zero),
-    WithJsonSchema({"anyOf": [{"type": "number"}, list_of({"type": "number"}, 3, 3)]}),
-]
-"""One factor for x, y, z, or three; its sign turns the reading's."""
-
-
-class SupportFields(Strict):
-    """Where a support's servo position and force reading are in the log.
-
-    The scales are m and N per unit of the log, in place of `length_unit` and `force_unit`: of raw
-    counts, of mV.
-    """
-
-    position: Fields | None = key("three fields, or one with x, y, z", None)
-    force: Fields | None = key("likewise; each is needed, from one recorder or another", None)
-    position_scale: Scale | None = key(
-        "m: per unit of the log, in place of length_unit; one number or three", None
-    )
-    force_scale: Scale | None = key(
-        "N: per unit of the log, in place of force_unit: raw counts, mV", None
-    )
-
-
-Temperatures = Annotated[
-    tuple[FieldName, ...] | dict[Name, FieldName],
-    BeforeValidator(lambda given: (given,) if isinstance(given, str | int) else given),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                _FIELD,
-                list_of(_FIELD, 1),
-                {"type": "object", "additionalProperties": _FIELD},
-            ]
-        }
-    ),
-]
-"""One field in °C for all sensors, or one per support: in their order, or by name."""
-
-
-class ClockBlock(Strict):
-    """A recorder's clock against the first one's: its stamps minus the first's."""
-
-    offset: Annotated[Quantity, WithStd] = key(
-        "s: quantity; std: unknown finds it", Quantity(value=0.0, std=math.inf)
-    )
-    rate_std: NotNegative = key("relative: standard uncertainty of its rate", 1.0e-4)
-
-
-class LogBlock(Strict):
-    """How a recorder of this rig names things, and in which units."""
-
-    files: Text | None = key("pattern of the names of its files, such as cnc*.csv", None)
-    rows: Rows = key("or postures: each row is one averaged posture", "timeseries")
-    time: LogTime = key("the clock: a column, or which stamps of messages", LogTime())
-    delay: Annotated[Quantity, WithStd] | None = key(
-        "s: quantity, force stamps minus position stamps; used in motion only", None
-    )
-    temperature: Temperatures | None = key("°C: field, or one per support", None)
-    length_unit: LengthUnit = key("or mm, um", "m")
-    force_unit: ForceUnit = key("or kN", "N")
-    force_on: Literal["terminal", "sensor"] = key(
-        "or sensor: the reading is the reaction, and its sign is turned", "terminal"
-    )
-    decimal: Literal[".", ","] = key("or ,; CSV", ".")
-    supports: dict[Name, SupportFields] | None = key("one entry per support", None)
-    clock: ClockBlock = key("against the first recorder's", ClockBlock())
-
-    @property
-    def fields(self) -> dict[tuple[str, str], tuple[str, ...]]:
-        """By support and quantity, `position` or `force`: the fields that are named."""
-        named = {
-            (name, what): getattr(fields, what)
-            for name, fields in (self.supports or {}).items()
-            for what in ("position", "force")
-        }
-        return {place: fields for place, fields in named.items() if fields is not None}
-
-
-def _form(given: Any) -> str:
-    return "several" if isinstance(given, (list, tuple)) else "one"
-
-
-#: One recorder's block, or a list of them.
-LogBlocks = Annotated[
-    Annotated[LogBlock, Tag("one")] | Annotated[tuple[LogBlock, ...], Tag("several")],
-    Discriminator(_form),
-]
-
-
 class InstrumentBlock(Strict):
     """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
 
@@ -407,7 +262,9 @@ class TrackerBlock(Strict):
     instrument: InstrumentBlock = key("standard uncertainties, k = 1")
     drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
     misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
-    length_unit: PointUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
+    length_unit: Literal["m", "cm", "mm", "um", "in"] | None = key(
+        "of point files that name none: m, cm, mm, um, in", None
+    )
     targets: Targets = key("targets on the sensors")
     moves: Moves = key("one point on each NCP, moved")
 
@@ -435,6 +292,36 @@ class AcceptanceBlock(Strict):
     contact: Contact | None = key(
         "limit of the contact wrench's error at a posture, guard-banded", None
     )
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Refuse two supports of one name."""
+    for index, name in enumerate(names):
+        first = names.index(name)
+        if first < index:
+            raise fault(
+                f"the name `{name}` is taken by supports[{first}]",
+                *("supports", index, "name"),
+                hint="give each support a name of its own",
+            )
+
+
+def check_hinges(names: Sequence[str], hinges: FloatArray) -> None:
+    """Refuse hinges (n, 3) in m of which two coincide or which all lie on one line."""
+    extent = np.linalg.svd(hinges - hinges.mean(axis=0), compute_uv=False)
+    for i, j in combinations(range(len(names)), 2):
+        if np.linalg.norm(hinges[i] - hinges[j]) <= _STRAIGHT * extent[0]:
+            raise fault(
+                f"the hinges of `{names[i]}` and `{names[j]}` coincide",
+                *("supports", j, "hinge"),
+                hint="each NCP holds the terminal at a hinge of its own",
+            )
+    if extent[1] <= _STRAIGHT * extent[0]:
+        raise fault(
+            "the hinges lie on one line, which leaves the terminal free to turn about it",
+            "supports",
+            hint="check the hinge coordinates",
+        )
 
 
 def _three_or_more(given: Any) -> Any:
@@ -473,7 +360,7 @@ class RigFile(Strict):
         names = [support.name for support in self.supports]
         check_names(names)
         check_hinges(names, np.array([support.hinge for support in self.supports]))
-        check_recorders(names, self.recorders, one=isinstance(self.log, LogBlock))
+        check_recorders(names, self.log or ())
         if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):
             raise fault(
                 "zeros that follow a temperature need one",

@@ -16,12 +16,11 @@ from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import (
     RIG_FORMAT,
-    LogBlock,
     RigFile,
-    SupportFields,
     TrackerBlock,
 )
-from tdfscal.files.yaml.reading import Document, parse_document, read_document
+from tdfscal.files.rig.recorders import LogBlock, SupportFields
+from tdfscal.files.yaml import Document, parse_document, read_document
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
@@ -176,6 +175,10 @@ def _mappings(file: RigFile) -> tuple[LogMapping, ...]:
     return tuple(_mapping(block, names) for block in file.recorders)
 
 
+#: What a mapping and a block of the file say in the same words.
+_ALIKE = ("files", "rows", "length_unit", "force_unit", "force_on", "decimal")
+
+
 def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
     mapping = LogMapping.default(names)
     if block.supports is not None:
@@ -193,16 +196,9 @@ def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
     offset = block.clock.offset
     return dataclasses.replace(
         mapping,
-        rows=block.rows,
-        time_field=block.time.field,
-        time_unit=block.time.unit,
-        time_source=block.time.source,
-        length_unit=block.length_unit,
-        force_unit=block.force_unit,
-        force_on=block.force_on,
-        decimal=block.decimal,
+        **{name: getattr(block, name) for name in _ALIKE},
+        **{f"time_{name}": value for name, value in block.time},
         delay=_known(block.delay.value, block.delay.std) if block.delay else None,
         temperature=temperature,
-        files=block.files,
         clock=ClockPrior(_known(offset.value, offset.std), block.clock.rate_std),
     )

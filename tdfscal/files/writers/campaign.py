@@ -15,7 +15,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.outputs import make_folder, replacing, together, writing
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers import documents, logs
-from tdfscal.files.yaml.reading import read_document
+from tdfscal.files.yaml import read_document
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
     MOVING,

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.yaml.reading import read_document
+from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.common.damage import placed
 

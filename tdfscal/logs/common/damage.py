@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 from tdfscal.memory import is_short, shortage
 
 LIBRARY_FAULTS: Final = (OSError, EOFError, ValueError, OverflowError, struct.error)

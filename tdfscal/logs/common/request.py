@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import Contents

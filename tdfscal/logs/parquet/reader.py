@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 from tdfscal.logs.common import units
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.request import (

@@ -12,7 +12,7 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.files.yaml.scalars import shorten
+from tdfscal.files.yaml import shorten
 from tdfscal.logs.common.damage import placed
 from tdfscal.logs.text.cells import split_cells, split_label
 from tdfscal.logs.text.date_times import DATES, seconds_of, seconds_of_all

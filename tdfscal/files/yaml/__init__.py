@@ -1,1 +1,0 @@
-"""YAML and JSON documents, read within stated limits."""
