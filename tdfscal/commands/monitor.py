@@ -70,9 +70,9 @@ class MonitorResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
-        from tdfscal.reporting.history import document
+        from tdfscal.reporting.history import history_document
 
-        content = document(self.life, self.alarms)
+        content = history_document(self.life, self.alarms)
         found = documents((*self.findings, *_papers(self.rig)))
         return {"rig": self.rig.name, **content, "findings": found}
 

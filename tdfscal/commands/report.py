@@ -23,7 +23,7 @@ from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
+from tdfscal.reporting.several import as_found, put_side_by_side, several_document, several_report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -51,7 +51,7 @@ class ReportResult(Result):
         documents = [c.to_dict() for _, c in self.named]
         if len(documents) == 1:
             return documents[0]
-        comparison = document(put_side_by_side(self.named))
+        comparison = several_document(put_side_by_side(self.named))
         return {"calibrations": documents, "comparison": comparison}
 
     def table(self) -> dict[str, list[Any]]:

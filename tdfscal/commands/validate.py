@@ -24,7 +24,7 @@ from tdfscal.findings import Finding
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.validation import Origin, document, validation_report
+from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
@@ -76,7 +76,7 @@ class ValidateResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        return document(self.validation, self.findings)
+        return validation_document(self.validation, self.findings)
 
     def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.

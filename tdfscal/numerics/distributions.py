@@ -47,6 +47,15 @@ def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
     return np.asarray(np.where(finite, t, special.ndtri(p)), dtype=np.float64)
 
 
+def student_dof(coverage: float, k: npt.ArrayLike) -> FloatArray:
+    """Degrees of freedom whose two-sided coverage factor is k; ∞ where k is the normal one's."""
+    k = np.asarray(k, dtype=np.float64)
+    p = 0.5 + coverage / 2
+    normal = k <= special.stdtrit(1e4, p)
+    dof = special.stdtridf(p, np.where(normal, 2 * k, k))
+    return np.asarray(np.where(normal, np.inf, dof), dtype=np.float64)
+
+
 #: Trials per block: 7.9.4 b) asks for at least 10⁴.
 BLOCK = 10_000
 

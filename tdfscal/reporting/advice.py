@@ -1,21 +1,23 @@
-"""What to do next, from the numbers of a calibration and from why it was rejected."""
+"""What a calibration says first and last: one number for all, what it rests on, what next."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from math import ceil
 
 import numpy as np
 
+from tdfscal.catalogue import CATALOGUE
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.in_use import MISFITS
+from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import MotionResult
-from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
-from tdfscal.records import ANGLES
-from tdfscal.reporting.headline import half_widths
-from tdfscal.significance import MOST_REJECTED
+from tdfscal.files.calibration.parts import FindingResult, Mounting, RejectedPosture
+from tdfscal.records import ANGLES, FloatArray
+from tdfscal.reporting.layout import begun
+from tdfscal.reporting.traceability import exact_sentence
+from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
@@ -23,56 +25,140 @@ _TRIED = 3
 _NOISE = ("force-noise-suspected", "sensor-noise-suspected")
 #: Postures named at most.
 _NAMED = 8
-#: Why a sensor spoilt a posture: it is at its end, or gives one reading.
-_FULL, _FROZEN = ("posture-over-capacity", "posture-saturated"), ("posture-frozen",)
+#: Why a sensor itself spoils a posture, and does not show that something touched.
+_SPOILT = ("posture-over-capacity", "posture-saturated", "posture-frozen")
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: Uncertainty, as a share of that of now, at which a change of the campaign is worth a word.
 _WORTH = 0.93
-#: Changes of a campaign, by their forecast.
-_CHANGES: dict[str, Callable[[float], str]] = {
-    "postures": "with {:.0f} more such postures".format,
-    "squeeze": lambda force: f"with squeezes of {float(f'{force:.2g}'):.0f} N",
-    "tare": "with zeros known to {:g} N by a tare".format,
-}
 #: A source worth naming contributes at least this share of the angles' variance.
 _NOTABLE = 0.25
-_LESSEN = {
-    "noise": "More postures, or a harder squeeze, would lower the uncertainty further: noise "
-    "dominates.",
-    "zero": "A tare just before the campaign would lower the uncertainty: the zeros dominate.",
-    "positioner": "A harder squeeze would lower the uncertainty: NCP repeatability dominates.",
-    "mass": "Weighing the terminal would lower the uncertainty: its mass dominates.",
-    "barycentre": "More tilt, or a better barycentre, would lower the uncertainty: it dominates.",
-    "hinge": "Measuring the hinge centres would lower the uncertainty: they dominate.",
-    "datum": "Measuring the servo datums would lower the uncertainty: they dominate.",
-    "gravity": "Levelling the BCS would lower the uncertainty: the direction of gravity dominates.",
-    "sensitivity": "Calibrated gains would lower the uncertainty: the sensitivity dominates.",
-    "instrument angles": "A tracker nearer to the rig would lower the uncertainty: its angles "
-    "dominate.",
+#: Changes of a campaign, by their forecast.
+_CHANGES = {
+    "postures": "with {:.0f} more such postures",
+    "squeeze": "with squeezes of {:.0f} N",
+    "tare": "with zeros known to {:g} N by a tare",
 }
-#: The same of samples in motion.
-_LESSEN_IN_MOTION = {
-    "noise": "A longer motion, a larger tilt, or a harder squeeze would lower the uncertainty "
-    "further: noise dominates (`tdfscal plan RIG --motion` finds the best motion).",
-    "noise spectrum": "A longer motion would lower the uncertainty: how noisy its slow part is "
-    "dominates.",
-    "positioner": "A harder squeeze, or a faster motion, would lower the uncertainty: the NCPs' "
-    "position errors dominate.",
-    "undeclared error": "Declaring or mending what the residuals suspect would lower the "
-    "uncertainty: it dominates.",
-    "motion": "A slower motion, or an inertia, a friction and a delay that are stated, would lower "
-    "the uncertainty: what the motion adds dominates.",
+#: Sources of the budget in words, and what would lower them.
+_SOURCES = {
+    "noise": ("noise", "more postures, or a harder squeeze,"),
+    "zero": ("the zeros", "a tare just before the campaign"),
+    "positioner": ("the NCPs' repeatability", "a harder squeeze"),
+    "mass": ("the mass", "weighing the terminal"),
+    "barycentre": ("the barycentre", "more tilt, or a better barycentre,"),
+    "hinge": ("the hinges' places", "measuring the hinge centres"),
+    "datum": ("the servo datums", "measuring the servo datums"),
+    "gravity": ("the base's level", "levelling the BCS"),
+    "sensitivity": ("the sensors' gain", "calibrated gains"),
+    "instrument angles": ("the tracker's angles", "a tracker nearer to the rig"),
+    "instrument range": ("the tracker's range", ""),
+    "noise spectrum": ("the noise's spectrum", "a longer motion"),
+    "undeclared error": ("undeclared error", "declaring or mending what the residuals suspect"),
+    "motion": (
+        "what the motion adds",
+        "a slower motion, or an inertia, a friction and a delay that are stated,",
+    ),
 }
+#: What would lower them in motion, where it is something else.
+_IN_MOTION = {
+    "noise": "a longer motion, a larger tilt, or a harder squeeze (`tdfscal plan RIG --motion` "
+    "finds the best)",
+    "positioner": "a harder squeeze, or a faster motion,",
+}
+
+
+def half_widths(c: Calibration) -> FloatArray:
+    """Half (m, 3) of each mounted sensor's 95 % intervals, rad, by the farther end.
+
+    Where roll and yaw are not separable: the expanded uncertainty of the turns.
+    """
+    return np.array([_half_width(mounting) for mounting in c.mounted])
+
+
+def _half_width(mounting: Mounting) -> list[float]:
+    turns = mounting.turn_std or mounting.rpy_std
+    ends = zip(mounting.interval.low, mounting.rpy, mounting.interval.high, turns, strict=True)
+    return [
+        COVERAGE_FACTOR * std if low is None or high is None else max(value - low, high - value)
+        for low, value, high, std in ends
+    ]
+
+
+def headline(c: Calibration) -> str:
+    """One number for all angles, what it counts, what it does not, and what it rests on."""
+    which = "each" if c.determined.all() else "each that is determined"
+    half = float(half_widths(c).max())
+    said = f"{which} within ± {1e3 * half:.2g} mrad (95 %)"
+    if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
+        said += ", the gain's tolerance included"
+    draft = [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
+    loaded = f"You may load these angles: {said}."
+    if draft:
+        loaded = (
+            "Confirm these lines of the rig file's draft before you load the angles: "
+            f"{_by_block(draft)}. If they are right, the angles are known, {said}."
+        )
+    return " ".join(filter(None, (loaded, exact_sentence(c, half), _rests_on(c))))
+
+
+def _by_block(lines: Iterable[str]) -> str:
+    """Lines of a draft, each as `key (line N)`, by the block of the rig file that they are in."""
+    blocks: dict[str, list[list[int]]] = {}
+    for line in lines:
+        key, _, number = line.rstrip(")").rpartition(" (line ")
+        spans = blocks.setdefault(key.split(".")[0] or line, [])
+        if not (n := int(number) if number.isdecimal() else 0):
+            continue
+        if spans and spans[-1][1] == n - 1:
+            spans[-1][1] = n
+        else:
+            spans.append([n, n])
+    said = {
+        block: ", ".join("–".join(map(str, dict.fromkeys(span))) for span in spans)
+        for block, spans in blocks.items()
+    }
+    return ", ".join(f"{block} ({spans})" if spans else block for block, spans in said.items())
+
+
+def _rests_on(c: Calibration) -> str:
+    """How much went in, how it fits, and what limits the least known angle, in a sentence."""
+    parts = []
+    if c.motion is not None:
+        parts.append(f"{c.motion.seconds:.0f} s of motion")
+    if c.fit is not None and (c.motion is None or c.fit.postures):
+        left_out = len(c.fit.rejected)
+        besides = f" ({left_out} left out)" if left_out else ""
+        parts.append(f"{c.fit.postures} postures{besides}")
+    if c.tracker is not None:
+        parts.append(f"{c.tracker.get('points')} points of the tracker")
+    if c.fit is not None and c.fit.dof:
+        parts.append(f"scatter against stated {c.fit.birge:.2f}")
+    for clock in c.clocks:
+        known = f"± {1e3 * clock.offset_std:.2g} ms, ± {1e6 * clock.rate_std:.2g} ppm"
+        parts.append(f"the clock of {clock.recorder} to {known}")
+    limit = ""
+    if c.budget is not None and len(c.budget.sources) > 1:
+        worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
+        share, angle = c.budget.shares[worst], c.budget.angles[worst]
+        source, _ = _source(c.budget.sources[int(share.argmax())])
+        of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
+        limit = f"; limited by {source} ({of})"
+    return f"It rests on {', '.join(parts)}{limit}."
+
+
+def _source(name: str) -> tuple[str, str]:
+    return _SOURCES.get(name, (name, ""))
 
 
 def advise(c: Calibration) -> tuple[str, ...]:
     """Return sentences in the order in which to act: the first is the cure that counts most."""
     if c.status == "rejected":
-        cures = _cures(c) or ("Record again: hold each posture for 3 s and touch nothing",)
-        others = (f"{cure[0].lower()}{cure[1:]}" for cure in cures[1:_TRIED])
+        cures = tuple(filter(None, _cures(c)))
+        first, *others = cures[:_TRIED] or (
+            "record again: hold each posture for 3 s and touch nothing",
+        )
         return (
-            f"{cures[0]}.",
+            begun(first, "."),
             *(f"If that does not mend it: {cure}." for cure in others),
             "Do not load this result into a controller; calibrate again first.",
         )
@@ -84,9 +170,8 @@ def advise(c: Calibration) -> tuple[str, ...]:
         now = 1e3 * half_widths(c).max()
         return (*advice, f"The ± {now:.2g} mrad of now would be {', '.join(better)}.")
     source, share = _largest_source(c)
-    lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
-    if share > _NOTABLE and source in lessen:
-        advice.append(lessen[source])
+    if share > _NOTABLE and (remedy := _remedy(c, source)):
+        advice.append(begun(remedy, "."))
     return tuple(advice)
 
 
@@ -96,7 +181,10 @@ def _forecasts(c: Calibration) -> Iterator[str]:
     if seen is None or c.method != "self" or c.motion is not None:
         return
     worst, half = float(c.rpy_std[c.determined].max()), 1e3 * half_widths(c).max()
-    found = [(f.worst_std / worst, _CHANGES[f.change](f.amount)) for f in seen.forecasts]
+    found = []
+    for f in seen.forecasts:
+        amount = float(f"{f.amount:.2g}") if f.change == "squeeze" else f.amount
+        found.append((f.worst_std / worst, _CHANGES[f.change].format(amount)))
     if seen.with_moves is not None and not c.campaigns and not c.found("moves-add-nothing"):
         share = seen.with_moves / float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
         found.append((share, "with `--samples all`, which uses the moves between the stops"))
@@ -113,8 +201,8 @@ def _file(c: Calibration) -> str:
     return "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
 
 
-def _cures(c: Calibration) -> tuple[str, ...]:
-    """What each reason of the gate asks for, sentences without a full stop.
+def _cures(c: Calibration) -> Iterator[str]:
+    """What each reason of the gate asks for, sentences without their capital and full stop.
 
     Damage first, for it hides the rest; then a campaign that does not fit those before it, which no
     wider statement of what is doubtful beside it would mend; then sensors, which spoil postures;
@@ -124,16 +212,16 @@ def _cures(c: Calibration) -> tuple[str, ...]:
     suspected, misfits = _suspected(c), c.found(*MISFITS)
     if misfits:
         suspected = [found for found in suspected if found.severity == "rejects"]
-    return (
-        *_of_the_log(c),
-        *dict.fromkeys(_begun(found.cure) for found in misfits),
-        *_of_the_sensors(c),
-        *(_begun(found.cure) for found in suspected if found.code not in _NOISE),
-        *(_of_postures(c) if c.motion is None else _of_motion(c, c.motion)),
-        *(_begun(found.cure) for found in suspected if found.code in _NOISE),
-        *_of_the_misfit(c),
-        *_of_the_precision(c),
-    )
+    if c.motion is not None:  # a log in motion that was meant to rest
+        for found in c.found("stops-left-out", "stops-over-capacity"):
+            yield f"{found.cure}: {found.text}"
+    yield from dict.fromkeys(found.cure or "" for found in misfits)
+    yield from _of_the_sensors(c)
+    yield from (found.cure or "" for found in suspected if found.code not in _NOISE)
+    yield from _of_what_touched(c)
+    yield from (found.cure or "" for found in suspected if found.code in _NOISE)
+    yield from _of_the_misfit(c)
+    yield from _of_the_precision(c)
 
 
 def _suspected(c: Calibration) -> list[FindingResult]:
@@ -142,55 +230,37 @@ def _suspected(c: Calibration) -> list[FindingResult]:
     return list(reversed(found.values()))
 
 
-def _begun(text: str | None) -> str:
-    return f"{text[0].upper()}{text[1:]}" if text else ""
-
-
-def _of_the_log(c: Calibration) -> Iterator[str]:
-    """A log in motion that was meant to rest: what is said of its stops."""
-    for found in c.found("stops-left-out", "stops-over-capacity"):
-        if c.motion is not None:
-            yield f"{_begun(found.cure)}: {found.text}"
-
-
 def _of_the_sensors(c: Calibration) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
-    many = _many_rejected(c)
-    full = [rejected.reason for rejected in many if rejected.code in _FULL]
-    if full:
-        yield (
-            "Squeeze less, carry less, or widen the range of sensor and amplifier (or correct "
-            f"`capacity` in rig.yaml): {full[0]}"
-        )
-    frozen = [rejected.reason for rejected in many if rejected.code in _FROZEN]
-    if frozen:
-        yield f"Look at the sensor's cable and amplifier: {frozen[0]}; then record again"
+    first: dict[str, str] = {}
+    for rejected in sorted(_many_rejected(c), key=lambda r: r.code == "posture-frozen"):
+        if rejected.code in _SPOILT:
+            first.setdefault(CATALOGUE[rejected.code].cure, rejected.reason)
+    yield from (f"{cure}: {reason}" for cure, reason in first.items())
 
 
-def _of_postures(c: Calibration) -> Iterator[str]:
-    """Postures that something touched."""
-    touched = [r.index + 1 for r in _many_rejected(c) if r.code not in (*_FULL, *_FROZEN)]
-    if touched:
-        names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
-        yield (
-            f"Find what touched the terminal at postures {names} (cables, a hand, a stop), free "
-            "it, and record again"
-        )
-
-
-def _of_motion(c: Calibration, motion: MotionResult) -> Iterator[str]:
-    """What may have caused the reasons that only a motion has."""
+def _of_what_touched(c: Calibration) -> Iterator[str]:
+    """Postures, or stretches of a motion, that something touched."""
+    if c.motion is None:
+        touched = [r.index + 1 for r in _many_rejected(c) if r.code not in _SPOILT]
+        if touched:
+            names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
+            yield (
+                f"find what touched the terminal at postures {names} (cables, a hand, a stop), "
+                "free it, and record again"
+            )
+        return
     if c.found("motion-left-out"):
-        touched = any(stretch.code == "stretch-touched" for stretch in motion.rejected)
+        touching = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
         yield (
-            "Find what touched the terminal in the stretches left out (cables, a hand, a stop), "
+            "find what touched the terminal in the stretches left out (cables, a hand, a stop), "
             "and free it; where nothing did, move more slowly, or hold eight or more postures "
             "for 3 s each"
-            if touched
-            else "Squeeze less, or carry less: sensors reached their capacity or froze in the "
+            if touching
+            else "squeeze less, or carry less: sensors reached their capacity or froze in the "
             "stretches left out"
         )
-    yield from (_begun(found.cure) for found in c.found("halves-disagree"))
+    yield from (found.cure or "" for found in c.found("halves-disagree"))
 
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:
@@ -198,16 +268,16 @@ def _of_the_misfit(c: Calibration) -> Iterator[str]:
     limit, survey = c.rig.acceptance.birge_max, c.tracker or {}
     if c.motion is None and c.fit is not None and c.fit.birge > limit and not _suspected(c):
         yield (
-            "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
+            "look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
             "grows with time is drift; misfit everywhere is noise beyond "
             "`uncertainty.force_noise`, gain or crosstalk (`uncertainty.force_sensitivity`), NCPs "
             "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
-    yield from (_begun(found.cure) for found in c.found("methods-disagree"))
+    yield from (found.cure or "" for found in c.found("methods-disagree"))
     birge = survey.get("birge")
     if c.method != "self" and isinstance(birge, float) and birge > limit:
         yield (
-            "Look at the tracker's residuals: a moved instrument, a loose target, or understated "
+            "look at the tracker's residuals: a moved instrument, a loose target, or understated "
             "uncertainties"
         )
 
@@ -220,17 +290,25 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
         i, j = np.unravel_index(int(std.argmax()), std.shape)
         weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
         if c.method == "tracker":
-            yield f"Measure more targets, farther apart, or from nearer: {weakest}"
+            yield f"measure more targets, farther apart, or from nearer: {weakest}"
         elif c.fit is not None and c.fit.postures:
             wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
             yield (
-                f"Squeeze the NCPs {_SPARE * worst / limit:.1f} times as hard, or record {wanted} "
+                f"squeeze the NCPs {_SPARE * worst / limit:.1f} times as hard, or record {wanted} "
                 f"postures like the {c.fit.postures} of now (tdfscal plan chooses them): {weakest}"
             )
         else:
-            yield f"Squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
+            yield f"squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
     elif c.found("contact-uncertain"):
-        yield _LESSEN.get(_largest_source(c)[0], _LESSEN["noise"]).rstrip(".")
+        yield _remedy(c, _largest_source(c)[0]) or _remedy(c, "noise")
+
+
+def _remedy(c: Calibration, source: str) -> str:
+    """What would lower a source's share of the uncertainty; empty where nothing would."""
+    name, remedy = _source(source)
+    if c.motion is not None:
+        remedy = _IN_MOTION.get(source, remedy)
+    return remedy and f"{remedy} would lower the uncertainty, which is mostly that of {name}"
 
 
 def _many_rejected(c: Calibration) -> tuple[RejectedPosture, ...]:

@@ -12,16 +12,13 @@ from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import ResidualWrench
+from tdfscal.numerics.distributions import student_dof
 from tdfscal.records import ANGLES
-from tdfscal.reporting import phrases
-from tdfscal.reporting.advice import advise
-from tdfscal.reporting.headline import half_widths, headline, summary
-from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS, chi_squared, utc
+from tdfscal.reporting import layout
+from tdfscal.reporting.advice import advise, half_widths, headline
+from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import campaign, exact_tables, overdue, provenance
-from tdfscal.significance import COVERAGE_FACTOR
-
-_ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
+from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 
 
 def calibration_report(
@@ -29,79 +26,82 @@ def calibration_report(
 ) -> Report:
     """Lay out a calibration; drawings are those of a page, more what is said besides."""
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
-    rejected = phrases.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
-    left_out = phrases.stretches(c.motion.rejected) if c.motion is not None else ()
-    blocks = {
+    rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
+    left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
+    blocks: dict[str, tuple[Block, ...]] = {
         "angles": (_angles(c),),
         "residuals" if c.motion is None else "residual-over-time": (
             *_residual_wrench(c),
-            *((Items("Stretches left out", left_out),) if left_out else ()),
+            *layout.listed("Stretches left out", left_out),
         ),
-        "timeline": (Items("Rejected postures", rejected),) if rejected else (),
+        "timeline": layout.listed("Rejected postures", rejected),
         "rig": _adjusted(c),
     }
+    linear = ", linear method of the paper" if c.estimator == "linear" else ""
+    notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
-        subtitle=f"{METHODS[c.method]}{_ESTIMATORS[c.estimator]} of {len(c.supports)} sensors "
-        f"from {names}",
+        subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}",
         verdict=c.status.upper(),
         accepted=c.accepted,
         provisional=c.status == "provisional",
         claim=headline(c) if c.accepted else "",
         reasons=tuple(finding.text for finding in c.reasons),
         tiles=_tiles(c),
-        summary=summary(c),
+        summary=(_summary(c),),
         sections=(
-            *illustrated(drawings, blocks),
+            *layout.illustrated(drawings, blocks),
             *more,
-            Section("Statistics", (Facts(_statistics(c)), *_notes(c))),
+            Section("Statistics", (Facts(_statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
-            *phrases.not_shown(_absent(c, {drawing.name for drawing in drawings})),
+            *layout.not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
         warnings=(
             *overdue(c),
             *(f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED),
         ),
         advice=advise(c),
-        created=utc(c.created),
+        created=layout.utc(c.created),
         number=str(file_content(c)["content_sha256"])[:8],
     )
 
 
-def _notes(c: Calibration) -> tuple[Items, ...]:
-    """Findings that ask for nothing."""
-    notes = tuple(f.told for f in c.findings if f.severity == "notes")
-    return (Items("Notes", notes),) if notes else ()
+def _summary(c: Calibration) -> Table:
+    """The angles with ±."""
+    rows = [
+        (m.name, *(f"{1e3 * v:.3f} ± {1e3 * h:.3f}" for v, h in zip(m.rpy, row, strict=True)))
+        for m, row in zip(c.mounted, half_widths(c), strict=True)
+    ]
+    rows += [(name, "undetermined", "", "") for name in c.undetermined]
+    caption = "Installation angles in the BCS, mrad, 95 %; Rz(yaw)·Ry(pitch)·Rx(roll)"
+    return Table(caption, ("sensor", *ANGLES), tuple(rows))
 
 
 def _angles(c: Calibration) -> Table:
     """Every angle in mrad; its turn from the nominal mounting where that is not zero."""
     nominal = {stated.name: stated.nominal_rpy for stated in c.rig.supports}
     turned = any(map(any, nominal.values()))
-    header = ["sensor", "angle", "value", "std. unc.", "95 % interval", "dominant source"]
+    header = ["sensor", "angle", "value", "turn", "std. unc.", "95 % interval", "dominant source"]
     rows = []
-    for i, support in enumerate(c.mounted):
-        each = zip(ANGLES, support.rpy, support.rpy_std, support.interval.low,
-                   support.interval.high, nominal[support.name], strict=True)  # fmt: skip
+    for i, m in enumerate(c.mounted):
+        each = zip(ANGLES, m.rpy, m.rpy_std, m.interval.low, m.interval.high, nominal[m.name],
+                   strict=True)  # fmt: skip
         for j, (angle, value, std, low, high, zero) in enumerate(each):
-            row = [support.name, angle, f"{1e3 * value:.3f}", f"{1e3 * std:.3f}",
-                   _interval(low, high), _dominant(c, 3 * i + j)]  # fmt: skip
-            if turned:
-                row.insert(3, f"{1e3 * math.remainder(value - zero, math.tau):+.3f}")
-            rows.append(tuple(row))
-    if turned:
-        header.insert(3, "turn")
-    rows += [(name, "undetermined", *[""] * (len(header) - 2)) for name in c.undetermined]
+            known = low is not None and high is not None  # not where roll and yaw are one turn
+            turn = f"{1e3 * math.remainder(value - zero, math.tau):+.3f}"
+            interval = f"{1e3 * low:.3f} to {1e3 * high:.3f}" if known else "–"
+            source = _dominant(c, 3 * i + j)
+            rows.append([m.name, angle, f"{1e3 * value:.3f}", turn, f"{1e3 * std:.3f}", interval,
+                         source])  # fmt: skip
+    rows += [[name, "undetermined", *[""] * 5] for name in c.undetermined]
+    if not turned:
+        for row in (header, *rows):
+            del row[3]
     beside = ", and their turn from the nominal mounting" if turned else ""
     caption = f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
-    return Table(caption, tuple(header), tuple(rows), left=2)
-
-
-def _interval(low: float | None, high: float | None) -> str:
-    """In mrad; none where roll and yaw are not separable."""
-    return "–" if low is None or high is None else f"{1e3 * low:.3f} to {1e3 * high:.3f}"
+    return Table(caption, tuple(header), tuple(map(tuple, rows)), left=2)
 
 
 def _dominant(c: Calibration, row: int) -> str:
@@ -122,7 +122,7 @@ def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
     where = "leave-one-out postures, about the LCS origin"
     if c.motion is not None:
         where = "stretches of the motion held out in turn, about the barycentre"
-    return (phrases.residual_table(_residual(c), where),) if c.validation is not None else ()
+    return (layout.residual_table(_residual(c), where),) if c.validation is not None else ()
 
 
 def _zero(value: float | None, std: float | None) -> str:
@@ -137,19 +137,19 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
         return ()
     zeros = tuple((s.name, *map(_zero, s.zero, s.zero_std)) for s in c.supports)
     mass, bary = c.terminal.mass, c.terminal.barycenter
-    terminal = [("mass, kg", f"{mass.value:.3f}", _std(mass.std, 3))]
-    terminal += [
-        (f"barycentre {axis}, mm", f"{1e3 * value:.3f}", _std(std, 3, 1e3))
+    found = [("mass, kg", mass.value, mass.std)]
+    found += [
+        (f"barycentre {axis}, mm", 1e3 * value, None if std is None else 1e3 * std)
         for axis, value, std in zip("xyz", bary.value, bary.std, strict=True)
     ]
+    terminal = tuple(
+        (name, f"{value:.3f}", "open" if std is None else f"{std:.3f}")
+        for name, value, std in found
+    )
     return (
         Table("Zero offsets, N, sensor frames", ("sensor", "x", "y", "z"), zeros),
-        Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), tuple(terminal)),
+        Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), terminal),
     )
-
-
-def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
-    return "open" if value is None else f"{scale * value:.{digits}f}"
 
 
 def _tiles(c: Calibration) -> tuple[Row, ...]:
@@ -158,7 +158,7 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     worst = f"± {1e3 * half_widths(c).max():.2g} mrad"
     tiles = [
         ("each angle, 95 %", worst, f"limit ± {limit:.2g}"),
-        *phrases.residual_tiles(_residual(c)),
+        *layout.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.get("birge") if c.tracker is not None else None
     if c.motion is not None:
@@ -182,7 +182,7 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         f = c.fit
         if c.motion is None or f.postures:
             facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
-        facts += [("Recorder", f"{k.recorder}: {phrases.told_clock(k)}") for k in c.clocks]
+        facts += [("Recorder", f"{k.recorder}: {layout.told_clock(k)}") for k in c.clocks]
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
@@ -194,6 +194,7 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     if c.observability is not None:
         alone = "by the log alone, " if c.method == "joint" else ""
         facts.append(("Observability", alone + c.observability.verdict))
+    facts.append(("Coverage", _coverage(c)))
     if c.monte_carlo is not None:
         m = c.monte_carlo
         said = "confirm" if m.linear_interval_validated else "do not confirm"
@@ -205,6 +206,28 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         names = c.covariance.parameters
         facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
     return tuple(facts)
+
+
+def _coverage(c: Calibration) -> str:
+    """Coverage factors of the intervals, and the degrees of freedom that they stand for."""
+    factors = [
+        (high - low) / (2 * std)
+        for m in c.mounted
+        for low, high, std in zip(m.interval.low, m.interval.high, m.rpy_std, strict=True)
+        if low is not None and high is not None and std > 0
+    ]
+    if not factors:
+        return f"expanded uncertainties with k = {COVERAGE_FACTOR:g}"
+    ends = (min(factors), max(factors))
+    said = f"{INTERVAL_COVERAGE:.0%} intervals, k = {_span(ends, '.2f')}"
+    if c.monte_carlo is not None and not c.monte_carlo.linear_interval_validated:
+        return f"{said}, by the trials"
+    dof = sorted(float(n) for n in student_dof(INTERVAL_COVERAGE, ends) if math.isfinite(n))
+    return f"{said} for {_span(dof, '.0f')} degrees of freedom" if dof else said
+
+
+def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
+    return " to ".join(dict.fromkeys(format(end, form) for end in ends))
 
 
 def _motion(m: MotionResult) -> list[tuple[str, str]]:
@@ -224,7 +247,7 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         *clocks,
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-        ("Halves", f"of the log compared: p = {phrases.probability(m.halves_p_value)}"),
+        ("Halves", f"of the log compared: p = {layout.probability(m.halves_p_value)}"),
     ]
 
 
@@ -239,8 +262,7 @@ def _absent(c: Calibration, drawn: set[str]) -> list[str]:
         )
     elif "residuals" not in drawn:
         notes.append(
-            "This file holds no single postures, so neither their residuals nor the log's timeline "
-            "can be drawn; calibrate again to have them."
+            "This file holds no single postures: neither residuals nor timeline; calibrate again."
         )
     if "trials" not in drawn:
         notes.append(

@@ -10,10 +10,11 @@ import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
+from tdfscal.reporting import layout
 from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
-from tdfscal.reporting.phrases import probability
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, probability
+from tdfscal.reporting.several import mrad_with
 from tdfscal.significance import COVERAGE_FACTOR
 
 _ADVICE = {
@@ -74,16 +75,17 @@ def history_report(
 ) -> Report:
     """Lay out a history; alarms : those that count, of all in `life`."""
     kinds = dict.fromkeys(alarm.kind for alarm in alarms)
+    facts = Facts(_facts(life, alarms))
     return Report(
         title=f"History of {len(life.names)} checks",
         subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement",
         verdict="ALARM" if alarms else "NO ALARM",
         accepted=not alarms,
         reasons=tuple(sentence(life, alarm) for alarm in alarms),
-        summary=(Facts(_facts(life, alarms)),),
+        summary=(facts,),
         sections=(
-            Section("State", (Facts(_facts(life, alarms)),)),
-            *illustrated(drawings, {}),
+            Section("State", (facts,)),
+            *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
             Section("Checks", (_checks(life),), page_only=True),
         ),
@@ -131,17 +133,21 @@ def day_or_far(month: float) -> str:
 
 
 def _angles(life: Life) -> Table:
-    seen = np.flatnonzero(life.known)
-    now, half = 1e3 * life.path[-1, seen], 1e3 * COVERAGE_FACTOR * life.path_std[-1, seen]
-    change = now - 1e3 * life.path[0, seen]
+    seen = life.known
+    now = life.path[-1, seen]
+    change = 1e3 * (now - life.path[0, seen])
     rows = by_angle(
-        [life.supports[i] for i in seen],
-        lambda i, j: (f"{now[i, j]:.3f} ± {half[i, j]:.3f}", signed(change[i, j], "+.3f")),
+        np.array(life.supports)[seen].tolist(),
+        mrad_with(now, life.path_std[-1, seen]),
+        lambda i, j: signed(change[i, j], "+.3f"),
     )
-    unseen = (life.supports[i] for i in np.flatnonzero(~life.known))
-    rows += tuple((name, "undetermined", "", "") for name in unseen)
-    k = f"k = {COVERAGE_FACTOR:g}"
-    caption = f"Smoothed angles at the last check, mrad; expanded uncertainty, {k}"
+    rows += tuple(
+        (name, "undetermined", "", "")
+        for name, known in zip(life.supports, seen, strict=True)
+        if not known
+    )
+    caption = "Smoothed angles at the last check, mrad; expanded uncertainty, "
+    caption += f"k = {COVERAGE_FACTOR:g}"
     return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
 
 
@@ -160,61 +166,57 @@ def _checks(life: Life) -> Table:
     return Table("Every check; p of its least probable test", header, tuple(rows), left=3)
 
 
-def document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:
+def history_document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:
     """Plain JSON values: SI units, rad, dates in ISO 8601."""
     due = life.due
-    return {
-        "verdict": "alarm" if alarms else "no alarm",
-        "supports": list(life.supports),
-        "false_alarms_per_year": life.rate,
-        "checks": [
-            {
-                "name": name,
-                "date": day(life.month[k]),
-                "rpy": _where(life.rpy[k], life.seen[k]),
-                "rpy_std": _where(life.rpy_std[k], life.seen[k]),
-                "path_rpy": _where(life.path[k], life.known),
-                "path_rpy_std": _where(life.path_std[k], life.known),
-                "mean_rpy": _where(life.mean[k], life.known),
-                "limit_rpy": _where(life.limit[k], life.seen[k]),
-                "p_value": life.smallest[k].tolist(),
-                "level": float(life.level[k]),
-            }
-            for k, name in enumerate(life.names)
-        ],
-        "alarms": [_alarm(life, alarm) for alarm in alarms],
-        "older_alarms": [_alarm(life, a) for a in life.alarms if a not in alarms],
-        "walk": {
+    dates = [None if when is None else day_or_far(when) for when in (due.month, due.earliest)]
+    return layout.document(
+        life,
+        "supports false_alarms_per_year=rate birge",
+        verdict="alarm" if alarms else "no alarm",
+        checks=[_check(life, k) for k in range(len(life.names))],
+        alarms=[_alarm(life, alarm) for alarm in alarms],
+        older_alarms=[_alarm(life, a) for a in life.alarms if a not in alarms],
+        walk={
             "declared": life.declared,
             "estimate": None if life.walk is None else life.walk.value,
             "interval": None if life.walk is None else [life.walk.low, life.walk.high],
             "unit": "rad/√month",
         },
-        "next_calibration": {
-            "date": None if due.month is None else day_or_far(due.month),
-            "earliest": None if due.earliest is None else day_or_far(due.earliest),
-            "support": life.supports[due.sensor],
-            "turn_std": due.now,
-            "limit": due.limit,
-        },
-        "birge": life.birge,
+        next_calibration=layout.document(
+            due, "turn_std=now limit",
+            date=dates[0], earliest=dates[1], support=life.supports[due.sensor],
+        ),
+    )  # fmt: skip
+
+
+def _check(life: Life, k: int) -> dict[str, Any]:
+    """One check; None for the angles of sensors of which it, or no check, says anything."""
+    own = {"rpy": life.rpy, "rpy_std": life.rpy_std, "limit_rpy": life.limit}
+    smoothed = {"path_rpy": life.path, "path_rpy_std": life.path_std, "mean_rpy": life.mean}
+    seen = life.seen[k]
+    return {
+        "name": life.names[k],
+        "date": day(life.month[k]),
+        **{key: _where(values[k], seen) for key, values in own.items()},
+        **{key: _where(values[k], life.known) for key, values in smoothed.items()},
+        "p_value": life.smallest[k],
+        "level": life.level[k],
     }
 
 
-def _where(values: Any, seen: Any) -> list[list[float] | None]:
-    return [row.tolist() if known else None for row, known in zip(values, seen, strict=True)]
+def _where(values: Any, seen: Any) -> list[Any]:
+    return [row if known else None for row, known in zip(values, seen, strict=True)]
 
 
 def _alarm(life: Life, alarm: Alarm) -> dict[str, Any]:
-    return {
-        "kind": alarm.kind,
-        "support": None if alarm.sensor is None else life.supports[alarm.sensor],
-        "onset": day(life.month[alarm.onset]),
-        "onset_check": life.names[alarm.onset],
-        "raised": day(life.month[alarm.raised]),
-        "turn": alarm.turn.tolist(),
-        "turn_std": alarm.std.tolist(),
-        "per": "month" if alarm.kind == "creep" else None,
-        "p_value": alarm.p_value,
-        "text": sentence(life, alarm),
-    }
+    return layout.document(
+        alarm,
+        "kind turn turn_std=std p_value",
+        support=None if alarm.sensor is None else life.supports[alarm.sensor],
+        onset=day(life.month[alarm.onset]),
+        onset_check=life.names[alarm.onset],
+        raised=day(life.month[alarm.raised]),
+        per="month" if alarm.kind == "creep" else None,
+        text=sentence(life, alarm),
+    )

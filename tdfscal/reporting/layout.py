@@ -1,21 +1,33 @@
 """What a report says, laid out once: words, tables and figures in the order of reading.
 
 A builder turns a result into a `Report`; `text` and `html` print any report, and
-add nothing of their own.
+add nothing of their own. Below stand the parts that several reports share.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
+from tdfscal.catalogue import sentence
 from tdfscal.errors import visible
-from tdfscal.records import ANGLES
+from tdfscal.findings import Finding
+from tdfscal.records import ANGLES, InputFile, RecorderClock
 from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
-Row = tuple[str, ...]
+if TYPE_CHECKING:
+    from tdfscal.files.calibration.evidence_model import LeftOutStretch
+    from tdfscal.files.calibration.log_time import Clock
+    from tdfscal.files.calibration.parts import ClockResult, Input, RejectedPosture, ResidualWrench
+    from tdfscal.motioncal.blocks import Stretch
 
+Row = tuple[str, ...]
+#: The text of a table's column for the angle j of the sensor i.
+Cell = Callable[[int, int], str]
 
 LISTED = 8
 """Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
@@ -124,15 +136,6 @@ class Report:
                 yield block.brief() if isinstance(block, Items) else block
 
 
-def by_angle(names: Iterable[str], cells: Callable[[int, int], Iterable[str]]) -> tuple[Row, ...]:
-    """Rows of a sensor's and an angle's name with the cells of this sensor and angle."""
-    return tuple(
-        (name, angle, *cells(i, j))
-        for i, name in enumerate(names)
-        for j, angle in enumerate(ANGLES)
-    )
-
-
 def legible(report: Report) -> Report:
     """The same with every character that does not print as a visible escape.
 
@@ -160,3 +163,147 @@ def illustrated(
     drawn = {drawing.name for drawing in drawings}
     alone = (beside for name, beside in blocks.items() if beside and name not in drawn)
     return [*sections, *(Section("", beside) for beside in alone)]
+
+
+#: Parts of a wrench with their units.
+WRENCH = {"force": "N", "moment": "N·m"}
+METHODS = {
+    "self": "self-calibration",
+    "tracker": "laser-tracker calibration",
+    "joint": "joint calibration, self and tracker",
+}
+
+
+def by_angle(names: Iterable[str], *columns: Cell) -> tuple[Row, ...]:
+    """Rows of a sensor's and an angle's name with each column's cell of this sensor and angle."""
+    return tuple(
+        (name, angle, *(cell(i, j) for cell in columns))
+        for i, name in enumerate(names)
+        for j, angle in enumerate(ANGLES)
+    )
+
+
+def mrad(values: Any, form: str = ".3f") -> Cell:
+    """Cells of values (n, 3), rad, in mrad."""
+    return lambda i, j: format(1e3 * values[i, j], form)
+
+
+def provenance(*facts: tuple[str, str], inputs: Iterable[Input | InputFile]) -> Section:
+    """What a result was made of: facts, and files with their digests."""
+    rows = tuple(
+        (f.path, f.sha256, f"{f.bytes:,}", "; ".join(filter(None, (f.integrity, f.note))))
+        for f in inputs
+    )
+    header = ("file", "SHA-256", "bytes", "integrity")
+    files = (Table("Input files", header, rows, left=2),) if rows else ()
+    return Section("Where this result comes from", (Facts(facts), *files), page_only=True)
+
+
+def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
+    """What is left of force and moment."""
+    rows = tuple(
+        (name, *(f"{size:.3g} {WRENCH[name]}" for size in
+                 (w.rms_before, w.rms_after, w.max_before, w.max_after)))
+        for name, w in found.items()
+    )  # fmt: skip
+    header = ("", "rms before", "rms after", "largest before", "largest after")
+    return Table(f"Residual contact wrench, {where}", header, rows)
+
+
+def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
+    """The same at a glance."""
+    return tuple(
+        (f"residual contact {name}", f"{w.rms_after:.2g} {WRENCH[name]}",
+         f"before {w.rms_before:.3g} {WRENCH[name]}")
+        for name, w in found.items()
+    )  # fmt: skip
+
+
+def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
+    """Stretches of a motion with why each was left out."""
+    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {reason(s.reason)}" for s in left_out)
+
+
+def reason(why: str | Finding) -> str:
+    """Return why something was left out, as a file or a record has it."""
+    return why if isinstance(why, str) else sentence(why)
+
+
+def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:
+    """Rejected postures with when and why."""
+    found = []
+    for r in rejected:
+        dated = r.start is not None and r.end is not None
+        when = f" ({clock.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
+        found.append(f"posture {r.index + 1}{when}: {r.reason}")
+    return tuple(found)
+
+
+def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:
+    """A list of sentences, where there are any."""
+    found = tuple(items)
+    return (Items(caption, found),) if found else ()
+
+
+def not_shown(notes: Iterable[str]) -> tuple[Section, ...]:
+    """What a page does not show, and why."""
+    said = listed("", notes)
+    return (Section("What this page does not show", said, page_only=True),) if said else ()
+
+
+def chi_squared(chi2: float, dof: int, p: float) -> str:
+    """A test in words."""
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
+
+
+def probability(p: float) -> str:
+    """Two digits where they say something, else the magnitude."""
+    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+
+
+def told_clock(clock: ClockResult | RecorderClock) -> str:
+    """Write how far a recorder's clock is from the first one's."""
+    digits = ".4f" if abs(clock.offset) >= 1e3 else ".6g"
+    return (
+        f"its clock is {clock.offset:+{digits}} s from the first one's, ± "
+        f"{1e3 * clock.offset_std:.2g} ms, and faster by {1e6 * clock.rate:.3g} ± "
+        f"{1e6 * clock.rate_std:.2g} ppm"
+    )
+
+
+def utc(instant: str) -> str:
+    """An ISO 8601 instant as people read it."""
+    return instant.replace("T", " ").replace("Z", " UTC")
+
+
+def begun(text: str, end: str = "") -> str:
+    """A sentence with its capital, and what ends it."""
+    return f"{text[0].upper()}{text[1:]}{end}"
+
+
+def plain(value: Any) -> Any:
+    """Records, arrays and findings as JSON values; None for what is not finite."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def document(record: object, names: str, **more: Any) -> dict[str, Any]:
+    """These fields of a record, and more, as plain JSON values; `key=field` renames one."""
+    named = (name.partition("=") for name in names.split())
+    fields = {key: getattr(record, field or key) for key, _, field in named}
+    return {key: plain(value) for key, value in (fields | more).items()}
+
+
+def each_named(names: Iterable[str], **columns: Any) -> list[dict[str, Any]]:
+    """Rows of a name with each column's value, as plain JSON values."""
+    return [
+        {"name": name, **{key: plain(values[k]) for key, values in columns.items()}}
+        for k, name in enumerate(names)
+    ]

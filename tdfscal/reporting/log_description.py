@@ -14,7 +14,7 @@ from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, mapping_block
-from tdfscal.reporting.phrases import told_clock
+from tdfscal.reporting.layout import told_clock
 from tdfscal.reporting.text import table, width, wrapped
 
 _LONGEST_NAME = 200

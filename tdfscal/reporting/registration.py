@@ -10,8 +10,7 @@ import numpy as np
 from tdfscal.catalogue import documents, sentence, told
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
-from tdfscal.reporting.layout import Facts, Report, Section, Table
-from tdfscal.reporting.phrases import chi_squared
+from tdfscal.reporting.layout import Facts, Report, Section, Table, chi_squared
 from tdfscal.trackercal import PointRegistration
 
 CONVENTION = "measured = rotation · reference + translation"

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.comparison.compatibility import Comparison, History, compare, compare_pair
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
-from tdfscal.reporting.phrases import METHODS, chi_squared, probability, utc, verdict
+from tdfscal.reporting import layout
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad, utc
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
+
+_K = f"k = {COVERAGE_FACTOR:g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +60,27 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
 
 def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out several calibrations: verdict first, then the files, their angles, and E_n."""
+    files = tuple(
+        (
+            mark,
+            f"{name}: {layout.METHODS[c.method].split(',')[0]}, {utc(c.created)}, {c.status}, "
+            f"weakest angle {1e3 * c.rpy_std[c.determined].max():.2g} mrad",
+        )
+        for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
+    )
     return Report(
         title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
         subtitle=f"{len(view.names)} calibrations side by side, oldest first",
         verdict="COMPATIBLE" if view.agrees else "NOT COMPATIBLE",
         accepted=view.agrees,
-        reasons=tuple(verdict(step) for step in view.history.against_first if not step.verified),
+        reasons=tuple(_verdict(step) for step in view.history.against_first if not step.verified),
         sections=(
-            Section("Calibrations", (Facts(_files(view)),)),
-            *illustrated(drawings, {}),
+            Section("Calibrations", (Facts(files),)),
+            *layout.illustrated(drawings, {}),
             Section(
                 "Angles and E_n",
-                (_angles(view), _en(view.history)),
-                "E_n is the difference divided by its expanded uncertainty (k = 2); above 1 two "
+                (_angles(view.history, view.letters), _en(view.history)),
+                f"E_n is the difference divided by its expanded uncertainty ({_K}); above 1 two "
                 "calibrations are not compatible in that angle.",
             ),
         ),
@@ -84,40 +95,38 @@ def letter(index: int) -> str:
     return ascii_uppercase[place] + (str(turn + 1) if turn else "")
 
 
-def document(view: Several) -> dict[str, Any]:
+def several_document(view: Several) -> dict[str, Any]:
     """Return the comparison as plain JSON values: names, verdicts, drift, E_n; rad."""
     h = view.history
     names = dict(zip(view.letters, view.names, strict=True))
-    return {
-        "calibrations": list(view.names),
-        "letters": list(view.letters),
-        "supports": list(h.supports),
-        "verified": view.agrees,
-        "rpy": h.rpy.tolist(),
-        "rpy_std": h.rpy_std.tolist(),
-        "drift": h.drift.tolist(),
-        "drift_std": h.drift_std.tolist(),
-        "against_first": [comparison_document(c, names) for c in h.against_first],
-        "steps": [comparison_document(c, names) for c in h.steps],
-    }
+    return layout.document(
+        h,
+        "supports rpy rpy_std drift drift_std",
+        calibrations=view.names,
+        letters=view.letters,
+        verified=view.agrees,
+        against_first=[comparison_document(c, names) for c in h.against_first],
+        steps=[comparison_document(c, names) for c in h.steps],
+    )
 
 
 def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
     """Return one comparison as plain JSON values; angles in rad."""
-    return {
-        "of": names.get(c.names[0], c.names[0]),
-        "against": names.get(c.names[1], c.names[1]),
-        "verified": c.verified,
-        "verdict": verdict(c),
-        "chi2": c.chi2,
-        "dof": c.dof,
-        "p_value": c.p_value,
-        "difference_rpy": c.rpy.tolist(),
-        "difference_rpy_std": c.rpy_std.tolist(),
-        "en": c.en.tolist(),
-        "detectable_rpy": c.detectable.tolist(),
-        "rotation_vector": c.rotation_vector.tolist(),
-    }
+    of, against = (names.get(name, name) for name in c.names)
+    return layout.document(
+        c,
+        "verified chi2 dof p_value difference_rpy=rpy difference_rpy_std=rpy_std en "
+        "detectable_rpy=detectable rotation_vector",
+        of=of,
+        against=against,
+        verdict=_verdict(c),
+    )
+
+
+def _verdict(c: Comparison) -> str:
+    """Return whether two calibrations agree, in words."""
+    said = sentence(c.finding)
+    return said if c.obstacle is None else f"{sentence(c.obstacle)} ({said})"
 
 
 def _instant(c: Calibration) -> datetime:
@@ -154,68 +163,48 @@ def _warnings(view: Several) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _files(view: Several) -> tuple[tuple[str, str], ...]:
-    return tuple(
-        (
-            mark,
-            f"{name}: {METHODS[c.method].split(',')[0]}, {utc(c.created)}, {c.status}, weakest "
-            f"angle {1e3 * c.rpy_std[c.determined].max():.2g} mrad",
-        )
-        for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
-    )
+def _angles(h: History, letters: Sequence[str]) -> Table:
+    cells = [mrad_with(value, std) for value, std in zip(h.rpy, h.rpy_std, strict=True)]
+    caption = f"Angles in mrad with expanded uncertainty, {_K}"
+    return Table(caption, ("sensor", "angle", *letters), by_angle(h.supports, *cells), left=2)
 
 
-def _angles(view: Several) -> Table:
-    values, expanded = 1e3 * view.history.rpy, 1e3 * COVERAGE_FACTOR * view.history.rpy_std
-    rows = by_angle(
-        view.history.supports,
-        lambda i, j: (
-            f"{value:.3f} ± {half:.3f}"
-            for value, half in zip(values[:, i, j], expanded[:, i, j], strict=True)
-        ),
-    )
-    caption = f"Angles in mrad with expanded uncertainty, k = {COVERAGE_FACTOR:g}"
-    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
+def mrad_with(value: Any, std: Any) -> layout.Cell:
+    """Cells of values (n, 3), rad, in mrad with their expanded uncertainty."""
+    return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
 
 
 def _en(h: History) -> Table:
     pairs = [*h.against_first, *h.steps[1:]]
-    rows = by_angle(h.supports, lambda i, j: (_marked(float(pair.en[i, j])) for pair in pairs))
-    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
+    rows = by_angle(h.supports, *(_marked(pair.en) for pair in pairs))
+    together = ("all", "p(χ²)", *(layout.probability(pair.p_value) for pair in pairs))
     header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
     return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
 
 
+def _marked(en: Any) -> layout.Cell:
+    return lambda i, j: f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}"
+
+
 def comparison_report(c: Comparison) -> Report:
     """Lay out differences, their uncertainties and E_n of one pair."""
-    rows = by_angle(
-        c.supports,
-        lambda i, j: (
-            f"{1e3 * c.rpy[i, j]:+.3f}",
-            f"{1e3 * COVERAGE_FACTOR * c.rpy_std[i, j]:.3f}",
-            f"{c.en[i, j]:.2f}" + (" !" if c.en[i, j] > 1 else "  "),
-            f"{1e3 * c.detectable[i, j]:.3f}",
-        ),
-    )
-    header = ("sensor", "angle", "difference", "U", "E_n  ", "detectable")
-    caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with k = {COVERAGE_FACTOR:g}"
+    columns = {
+        "difference": mrad(c.rpy, "+.3f"),
+        "U": mrad(COVERAGE_FACTOR * c.rpy_std),
+        "E_n": _marked(c.en),
+        "detectable": mrad(c.detectable),
+    }
+    header, rows = ("sensor", "angle", *columns), by_angle(c.supports, *columns.values())
+    caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with {_K}"
     together = (
-        f"All together: {chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle as large as "
-        f"its last column would have been seen with {DETECTION_POWER:.0%} probability."
+        f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle as "
+        f"large as its last column would have been seen with {DETECTION_POWER:.0%} probability."
     )
     return Report(
-        title=_capital(verdict(c)),
+        title=layout.begun(_verdict(c)),
         accepted=c.verified,
         sections=(Section("Differences", (Table(caption, header, rows, left=2), together)),),
     )
-
-
-def _capital(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}"
-
-
-def _marked(en: float) -> str:
-    return f"! {en:.2f}" if en > 1 else f"{en:.2f}"
 
 
 def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
@@ -224,32 +213,24 @@ def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
     Raises DataError where the two are of different sensors.
     """
     pair = compare_pair(("as left", c.rotations()), (name, previous.rotations()))
-    both = c.determined & previous.determined
-    old = dict(zip(previous.support_names, 1e3 * previous.rpy, strict=True))
-    expanded = 1e3 * COVERAGE_FACTOR * pair.rpy_std
-    header = ("sensor", "angle", "as found", "as left", "change", f"U, k = {COVERAGE_FACTOR:g}",
-              "E_n")  # fmt: skip
-    rows = by_angle(
-        pair.supports,
-        lambda i, j: (
-            f"{old[pair.supports[i]][j]:.3f}",
-            f"{1e3 * c.rpy[i, j]:.3f}",
-            f"{1e3 * pair.rpy[i, j]:+.3f}",
-            f"{expanded[i, j]:.3f}",
-            f"{pair.en[i, j]:.2f}",
-        ),
-    )
-    rows = tuple(row for row, known in zip(rows, np.repeat(both, 3), strict=True) if known)
-    said, columns = f"{_capital(verdict(pair))}.", len(header)
+    old = [previous.support_names.index(support) for support in pair.supports]
+    columns = {
+        "as found": mrad(previous.rpy[old]),
+        "as left": mrad(c.rpy),
+        "change": mrad(pair.rpy, "+.3f"),
+        f"U, {_K}": mrad(COVERAGE_FACTOR * pair.rpy_std),
+        "E_n": lambda i, j: f"{pair.en[i, j]:.2f}",
+    }
+    said = layout.begun(_verdict(pair), ".")
     if c.history:  # what stands on an earlier one is not independent of it
-        columns -= 2
+        columns = dict(list(columns.items())[:3])
         said = "This calibration stands on earlier ones: its changes are not independent of them."
-    shown = tuple(row[:columns] for row in rows)
+    rows = by_angle(pair.supports, *columns.values())
+    both = np.repeat(c.determined & previous.determined[old], 3)
+    shown = tuple(row for row, known in zip(rows, both, strict=True) if known)
     caption = (
-        f"Angles, mrad; as found: {name}, measured {_day(previous)}; as left: measured {_day(c)}"
+        f"Angles, mrad; as found: {name}, measured {_instant(previous):%Y-%m-%d}; as left: "
+        f"measured {_instant(c):%Y-%m-%d}"
     )
-    return Section("As found, as left", (Table(caption, header[:columns], shown, left=2), said))
-
-
-def _day(c: Calibration) -> str:
-    return utc(c.measured.end if c.measured is not None else c.created)[:10]
+    table = Table(caption, ("sensor", "angle", *columns), shown, left=2)
+    return Section("As found, as left", (table, said))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.headline import effects, typical_error
-from tdfscal.reporting.layout import Block, Facts, Section, Table
-from tdfscal.reporting.phrases import METHODS, inputs_table, utc
+from tdfscal.files.calibration.parts import ExactQuantityResult
+from tdfscal.records import FloatArray
+from tdfscal.reporting import layout
+from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
 from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
 
 #: Days of a month; months beyond which nothing is said.
@@ -22,6 +24,10 @@ _BESIDE = 3
 _CAPTION = (
     "Taken as exact, in no uncertainty: what a typical error would do to roll/pitch/yaw, mrad"
 )
+_UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
+          "of it": (100.0, "%")}  # fmt: skip
+#: Quantities named in one sentence, and the share of the half width from which on they are.
+_NAMED, _NOTABLE = 2, 0.1
 #: Standard uncertainties of the rig file's block, by the words for what they are of.
 _DECLARED = {
     "positioner": "NCP repeatability",
@@ -35,16 +41,13 @@ _DECLARED = {
 def campaign(c: Calibration) -> tuple[Section, ...]:
     """When, where and by whom the data were recorded; serial numbers of rig and sensors."""
     rig, stated = c.rig, c.rig.campaign
-    facts = [("Serial number", rig.serial)] if rig.serial else []
+    facts = [("Serial number", rig.serial)]
     if c.measured is not None:
-        begin, end = utc(c.measured.begin), utc(c.measured.end)
-        span = begin if begin == end else f"{begin} to {end}"
+        span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
         facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
-    if due := _next_due(c):
-        facts.append(("Next due", due))
+    facts.append(("Next due", _next_due(c)))
     if stated is not None:
-        named = (("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note))
-        facts += [(name, text) for name, text in named if text]
+        facts += [("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note)]
     if c.dwells is not None and c.dwells.temperature is not None:
         warm = c.dwells.temperature
         facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
@@ -52,16 +55,17 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
         ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
         for entry in c.history
     ]
-    blocks: list[Block] = [Facts(tuple(facts))] if facts else []
+    said = tuple((name, text) for name, text in facts if text)
     papers = tuple(
         (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
         for s in rig.supports
         if s.sensor is not None
     )
+    header = ("sensor", "serial number", "certificate", "due")
+    blocks: tuple[Block, ...] = (Facts(said),) if said else ()
     if papers:
-        header = ("sensor", "serial number", "certificate", "due")
-        blocks.append(Table("Sensors", header, papers, left=4))
-    return (Section("Campaign and sensors", tuple(blocks)),) if blocks else ()
+        blocks += (Table("Sensors", header, papers, left=4),)
+    return (Section("Campaign and sensors", blocks),) if blocks else ()
 
 
 def _next_due(c: Calibration) -> str:
@@ -84,25 +88,6 @@ def _ends(c: Calibration) -> list[tuple[str, str]]:
     return [(s.sensor.due, s.name) for s in c.rig.supports if s.sensor and s.sensor.due]
 
 
-def exact_tables(c: Calibration) -> tuple[Table, ...]:
-    """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
-    if not c.taken_as_exact:
-        return ()
-    names = [support.name for support in c.taken_as_exact[0].supports]
-    tables = []
-    for first in range(0, len(names), _BESIDE):
-        shown = slice(first, first + _BESIDE)
-        rows = tuple(
-            (
-                f"{quantity.name}, {typical_error(quantity)}",
-                *("/".join(f"{1e3 * v:.2f}" for v in row) for row in effects(quantity)[shown]),
-            )
-            for quantity in c.taken_as_exact
-        )
-        tables.append(Table("" if first else _CAPTION, ("", *names[shown]), rows))
-    return tuple(tables)
-
-
 def overdue(c: Calibration) -> tuple[str, ...]:
     """Sensors whose own certificate had ended when the data were recorded."""
     day = (c.measured.end if c.measured is not None else c.created)[:10]
@@ -113,9 +98,52 @@ def overdue(c: Calibration) -> tuple[str, ...]:
     )
 
 
+def exact_sentence(c: Calibration, half_width: float) -> str:
+    """What is taken as exact, the worst first, with what a typical error of each would do.
+
+    half_width : rad, of the angles' intervals; what is small against it is not named.
+    """
+    worst = {q.name: float(_effects(q).max()) for q in c.taken_as_exact}
+    found = sorted(c.taken_as_exact, key=lambda q: -worst[q.name])
+    named = [q for q in found if worst[q.name] > _NOTABLE * half_width][:_NAMED]
+    parts = [
+        f"{q.name} ({_typical_error(q)}{by} by {1e3 * worst[q.name]:.2g} mrad)"
+        for q, by in zip(named, (" would move an angle", ""), strict=False)
+    ]
+    return f"Taken as exact: {' and '.join(parts)}." if parts else ""
+
+
+def exact_tables(c: Calibration) -> tuple[Table, ...]:
+    """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
+    names = [support.name for q in c.taken_as_exact[:1] for support in q.supports]
+    tables = []
+    for first in range(0, len(names), _BESIDE):
+        shown = slice(first, first + _BESIDE)
+        rows = tuple(
+            (
+                f"{quantity.name}, {_typical_error(quantity)}",
+                *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)[shown]),
+            )
+            for quantity in c.taken_as_exact
+        )
+        tables.append(Table("" if first else _CAPTION, ("", *names[shown]), rows))
+    return tuple(tables)
+
+
+def _effects(quantity: ExactQuantityResult) -> FloatArray:
+    """Effects (n, 3), rad, on roll, pitch, yaw; of the turns where these are not separable."""
+    return np.array([s.turn if s.rpy is None else s.rpy for s in quantity.supports])
+
+
+def _typical_error(quantity: ExactQuantityResult) -> str:
+    """The error of each component, in a unit that reads well."""
+    scale, unit = _UNITS.get(quantity.unit, (1.0, quantity.unit))
+    return f"{scale * quantity.error:g} {unit}"
+
+
 def provenance(c: Calibration) -> Section:
     """What the result was made of, with which program, under which conventions and rules."""
-    facts = (
+    return layout.provenance(
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
         ("Command", c.command),
         ("Created", utc(c.created)),
@@ -123,12 +151,11 @@ def provenance(c: Calibration) -> Section:
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
         ("Taken as exact", ", ".join(_exact(c)) or "nothing"),
-        ("Decision rule", decision_rule(c)),
+        ("Decision rule", _decision_rule(c)),
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
+        inputs=c.inputs,
     )
-    blocks = (Facts(facts), inputs_table(c.inputs))
-    return Section("Where this result comes from", blocks, page_only=True)
 
 
 def _exact(c: Calibration) -> list[str]:
@@ -137,17 +164,13 @@ def _exact(c: Calibration) -> list[str]:
     exact = [words for name, words in _DECLARED.items() if getattr(declared, name) == 0]
     if c.method == "tracker":
         return exact
-    if terminal.mass.std == 0:
-        exact.append("mass")
-    if not np.any(terminal.barycenter.std):
-        exact.append("barycentre")
-    exact += [f"zero of {s.name}" for s in c.rig.supports if not np.any(s.zero.std)]
-    if c.rig.gravity.tilt_std == 0:
-        exact.append("direction of gravity")
-    return exact
+    stated: dict[str, Any] = {"mass": terminal.mass.std, "barycentre": terminal.barycenter.std}
+    stated |= {f"zero of {s.name}": s.zero.std for s in c.rig.supports}
+    stated["direction of gravity"] = c.rig.gravity.tilt_std
+    return [*exact, *(name for name, std in stated.items() if not np.any(std))]
 
 
-def decision_rule(c: Calibration) -> str:
+def _decision_rule(c: Calibration) -> str:
     """When a result is accepted (ISO/IEC 17025, 7.8.6)."""
     limits = c.rig.acceptance
     rule = (

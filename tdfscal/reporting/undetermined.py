@@ -18,11 +18,11 @@ from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
+from tdfscal.reporting import layout
 from tdfscal.reporting.figures import observability, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
-from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import chi_squared, inputs_table, not_shown, postures, stretches, utc
+from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, begun
 from tdfscal.selfcal.result import Undetermined
 
 Seen = Undetermined | UndeterminedMotion
@@ -82,58 +82,58 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
 
 def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
-    error, seen = attempt.error, attempt.seen
-    figure = "forces" if isinstance(seen, UndeterminedMotion) else "timeline"
-    left_out = _left_out(attempt)
+    error, seen, rig = attempt.error, attempt.seen, attempt.rig
+    moving = isinstance(seen, UndeterminedMotion)
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
     blocks = {
         "determined": _turns(seen) if seen is not None else (),
-        figure: (Items("Left out", left_out),) if left_out else (),
+        "forces" if moving else "timeline": layout.listed("Left out", _left_out(attempt)),
     }
+    limit = 1e3 * rig.rig.acceptance.identifiable
+    origin = layout.provenance(
+        ("Command", attempt.command),
+        ("Software", f"tdfscal {__version__}"),
+        ("Rig file", f"{rig.path}, SHA-256 {rig.sha256}"),
+        ("Decision rule", f"determined where a turn's standard uncertainty is below {limit:.3g} "
+         "mrad (acceptance.identifiable) and at most half of what was stated before"),
+        inputs=attempt.inputs,
+    )  # fmt: skip
     return Report(
-        title=attempt.rig.rig.name,
-        subtitle="calibration of "
-        f"{len(attempt.rig.rig.supports)} sensors from {names or ', '.join(attempt.paths)}",
+        title=rig.rig.name,
+        subtitle=f"calibration of {len(rig.rig.supports)} sensors from "
+        f"{names or ', '.join(attempt.paths)}",
         verdict="NOT CONVERGED" if isinstance(error, NotConvergedError) else "NOT IDENTIFIABLE",
         accepted=False,
         claim="No angle is given, and no calibration file was written.",
         reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
         tiles=_tiles(seen) if seen is not None else (),
         sections=(
-            *illustrated(drawings, blocks),
+            *layout.illustrated(drawings, blocks),
             Section("Statistics", (Facts(_statistics(seen)),) if seen is not None else ()),
-            _provenance(attempt),
-            *not_shown(_absent(seen, {drawing.name for drawing in drawings})),
+            origin,
+            *layout.not_shown(_absent(seen, {drawing.name for drawing in drawings})),
         ),
         warnings=attempt.messages,
         advice=tuple(_advice(attempt)),
-        created=utc(datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")),
+        created=layout.utc(datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")),
     )
 
 
 def _advice(attempt: Attempt) -> Iterator[str]:
     """The error's own first, then what each other weak turn asks for, then which way to find it."""
     told, seen = attempt.error.hint or "", attempt.seen
-    if told:
-        yield _sentence(told)
-    if seen is None:
-        return
-    open_turns = seen.observability.weak
+    open_turns = () if seen is None else seen.observability.weak
     # One cure for several turns differs by its numbers only.
     cures = {weakness.finding.code: cure(weakness.finding) for weakness in open_turns}
     if open_turns and cure(open_turns[0].finding) == told:
         del cures[open_turns[0].finding.code]
-    yield from map(_sentence, cures.values())
+    yield from (begun(text, ".") for text in (told, *cures.values()) if text)
     if open_turns:
         given = " --given LOG" if isinstance(seen, Undetermined) else " --motion"
         yield (
             f"`tdfscal plan RIG{given} -o plan.csv` chooses what to drive next, so that every turn "
             "is determined."
         )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
 
 
 def _tiles(seen: Seen) -> tuple[Row, ...]:
@@ -161,32 +161,32 @@ def _turns(seen: Seen) -> tuple[Table | Items, ...]:
     causes: dict[str, list[str]] = {}
     for weakness in seen.observability.weak:
         causes.setdefault(sentence(weakness.finding), []).append(weakness.angle.name)
-    said = tuple(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
+    said = (f"{', '.join(names)}: {cause}" for cause, names in causes.items())
     spread = np.degrees(seen.observability.spread)
     rows = tuple(
         (name, f"{angle:.2g}") for name, angle in zip(seen.rig.supports, spread, strict=True)
     )
     table = Table("", ("sensor", "directions of its loads within, degrees"), rows)
-    return (*((Items("Not determined", said),) if said else ()), table)
+    return (*layout.listed("Not determined", said), table)
 
 
 def _left_out(attempt: Attempt) -> tuple[str, ...]:
     seen = attempt.seen
     if isinstance(seen, UndeterminedMotion):
-        return stretches(seen.rejected)
+        return layout.stretches(seen.rejected)
     if seen is None:
         return ()
     log = attempt.log(seen)
     pieces = log.postures.left_out or ()
     return (
-        *postures(log.rejected, log.clock),
+        *layout.postures(log.rejected, log.clock),
         *(f"{log.clock.stretch(s.start, s.end)}: {s.reason}" for s in pieces),
     )
 
 
 def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     q = seen.quality
-    fit = chi_squared(q.chi2, q.dof, q.p_value)
+    fit = layout.chi_squared(q.chi2, q.dof, q.p_value)
     facts = [("Fit", fit if q.dof > 0 else "no residual is left to judge it by")]
     if isinstance(seen, Undetermined):
         facts.append(("Settled", "yes" if seen.fit.converged else "no"))
@@ -194,19 +194,6 @@ def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     if close:
         facts.append(("Correlation", "; ".join(close)))
     return tuple(facts)
-
-
-def _provenance(attempt: Attempt) -> Section:
-    limit = 1e3 * attempt.rig.rig.acceptance.identifiable
-    facts = (
-        ("Command", attempt.command),
-        ("Software", f"tdfscal {__version__}"),
-        ("Rig file", f"{attempt.rig.path}, SHA-256 {attempt.rig.sha256}"),
-        ("Decision rule", f"determined where a turn's standard uncertainty is below {limit:.3g} "
-         "mrad (acceptance.identifiable) and at most half of what was stated before"),
-    )  # fmt: skip
-    inputs = (inputs_table(attempt.inputs),) if attempt.inputs else ()
-    return Section("Where this comes from", (Facts(facts), *inputs), page_only=True)
 
 
 def _absent(seen: Seen | None, drawn: set[str]) -> tuple[str, ...]:

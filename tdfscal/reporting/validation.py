@@ -11,24 +11,14 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.catalogue import cure, documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.log_time import clock_from
 from tdfscal.files.calibration.parts import ResidualWrench
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, InputFile
-from tdfscal.reporting import phrases
-from tdfscal.reporting.layout import (
-    Block,
-    Drawing,
-    Facts,
-    Items,
-    Report,
-    Section,
-    Table,
-    illustrated,
-)
-from tdfscal.reporting.phrases import METHODS, chi_squared
-from tdfscal.reporting.validation_causes import change, lengths, start_of
+from tdfscal.reporting import layout
+from tdfscal.reporting.layout import Drawing, Report, Section, Table, chi_squared
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
-from tdfscal.validation.causes import Cause
+from tdfscal.validation.causes import NOISE, Cause
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -38,9 +28,6 @@ _LISTED, _LISTED_ON_PAGE = 12, 40
 _KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
-)
-_TAKE_ZEROS = (
-    "Bring the new zeros in before it is used: tdfscal update CALIBRATION CAMPAIGN -o NEW.",
 )
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
@@ -60,58 +47,111 @@ class Origin:
     inputs: tuple[InputFile, ...]
 
 
-def document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any]:
-    """Everything as JSON values, SI units."""
+def changes(v: Tested) -> list[Finding]:
+    """Return what has changed since the calibration, the likeliest first."""
+    found = []
+    if v.zeros.moved:
+        most = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max()
+        found.append(Finding("zeros-moved", size=float(most), unit="N"))
+    found += [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
+    if not v.holds and not v.suspected:
+        found.append(Finding("change-unexplained", p_value=v.p_value, rejects=True))
+    return found
+
+
+def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
+    """Return one cause with its size; tied : it is not told apart from a likelier one."""
+    value, std = cause.value.tolist(), cause.std.tolist()
+    support = None if cause.support is None else v.rig.supports[cause.support]
+    values: dict[str, Value] = {
+        "tied": tied, "whose": support or "all sensors", "change": value, "change_std": std
+    }  # fmt: skip
+    size, unit = None, ""
+    match cause.kind:
+        case "sensor turned":
+            size, unit = float(np.linalg.norm(cause.value)), "rad"
+        case "zero drifted":
+            values["stated"] = v.zeros.moved
+        case "load changed":
+            values |= {"mass": value[0], "mass_std": std[0]}
+            values |= {"barycentre": value[1:], "barycentre_std": std[1:]}
+        case "gain changed":
+            values |= _gain(cause)
+        case "contact":
+            assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
+            force, moment = _lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+            size, unit = float(force), "N"
+            which = [int(v.used[k]) for k in cause.postures]
+            values["postures"] = [f"{k + 1} ({_start(v, k)} s)" for k in which]
+            values |= {"more": len(which) > 1, "torque": float(moment)}
+    if cause.kind in NOISE:
+        size, unit = value[0], "N·m" if cause.kind == "hinges stick" else "N"
+    subject = () if support is None else (support,)
+    code = f"change-{cause.kind.removesuffix(' changed').replace(' ', '-')}"
+    return Finding(code, subject, size, unit, cause.p_value, values=values, rejects=True)
+
+
+def _gain(cause: Cause) -> dict[str, Value]:
+    """Change of a gain, %, by the shape that was fitted."""
+    moved = np.flatnonzero(cause.std > 0)
+    axes = ["xyz"[k] for k in moved if k < 3]
+    if cause.unknowns == 1:
+        moved = moved[:1]
     return {
-        "verdict": "still valid" if v.holds else "recalibrate",
-        "holds": v.holds,
-        "why": " ".join(reasons(v)),
-        "chi2": v.chi2,
-        "dof": v.dof,
-        "p_value": v.p_value,
-        "search_p_value": v.search_p,
-        "false_alarm": VALIDATION_ALARM,
-        **(_motion(v) if isinstance(v, MovingValidation) else _postures(v)),
-        **{name: w.model_dump() for name, w in _residual(v).items()},
-        "zeros": {
-            "moved": v.zeros.moved,
-            "supports": [
-                {
-                    "name": name,
-                    "change": _finite(np.where(told, change, np.inf)),
-                    "std": _finite(std),
-                }
-                for name, change, std, told in zip(
-                    v.rig.supports,
-                    v.zeros.change,
-                    v.zeros.change_std,
-                    np.isfinite(v.zeros.change_std),
-                    strict=True,
-                )
-            ],
-        },
-        "suspected": [_cause(v, cause) for cause in v.suspected],
-        "detectable_turn": {
-            "power": DETECTION_POWER,
-            "supports": [
-                {"name": name, **dict(zip(("rx", "ry", "rz"), _finite(turn), strict=True))}
-                for name, turn in zip(v.rig.supports, v.detectable, strict=True)
-            ],
-        },
-        "findings": documents([*changes(v), *findings]),
+        "change": (100 * cause.value[moved]).tolist(),
+        "change_std": (100 * cause.std[moved]).tolist(),
+        "axes": axes,
+        "alike": cause.unknowns == 1 and len(axes) > 1,
+        "crosstalk": cause.unknowns > 3,
     }
 
 
-def _postures(v: Validation) -> dict[str, Any]:
+def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any]:
+    """Everything as JSON values, SI units."""
+    parts = _of_the_motion(v) if isinstance(v, MovingValidation) else _of_the_postures(v)
+    told = np.isfinite(v.zeros.change_std)
+    moved = np.where(told, v.zeros.change, np.inf)
+    turns = zip(("rx", "ry", "rz"), v.detectable.T, strict=True)
+    return layout.document(
+        v,
+        "holds chi2 dof p_value search_p_value=search_p",
+        verdict="still valid" if v.holds else "recalibrate",
+        why=" ".join(_reasons(v)),
+        false_alarm=VALIDATION_ALARM,
+        **parts,
+        **{name: w.model_dump() for name, w in _residual(v).items()},
+        zeros={
+            "moved": v.zeros.moved,
+            "supports": layout.each_named(v.rig.supports, change=moved, std=v.zeros.change_std),
+        },
+        suspected=[
+            layout.document(
+                cause,
+                "kind value std chi2_explained=gain unknowns remaining_p_value=remaining_p",
+                support=None if cause.support is None else v.rig.supports[cause.support],
+                postures=[v.used[k] for k in cause.postures] if isinstance(v, Validation) else [],
+                text=sentence(change(v, cause)),
+            )
+            for cause in v.suspected
+        ],
+        detectable_turn={
+            "power": DETECTION_POWER,
+            "supports": layout.each_named(v.rig.supports, **dict(turns)),
+        },
+        findings=documents([*changes(v), *findings]),
+    )
+
+
+def _of_the_postures(v: Validation) -> dict[str, Any]:
+    wrenches = {"uncalibrated": v.nominal, "calibrated": v.calibrated}
     return {
         "postures": [
             {
-                "index": int(k),
-                "start": float(v.dwells.start[k]),
-                "end": float(v.dwells.end[k]),
-                "uncalibrated": dict(zip(COMPONENTS, v.nominal[row].tolist(), strict=True)),
-                "calibrated": dict(zip(COMPONENTS, v.calibrated[row].tolist(), strict=True)),
-                "std": _finite(v.std[row]),
+                "index": k,
+                "start": v.dwells.start[k],
+                "end": v.dwells.end[k],
+                **{n: dict(zip(COMPONENTS, w[row], strict=True)) for n, w in wrenches.items()},
+                "std": v.std[row],
             }
             for row, k in enumerate(v.used)
         ],
@@ -122,33 +162,23 @@ def _postures(v: Validation) -> dict[str, Any]:
     }
 
 
-def _motion(v: MovingValidation) -> dict[str, Any]:
+def _of_the_motion(v: MovingValidation) -> dict[str, Any]:
     r = v.residual
-    return {
-        "motion": {
-            "begin": v.begin,
-            "seconds": v.seconds,
-            "rejected": [
-                {
-                    "begin": s.begin,
-                    "end": s.end,
-                    "code": s.reason.code,
-                    "reason": sentence(s.reason),
-                }
-                for s in v.rejected
-            ],
-            "time": r.time.tolist(),
-            "force": {"before": r.before[:, 0].tolist(), "after": r.after[:, 0].tolist()},
-            "moment": {"before": r.before[:, 1].tolist(), "after": r.after[:, 1].tolist()},
-        }
-    }
+    left_out = [
+        {"begin": s.begin, "end": s.end, "code": s.reason.code, "reason": sentence(s.reason)}
+        for s in v.rejected
+    ]
+    both: dict[str, Any] = {"rejected": left_out, "time": r.time}
+    for k, name in enumerate(("force", "moment")):
+        both[name] = {"before": r.before[:, k], "after": r.after[:, k]}
+    return {"motion": layout.document(v, "begin seconds", **both)}
 
 
 def _residual(v: Tested) -> dict[str, ResidualWrench]:
     if isinstance(v, MovingValidation):
         before, after = v.residual.before, v.residual.after
     else:
-        before, after = lengths(v.nominal), lengths(v.calibrated)
+        before, after = _lengths(v.nominal), _lengths(v.calibrated)
     return {
         name: ResidualWrench(
             rms_before=np.sqrt(np.mean(before[:, c] ** 2)),
@@ -160,24 +190,6 @@ def _residual(v: Tested) -> dict[str, ResidualWrench]:
     }
 
 
-def _finite(values: FloatArray) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
-
-
-def _cause(v: Tested, cause: Cause) -> dict[str, Any]:
-    return {
-        "kind": cause.kind,
-        "support": None if cause.support is None else v.rig.supports[cause.support],
-        "postures": [int(v.used[k]) for k in cause.postures] if isinstance(v, Validation) else [],
-        "value": cause.value.tolist(),
-        "std": cause.std.tolist(),
-        "chi2_explained": cause.gain,
-        "unknowns": cause.unknowns,
-        "remaining_p_value": cause.remaining_p,
-        "text": sentence(change(v, cause)),
-    }
-
-
 def _extent(v: Tested) -> str:
     """How much was tested."""
     if isinstance(v, MovingValidation):
@@ -185,80 +197,30 @@ def _extent(v: Tested) -> str:
     return f"{len(v.used)} postures"
 
 
-def reasons(v: Tested) -> list[str]:
+def _reasons(v: Tested) -> list[str]:
     """Sentences: the reason, and what to do."""
     moving = isinstance(v, MovingValidation)
     noise = " and the noise of this log" if moving else ""
     explained = f"what the stated uncertainties{noise} explain"
+    zeros = [layout.begun(told(f), ".") for f in changes(v) if f.code == "zeros-moved"]
     if v.holds:
         held = f"The residual wrench of {_extent(v)} is {explained} (p = {v.p_value:.2g})."
-        return [held, *_zeros_moved(v), _sure(v)]
+        return [held, *zeros, _sure(v)]
     found = [
         f"The residual wrench of {_extent(v)} is not {explained}: "
         f"{chi_squared(v.chi2, v.dof, v.p_value)}.",
-        *_zeros_moved(v),
+        *zeros,
     ]
     if not v.suspected:
-        more = "one gain changed, a tilted base, contact in a few postures, or more noise"
-        tried = f"one zero drifted, {'or another load' if moving else f'another load, {more}'}"
-        return [*found, f"No single cause explains it: not one sensor turned, {tried}."]
-    remedy = cure(change(v, v.suspected[0]))
-    found.append(f"{remedy[0].upper()}{remedy[1:]}.")
+        return [*found, "No single change, of a sensor, a zero or the load, explains it."]
+    found.append(layout.begun(cure(change(v, v.suspected[0])), "."))
     if len(v.suspected) > 1:
         found.append(
-            f"The {'motion does' if moving else 'postures do'} not tell the causes below apart, "
-            f"the likeliest first; {_more(v)} would."
+            f"{'The motion does' if moving else 'The postures do'} not tell the causes below "
+            f"apart; {'a longer motion' if moving else 'more postures'}, more tilt and a squeeze "
+            "would."
         )
     return found
-
-
-def _zeros_moved(v: Tested) -> tuple[str, ...]:
-    """Say so where the zeros are not those of the calibration, and what brings the new ones."""
-    if not v.zeros.moved:
-        return ()
-    most = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max()
-    return (
-        f"The zeros have moved since the calibration, by up to {most:.2g} N, as a tare moves them; "
-        "`tdfscal update` brings the new ones.",
-    )
-
-
-def _zero_table(v: Tested) -> Section:
-    """By how much the zeros have moved, each sensor."""
-    if not v.zeros.moved:
-        return Section("")
-    rows = tuple(
-        (
-            name,
-            *(
-                f"{a:+.2f} ± {u:.2f}" if np.isfinite(u) else "unknown"
-                for a, u in zip(change, std, strict=True)
-            ),
-        )
-        for name, change, std in zip(
-            v.rig.supports, v.zeros.change, v.zeros.change_std, strict=True
-        )
-    )
-    caption = "Change of the zeros since the calibration, N, sensor frames"
-    return Section("Zeros", (Table(caption, ("sensor", "x", "y", "z"), rows),))
-
-
-def changes(v: Tested) -> list[Finding]:
-    """Return what has changed since the calibration, the likeliest first."""
-    found = []
-    if v.zeros.moved:
-        most = float(np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max())
-        found.append(Finding("zeros-moved", size=most, unit="N"))
-    found += [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
-    if not v.holds and not v.suspected:
-        found.append(Finding("change-unexplained", p_value=v.p_value, rejects=True))
-    return found
-
-
-def _more(v: Tested) -> str:
-    """What would show a smaller change."""
-    longer = "a longer motion" if isinstance(v, MovingValidation) else "more postures"
-    return f"{longer}, more tilt and a squeeze"
 
 
 def _sure(v: Tested) -> str:
@@ -281,62 +243,76 @@ def validation_report(
 ) -> Report:
     """Lay out a verdict; origin and drawings are those of a page."""
     found = _residual(v)
-    beside: tuple[Block, ...]
+    beside: tuple[Table, ...] = ()
     if isinstance(v, MovingValidation):
         lost = sum(s.end - s.begin for s in v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
-        figure, where = "residual-over-time", "means over a second, about the barycentre"
-        left_out = phrases.stretches(v.rejected)
-        beside = ()
+        table = layout.residual_table(found, "means over a second, about the barycentre")
+        figure = "residual-over-time"
+        left_out = layout.stretches(v.rejected)
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
-        figure, where = "validation", "LCS, about its origin"
+        table = layout.residual_table(found, "LCS, about its origin")
+        beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
+        figure = "validation"
         left_out = tuple(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
-        beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
-    table = phrases.residual_table(found, where)
-    left_out_items = (Items("Left out", left_out),) if left_out else ()
+    zeros = _zero_table(v)
     report = Report(
         title=v.rig.name,
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
         accepted=v.holds,
-        claim=" ".join(reasons(v)),
+        claim=" ".join(_reasons(v)),
         reasons=tuple(sentence(change(v, cause)) for cause in v.suspected),
         tiles=(
             tested,
-            *phrases.residual_tiles(found),
+            *layout.residual_tiles(found),
             ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
         ),
-        summary=(table, *_zero_table(v).blocks),
+        summary=(table, *zeros),
         sections=(
-            *illustrated(drawings, {figure: (table, *beside)}),
-            _zero_table(v),
-            Section("Left out", left_out_items),
-            _power(v),
+            *layout.illustrated(drawings, {figure: (table, *beside)}),
+            Section("Zeros" if zeros else "", zeros),
+            Section("Left out", layout.listed("Left out", left_out)),
         ),
         warnings=tuple(map(told, findings)),
-        advice=(*(_TAKE_ZEROS if v.zeros.moved else ()), *_KEEP) if v.holds else _RENEW,
+        advice=_KEEP if v.holds else _RENEW,
     )  # fmt: skip
     if origin is None:
         return report
     c = origin.calibration
     return replace(
         report,
-        subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
-        f"{_extent(v)}",
+        subtitle=f"validation of {origin.name}, a {layout.METHODS[c.method]} of "
+        f"{c.created[:10]}, on {_extent(v)}",
         created=origin.created,
         sections=(*report.sections, _provenance(v, origin)),
     )
 
 
+def _zero_table(v: Tested) -> tuple[Table, ...]:
+    """By how much the zeros have moved, each sensor."""
+    if not v.zeros.moved:
+        return ()
+    rows = tuple(
+        (name, *(f"{a:+.2f} ± {u:.2f}" if np.isfinite(u) else "unknown"
+                 for a, u in zip(change, std, strict=True)))
+        for name, change, std in zip(
+            v.rig.supports, v.zeros.change, v.zeros.change_std, strict=True
+        )
+    )  # fmt: skip
+    caption = "Change of the zeros since the calibration, N, sensor frames"
+    return (Table(caption, ("sensor", "x", "y", "z"), rows),)
+
+
 def _posture_table(v: Validation, most: int) -> Table:
     """The postures with the largest residual force, in the order of the log."""
-    order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
+    order = np.sort(np.argsort(_lengths(v.calibrated)[:, 0])[::-1][:most])
     rows = tuple(
         (
             str(v.used[k] + 1),
-            start_of(v, int(v.used[k])),
+            _start(v, int(v.used[k])),
             *(f"{v.calibrated[k, c]:.2f}" for c in range(6)),
             f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
         )
@@ -348,33 +324,26 @@ def _posture_table(v: Validation, most: int) -> Table:
     return Table(caption, ("", "s", *units, "largest / u"), rows)
 
 
-def _power(v: Tested) -> Section:
-    """The smallest turns that would have been seen."""
-    rows = tuple(
-        (name, *("none" if t is None else f"{1e3 * t:.2f}" for t in _finite(turn)))
-        for name, turn in zip(v.rig.supports, v.detectable, strict=True)
-    )
-    moving = isinstance(v, MovingValidation)
-    return Section(
-        f"What {'this motion' if moving else 'these postures'} would have shown",
-        (Table("Turn about the BCS's axes, mrad", ("sensor", "x", "y", "z"), rows),),
-        "The smallest turn of a single sensor that is detected with a probability of "
-        f"{DETECTION_POWER:.0%}; {_more(v)} make it smaller.",
-        page_only=True,
-    )
-
-
 def _provenance(v: Tested, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
-    facts = (
-        ("Calibration", f"{origin.name}, {METHODS[c.method]}, {c.created}, {c.status}"),
+    return layout.provenance(
+        ("Calibration", f"{origin.name}, {layout.METHODS[c.method]}, {c.created}, {c.status}"),
         ("Command", origin.command),
         ("Created", origin.created),
         ("Software", f"tdfscal {__version__}"),
         ("Test", chi_squared(v.chi2, v.dof, v.p_value)),
         ("Single causes", f"the likeliest by chance alone: p = {v.search_p:.2g}"),
         ("Convention", c.convention),
+        inputs=origin.inputs,
     )
-    blocks = (Facts(facts), phrases.inputs_table(origin.inputs, "Logs"))
-    return Section("Where this result comes from", blocks, page_only=True)
+
+
+def _start(v: Validation, k: int) -> str:
+    """Seconds at which a dwell begins; those of a date count from the first dwell."""
+    return f"{v.dwells.start[k] - clock_from(float(v.dwells.start[0])).origin:.1f}"
+
+
+def _lengths(wrench: FloatArray) -> FloatArray:
+    """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
+    return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))

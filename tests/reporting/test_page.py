@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal.commands.report import report
 from tdfscal.files.calibration.document import Calibration, load_calibration
-from tdfscal.reporting.headline import half_widths
+from tdfscal.reporting.advice import half_widths
 from tests.reporting.pages import render_page
 from tests.reporting.samples import (
     NASTY,
