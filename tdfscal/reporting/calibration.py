@@ -219,7 +219,7 @@ def _coverage(c: Calibration) -> str:
     if not factors:
         return f"expanded uncertainties with k = {COVERAGE_FACTOR:g}"
     ends = (min(factors), max(factors))
-    said = f"{INTERVAL_COVERAGE:.0%} intervals, k = {_span(ends, '.2f')}"
+    said = f"{100 * INTERVAL_COVERAGE:g} % intervals, k = {_span(ends, '.2f')}"
     if c.monte_carlo is not None and not c.monte_carlo.linear_interval_validated:
         return f"{said}, by the trials"
     dof = sorted(float(n) for n in student_dof(INTERVAL_COVERAGE, ends) if math.isfinite(n))
