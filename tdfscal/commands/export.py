@@ -28,7 +28,7 @@ from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.statements import ContactThresholds
 from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
-from tdfscal.files.yaml.reading import read_document
+from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing
 
