@@ -116,6 +116,11 @@ class Balance:
         gram = rows.T @ rows / len(rows)
         return _search(gram, _linear_rotations(gram, self.n) if start is None else start)
 
+    def tangent(self, time: FloatArray, lag: FloatArray | float, model: Model) -> FloatArray:
+        """Slopes (N, 6, 6n + 11) of the residual by turns of the sensors and by what is linear."""
+        rows, k = self._features(time, lag)[0].rows(), 9 * self.n
+        return np.concatenate([rows[:, :, :k] @ _turns(model.rotation), rows[:, :, k:]], axis=2)
+
     def residual(
         self, time: FloatArray, lag: FloatArray | float, model: Model, ahead: float = 0.0
     ) -> FloatArray:
@@ -191,6 +196,13 @@ def _linear_rotations(gram: FloatArray, n: int) -> FloatArray:
     return so3.project(found[: 9 * n].reshape(n, 3, 3))
 
 
+def _turns(rotation: FloatArray) -> FloatArray:
+    """Change (9n, 3n) of vec X_i by turns [e_k]× X_i."""
+    n = len(rotation)
+    each = np.einsum("akc,icb->iabk", _EPSILON, rotation)
+    return np.asarray(np.einsum("iabk,ij->iabjk", each, np.eye(n)).reshape(9 * n, 3 * n))
+
+
 def _search(gram: FloatArray, rotation: FloatArray) -> Model:
     """Levenberg–Marquardt on SO(3)ⁿ; what is linear is eliminated."""
     n = len(rotation)
@@ -204,8 +216,7 @@ def _search(gram: FloatArray, rotation: FloatArray) -> Model:
 
     best, damping = cost(rotation), 1e-3
     for _ in range(_STEPS):
-        J = np.einsum("akc,icb->iabk", _EPSILON, rotation)  # [e_k]× X_i
-        J = np.einsum("iabk,ij->iabjk", J, np.eye(n)).reshape(k, 3 * n)
+        J = _turns(rotation)
         H, slope = J.T @ schur @ J, J.T @ schur @ rotation.ravel()
         while damping < 1e8:
             step = np.linalg.solve(H + damping * np.diag(np.diag(H) + 1e-15), -slope)

@@ -218,7 +218,13 @@ class _Search:
         by_moves = self._by_moves(candidate, slowest)
         if self.balance is not None and candidate.model is not None:
             line, covariance = refine(
-                self.balance, candidate.model, time, candidate.lag, self.prior.rate_std, slowest
+                self.balance,
+                candidate.model,
+                time,
+                candidate.lag,
+                candidate.rows,
+                self.prior.rate_std,
+                slowest,
             )
         if by_moves is not None and by_moves[1][0] ** 2 < covariance[0, 0]:
             line, std, middle = by_moves

@@ -14,6 +14,8 @@ from scipy import special
 
 from tdfscal.records import FloatArray
 
+_THREE = 0.9973  # coverage of three standard deviations
+
 
 def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
     """Probability that χ² with dof degrees of freedom exceeds x; 1 where there is none."""
@@ -45,6 +47,11 @@ def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
     finite = np.isfinite(dof)
     t = special.stdtrit(np.where(finite, dof, 1.0), p)
     return np.asarray(np.where(finite, t, special.ndtri(p)), dtype=np.float64)
+
+
+def widening(dof: float) -> float:
+    """Factor on a standard error of so many degrees of freedom: three of them cover 99.73 %."""
+    return float(coverage_factor(_THREE, dof)) / 3.0
 
 
 def student_dof(coverage: float, k: npt.ArrayLike) -> FloatArray:

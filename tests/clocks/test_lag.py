@@ -42,6 +42,19 @@ def test_any_offset_is_found_at_rest(offset: float) -> None:
     assert abs(error) < 3.0 * std < 0.1
 
 
+def test_of_few_postures_the_offset_is_as_uncertain_as_it_says() -> None:
+    """Six stops, whose forces settle anew each time, against 29 unknowns of the balance."""
+    recorder = Recorder(force_rate=100.0, position_rate=100.0)
+    normalised = []
+    for seed in range(1, 9):
+        options = Options(postures=7, recorder=recorder)
+        played = run(reference_rig(), "self", options, np.random.default_rng(seed))
+        assert played.campaign is not None
+        error, std = found(played.campaign.log, Apart(3.7, 30e-6))
+        normalised.append(error / std)
+    assert np.sqrt(np.mean(np.square(normalised))) < 1.81  # 99.9 % of χ² with eight
+
+
 def test_activity_is_kept_for_a_look() -> None:
     """Brought together, both show the same moves; the second recorder began 2 s late."""
     how = Apart(1.8e9, late=2.0)

@@ -15,7 +15,7 @@ from tests.words import in_words
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    options = Options(postures=16, recorder=Recorder(force_rate=200.0))
+    options = Options(postures=24, recorder=Recorder(force_rate=200.0))
     return simulate_campaign(reference_rig(), options, np.random.default_rng(3)).log
 
 
