@@ -38,6 +38,11 @@ class RobustFit:
     rejected: dict[int, Finding] = field(default_factory=dict)
     rivals: tuple[Rival, ...] = ()
 
+    @classmethod
+    def of(cls, fit: Fit, near: tuple[Rival, ...] = ()) -> RobustFit:
+        """A fit with the evidence of the postures that it leaves out."""
+        return cls(fit, _rejected(fit), near)
+
 
 def sound(result: Fit, used: BoolArray) -> BoolArray:
     """Which postures (K,) pass: χ² of the residual against its covariance given the others.
@@ -78,7 +83,7 @@ def fit_robust(rig: Rig, postures: Postures, start: State | None = None) -> Robu
         if other.cost / max(1, other.dof) >= result.cost / max(1, result.dof):
             break
         result, near = other, rivals(other)
-    return RobustFit(result, _rejected(result), tuple(near))
+    return RobustFit.of(result, tuple(near))
 
 
 def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
@@ -89,12 +94,17 @@ def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
         return result
     result = _reweighted(rig, postures, result.state)
     used = sound(result, everyone)
+    return settled(rig, postures, fit(rig, postures, result.state, used.astype(np.float64)))
+
+
+def settled(rig: Rig, postures: Postures, result: Fit) -> Fit:
+    """Fit anew with the postures that pass until no verdict changes; result : by some of them."""
     for _ in range(_ROUNDS):
-        result = fit(rig, postures, result.state, used.astype(np.float64))
+        used = result.weight > 0
         passed = sound(result, used)
         if (passed == used).all():
             break
-        used = passed
+        result = fit(rig, postures, result.state, passed.astype(np.float64))
     return result
 
 

@@ -23,6 +23,8 @@ from tdfscal.selfcal.covariance import estimate, evaluate, joint_posterior
 from tdfscal.selfcal.cross_validation import cross_validate
 from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.geometry import misplaced_hinges
+from tdfscal.selfcal.hidden_contact import hidden_contact
+from tdfscal.selfcal.hidden_contact import worth as contact_worth
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
@@ -39,7 +41,7 @@ from tdfscal.selfcal.scatter import wandering
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.selfcal.wiring import check_readings
-from tdfscal.significance import MOST_REJECTED
+from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
 #: are then known to 0.013 σ, a quarter of the finest tolerance that clause 8 can ask for.
@@ -149,14 +151,47 @@ def self_calibrate(
 def _likeliest_rotations(
     rig: Rig, usable: Usable, held: FloatArray, warmth: FloatArray | None
 ) -> tuple[RobustFit, Estimate[Fit], FloatArray | None]:
-    """Maximum likelihood; with unequal noise where it explains more than any other cause."""
+    """Maximum likelihood; without postures in contact that hide each other, or with unequal noise,
+    where either explains more than any other cause.
+    """
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
-    channels = None if usable.measured_noise else channel_noise(known)
-    if channels is None:
+    if usable.measured_noise:
         return robust, known, None
+    touched, contact = _hidden_contact(rig, usable, known)
+    channels = channel_noise(known)
+    if channels is None and touched is None:
+        return robust, known, None
+    slip = find_slip(known, held, usable.index + 1)
+    whole = known
+    if robust.rejected:
+        whole = estimate(fit(rig, usable.postures, robust.fit.state))
+    others = suspicions(whole, held, warmth)
+    noise, weighted = -np.inf, robust
+    if channels is not None:
+        channels, weighted = _weighted(rig, usable, robust, channels)
+        noise = worth(channels, robust.fit, weighted.fit)
+    if slip is not None and slip.weight > max(noise, contact):
+        return robust, known, None
+    if channels is not None:
+        noise = worth(channels, whole.fit, weighted.fit)
+    if touched is not None and contact > max([noise, *(doubt.weight for doubt in others)]):
+        return touched, estimate(touched.fit), None
+    if channels is None or any(
+        doubt.kind not in SCATTERS and doubt.weight > noise for doubt in others
+    ):
+        return robust, known, None
+    return weighted, estimate(weighted.fit), channels
+
+
+def _weighted(
+    rig: Rig, usable: Usable, robust: RobustFit, channels: FloatArray
+) -> tuple[FloatArray, RobustFit]:
+    """Fit by the noise of channels, (n, 3) over the stated one, and that noise anew.
+
+    What was out by the stated noise, and is none by the channels' own, tells of that noise too.
+    """
     weighted = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
-    # What was out by the stated noise, and is none by the channels' own, tells of that noise too.
     for _ in range(_ROUNDS):
         if len(weighted.rejected) >= len(robust.rejected):
             break
@@ -168,18 +203,21 @@ def _likeliest_rotations(
         weighted = _fit(rig, scaled(usable.postures, channels), weighted.fit.state)
         if (weighted.fit.weight == before.fit.weight).all():
             break
-    noise = worth(channels, robust.fit, weighted.fit)
-    slip = find_slip(known, held, usable.index + 1)
-    if slip is not None and slip.weight > noise:
-        return robust, known, None
-    whole = known
-    if robust.rejected:
-        whole = estimate(fit(rig, usable.postures, robust.fit.state))
-        noise = worth(channels, whole.fit, weighted.fit)
-    others = suspicions(whole, held, warmth)
-    if any(doubt.kind not in SCATTERS and doubt.weight > noise for doubt in others):
-        return robust, known, None
-    return weighted, estimate(weighted.fit), channels
+    return channels, weighted
+
+
+def _hidden_contact(
+    rig: Rig, usable: Usable, known: Estimate[Fit]
+) -> tuple[RobustFit | None, float]:
+    """A fit without postures in contact, where the one that was found misfits, and its weight."""
+    if known.quality.p_value >= MISFIT:
+        return None, -np.inf
+    loose, seen = loosened(rig), usable.postures
+    whole = fit(loose, seen, known.fit.state)
+    found = hidden_contact(loose, seen, whole)
+    if found is None:
+        return None, -np.inf
+    return _with_earlier(rig, seen, found), contact_worth(found.fit, whole)
 
 
 def _gross(channels: FloatArray | None, weighted: Fit, usable: Usable) -> GrossNoise | None:
@@ -191,7 +229,10 @@ def _gross(channels: FloatArray | None, weighted: Fit, usable: Usable) -> GrossN
 
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
     """Robust fit; what earlier campaigns know comes in whole once the outliers are out."""
-    robust = fit_robust(loosened(rig), observed, start)
+    return _with_earlier(rig, observed, fit_robust(loosened(rig), observed, start))
+
+
+def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
     if rig.earlier is None:
         return robust
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
@@ -225,7 +266,9 @@ def _doubts(
         if not doubts and many_rejected:  # so many do not err each for itself
             result = known.fit
             whole = estimate(fit(result.rig, result.postures, result.state))
-            doubts = suspicions(whole, held, warmth)
+            contact = contact_worth(result, whole.fit)
+            found = suspicions(whole, held, warmth)
+            doubts = tuple(doubt for doubt in found if doubt.weight > contact - CAUSES_APART)
     return doubts
 
 

@@ -1,0 +1,68 @@
+"""Postures in contact that hide each other are found and named, and no channel in their place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.simulation import Contact, Faults, Gain, Options, Recorder, Slip
+
+POSTURES, TOUCHED = 14, (1, 4, 8, 11, 12)
+
+
+def campaign(sensors: int, seed: int, faults: Faults, noise: float = 0.0) -> SelfCalibration:
+    """14 postures; noise : N, of one channel, beside 0.1 N of all."""
+    rig = simulation.make_rig(sensors)
+    options = Options(
+        postures=POSTURES, squeeze=150.0, recorder=Recorder(mean_sd=0.1), faults=faults
+    )
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), 1).dwells(0)
+    force = dwells.force.copy()
+    force[:, 1, 0] += noise * np.random.default_rng(seed).standard_normal(POSTURES)
+    dwells = replace(dwells, force=force)
+    return self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+
+
+@pytest.mark.parametrize(("sensors", "seed"), [(3, 1), (4, 2), (5, 3), (6, 4)])
+@pytest.mark.parametrize("alike", [False, True])
+def test_sideways_contact_at_a_third_of_the_postures_is_found(
+    sensors: int, seed: int, *, alike: bool
+) -> None:
+    """60 N; those that push the same way pull the fit to themselves."""
+    rng = np.random.default_rng(seed)
+    contacts = []
+    for k in TOUCHED:
+        angle, place = 0.7 if alike else rng.uniform(0, 2 * np.pi), rng.uniform(-0.4, 0.4, 3)
+        force = 60.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        x, y, z = np.cross(place, force)
+        contacts.append(Contact(k, (force[0], force[1], 0.0), (x, y, z)))
+    result = campaign(sensors, seed, Faults(contacts=tuple(contacts)))
+    assert sorted(result.rejected) == list(TOUCHED)
+    assert [reason.code for reason in result.reasons if "uncertain" not in reason.code] == [
+        "postures-rejected"
+    ]
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_broken_channel_is_no_contact(seed: int) -> None:
+    result = campaign(3, seed, Faults(), noise=20.0)
+    noisy = [doubt.support for doubt in result.suspicions if doubt.kind == "sensor noise"]
+    assert noisy == [1] or (result.gross is not None and result.gross.support == "ncp2")
+
+
+@pytest.mark.parametrize(
+    ("faults", "code"),
+    [
+        (Faults(slips=(Slip(1, 6, (4e-3, 3e-3, 2e-3)),)), "sensor-slipped"),
+        (Faults(gains=(Gain(1, (0.03, 0.03, 0.03)),)), "gain-suspected"),
+    ],
+)
+def test_what_changes_many_postures_is_no_contact(faults: Faults, code: str) -> None:
+    result = campaign(3, 8, faults)
+    assert result.reasons
+    assert result.suspicions[0].causes[0].code == code
