@@ -20,8 +20,8 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.recordings import measured
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
-from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
+from tdfscal.files.calibration.from_results import Provenance
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.findings import Finding

@@ -15,7 +15,6 @@ from pydantic import PrivateAttr
 from tdfscal.catalogue import sentence
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
@@ -25,7 +24,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
-from tdfscal.files.calibration.from_results import from_self
+from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report

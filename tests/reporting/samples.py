@@ -13,9 +13,8 @@ import pytest
 
 from tdfscal.cli import main
 from tdfscal.comparison.joint import combine
-from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import Calibration, save_calibration
-from tdfscal.files.calibration.from_results import from_joint, from_self, from_tracker
+from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, InputFile, Rotations

@@ -1,67 +1,118 @@
-"""From a result's records to the calibration file's model, for each method."""
+"""From a result's records to the calibration file, for each method."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdfscal import __version__
+from tdfscal.acceptance.turns import locked_sensors, turn_std
+from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
 from tdfscal.files.calibration import statistics
-from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
+from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parameters import parameters_document
+from tdfscal.files.calibration.parameters import parameters_document, turn_parameters
+from tdfscal.files.calibration.parts import (
+    CALIBRATION_FORMAT,
+    CONVENTION,
+    CONVENTION_WITH_SENSITIVITY,
+    COVARIANCE_DEFINITION,
+    EDGES,
+    measured_document,
+)
+from tdfscal.files.field_types import measured_only
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import MonteCarlo, coverage_factor
 from tdfscal.planning.recorded_postures import prospects
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.significance import INTERVAL_COVERAGE
 
 if TYPE_CHECKING:
     from tdfscal.comparison.joint import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 
+_NORMAL = float(coverage_factor(INTERVAL_COVERAGE))
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a result comes from."""
+
+    rig: LoadedRig
+    inputs: tuple[InputFile, ...]
+    command: str
+    seed: int
+    measured: Measured | None = None
+    campaigns: tuple[Mapping[str, Any], ...] = ()
+    history: tuple[Mapping[str, Any], ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Angles:
+    """Rotations (n, 3, 3), their covariance (3n, 3n), and which of them the data determine, (n,).
+
+    trials : of their Monte Carlo. factor : k of the linear intervals; the trials' own stand where
+    they do not validate these.
+    """
+
+    rotation: FloatArray
+    covariance: FloatArray
+    determined: BoolArray
+    trials: MonteCarlo | None = None
+    factor: FloatArray | float = _NORMAL
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty (n, 3) of roll, pitch, yaw, rad."""
+        return self.std_by(self.covariance)
+
+    def std_by(self, covariance: FloatArray) -> FloatArray:
+        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw by a covariance (3n, 3n)."""
+        return np.asarray(np.sqrt(np.maximum(so3.rpy_variance(self.rotation, covariance), 0.0)))
+
 
 def from_self(
     result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration, from postures or in motion."""
+    found = result.uncertainty
+    std, parts = found.parameter_std, _own_parts(result, origin)
     if isinstance(result, SelfCalibration):
-        found, state, std = result.uncertainty, result.fit.state, result.uncertainty.parameter_std
-        parts, exact = _self_parts(result, origin), exact_quantities(result.fit)
+        state = result.fit.state
+        parts |= _posture_parts(result)
         if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
             given = joint_posterior(result.fit, found.covariance)
             std = published_std(given, std)
             parts["parameters"] = parameters_document(given, _unscaled(result))
     else:
-        found, state, given = result.uncertainty, result.fit.state.still, result.calibrated
-        std, exact = published_std(given, found.parameter_std), exact_quantities(result.fit)
-        parts = _own_parts(result, origin) | {
-            "parameters": parameters_document(given),
-            "motion": statistics.motion(result),
-        }
-    angles = Angles(
-        state.rotation,
-        found.covariance,
-        result.observability.determined,
-        result.monte_carlo,
-        found.coverage_factor,
-    )
-    return assembled(
+        state, std = result.fit.state.still, published_std(result.calibrated, std)
+        parts["parameters"] = parameters_document(result.calibrated)
+        parts["motion"] = statistics.motion(result)
+    determined = result.observability.determined
+    return _file(
         origin,
-        angles,
-        findings=(*result.reasons, *notes, *_others(result.findings)),
-        budget=found.contributions,
-        exact=exact,
-        **parts,
-        **_state(state, std, result.rig),
+        Angles(
+            state.rotation, found.covariance, determined, result.monte_carlo, found.coverage_factor
+        ),
+        (*result.reasons, *notes, *(one for one in result.findings if not one.rejects)),
+        found.contributions,
+        exact_quantities(result.fit),
+        parts | _state(state, std, result.rig),
     )
 
 
@@ -73,15 +124,14 @@ def from_tracker(
     notes : findings beside its own.
     """
     rig, at = origin.rig.rig, result.rotations
-    return assembled(
+    parts = {"method": "tracker", "tracker": statistics.tracker_statistics(result)}
+    return _file(
         origin,
         Angles(at.rotation, at.covariance, np.ones(rig.n, dtype=np.bool_), result.monte_carlo),
-        method="tracker",
-        findings=(*notes, *result.findings),
-        budget=result.budget,
-        exact=result.exact,
-        tracker=statistics.tracker_statistics(result),
-        **_state(nominal(rig), prior_std(rig), rig) | {"sensitivity": None},
+        (*notes, *result.findings),
+        result.budget,
+        result.exact,
+        parts | _state(nominal(rig), prior_std(rig), rig) | {"sensitivity": None},
     )
 
 
@@ -108,34 +158,31 @@ def from_joint(
         ("self", own.fit.state.rotation, own.uncertainty.rpy_std),
         ("tracker", tracker.rotations.rotation, tracker.rpy_std),
     )
+    parts = _own_parts(own, origin) | _posture_parts(own)
+    parts |= {
+        "method": "joint",
+        "parameters": parameters_document(given),
+        "tracker": statistics.tracker_statistics(tracker) | test,
+        "methods": [{"method": m, "rpy": so3.to_rpy(X), "rpy_std": std} for m, X, std in apart],
+    }
     # With its weight in the joint estimate, C C_a⁻¹, each method moves it by what it has as exact,
     # and has the share C C_a⁻¹ C of its covariance, whose sum is C.
     of_self, of_tracker = (
         np.asarray(np.linalg.solve(covariance, C).T)
         for covariance in (own.uncertainty.covariance, tracker.rotations.covariance)
     )
-    return assembled(
+    weighted = ((exact_quantities(own.fit), of_self), (tracker.exact, of_tracker))
+    return _file(
         origin,
         Angles(R, C, determined),
-        findings=findings,
-        budget={
+        findings,
+        {
             "self-calibration": so3.rpy_variance(R, of_self @ C),
             "tracker": so3.rpy_variance(R, of_tracker @ C),
         },
-        exact=[
-            *_weighted(exact_quantities(own.fit), of_self),
-            *_weighted(tracker.exact, of_tracker),
-        ],
-        parameters=parameters_document(given),
-        tracker=statistics.tracker_statistics(tracker) | test,
-        methods=[{"method": m, "rpy": so3.to_rpy(X), "rpy_std": std} for m, X, std in apart],
-        **_self_parts(own, origin) | {"method": "joint"},
-        **_state(given.state, published_std(given, own.uncertainty.parameter_std), own.rig),
+        [replace(one, moves=weight @ one.moves) for exact, weight in weighted for one in exact],
+        parts | _state(given.state, published_std(given, own.uncertainty.parameter_std), own.rig),
     )
-
-
-def _weighted(quantities: Sequence[ExactQuantity], weight: FloatArray) -> list[ExactQuantity]:
-    return [replace(quantity, moves=weight @ quantity.moves) for quantity in quantities]
 
 
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:
@@ -150,36 +197,31 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
     }
 
 
-def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
-    """What a self-calibration from postures says of itself."""
-    parts = _own_parts(result, origin)
-    parts["observability"]["loads"] = statistics.loads(result)
+def _posture_parts(result: SelfCalibration) -> dict[str, Any]:
+    """What a self-calibration from postures says of itself besides."""
+    seen = statistics.observability(result.observability) | {"loads": statistics.loads(result)}
     if result.with_moves is not None:
         stand = result.with_moves[result.observability.determined]
-        parts["observability"]["with_moves"] = np.sqrt(np.mean(stand**2))
+        seen["with_moves"] = np.sqrt(np.mean(stand**2))
     if result.observability.determined.all() and not result.reasons:
-        parts["observability"]["forecasts"] = [
+        seen["forecasts"] = [
             {"change": p.change, "amount": p.amount, "worst_std": p.rpy_std.max()}
             for p in prospects(result.fit, result.uncertainty.rpy_std)
         ]
     return {
-        **parts,
+        "observability": seen,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
         **({} if result.estimator == "linear" else statistics.nuisances(result)),
     }
 
 
-def _others(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    return tuple(finding for finding in findings if not finding.rejects)
-
-
 def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:
     """Zeros, sensitivities and load; std (P,) of the state's parameters."""
     place, scaled = layout(state.n), rig.declared.force_sensitivity > 0
     return {
-        "zero": state.zero,
-        "zero_std": std[place["zero"]].reshape(state.n, 3),
+        "zero": measured_only(state.zero, rig.axes),
+        "zero_std": measured_only(std[place["zero"]].reshape(state.n, 3), rig.axes),
         "sensitivity": np.eye(3) + symmetric(state.sensitivity) if scaled else None,
         "terminal": statistics.terminal(
             state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
@@ -201,3 +243,128 @@ def _unscaled(result: SelfCalibration) -> FloatArray:
     turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
     root = factored_information(result.fit).root[turns]
     return np.asarray(root @ root.T)
+
+
+def _file(
+    origin: Provenance,
+    angles: Angles,
+    findings: Sequence[Finding],
+    budget: Mapping[str, FloatArray],
+    exact: Sequence[ExactQuantity],
+    parts: dict[str, Any],
+) -> Calibration:
+    """Return the file of what every method has; parts : further keys, and those of each support."""
+    rig, R = origin.rig.rig, angles.rotation
+    stand = np.repeat(angles.determined, 3)
+    covariance = angles.covariance[np.ix_(stand, stand)]
+    found = documents((*findings, *locked_sensors(rig.supports, R)))
+    names = tuple(compress(rig.supports, angles.determined))
+    sensitivity = parts.get("sensitivity")
+    own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
+    return Calibration.model_validate(
+        {
+            "format": CALIBRATION_FORMAT,
+            "status": status_of((f["code"], f["severity"]) for f in found),
+            "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "measured": measured_document(origin.measured),
+            "campaigns": origin.campaigns,
+            "history": origin.history,
+            "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
+            "software": {"name": "tdfscal", "version": __version__},
+            "command": origin.command,
+            "seed": origin.seed,
+            "inputs": origin.inputs,
+            "clocks": origin.clocks,
+            "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
+            "supports": _supports(rig, angles, own),
+            "covariance": {
+                "parameters": turn_parameters(names),
+                "definition": COVARIANCE_DEFINITION,
+                "matrix": (covariance + covariance.T) / 2,
+            },
+            "budget": _budget(rig.supports, budget, angles.determined),
+            "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
+            "monte_carlo": _trials(angles),
+            "findings": found,
+            **parts,
+        }
+    )
+
+
+def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What each sensor's entry says; one that is undetermined has the directions of its axes.
+
+    own : further keys, a row per sensor.
+    """
+    R, std, known = angles.rotation, angles.std, angles.determined[:, None]
+    rpy = so3.to_rpy(R)
+    low, high = rpy - angles.factor * std, rpy + angles.factor * std
+    if angles.trials is not None and not angles.trials.validated:
+        low, high = angles.trials.low, angles.trials.high
+    separable = known & ~so3.locked(R)[:, None]
+    low, high, stated_std = (np.where(separable, v, np.inf) for v in (low, high, std))
+    columns = {
+        "rpy": np.where(known, rpy, np.inf),
+        "rpy_std": stated_std,
+        **{name: values for name, values in own.items() if values is not None},
+    }
+    mounting = {
+        "rotation": R,
+        "turn_std": turn_std(angles.covariance),
+        "quaternion_xyzw": so3.to_quaternion(R),
+    }
+    supports: list[dict[str, Any]] = []
+    for i, name in enumerate(rig.supports):
+        entry = {"name": name, **{key: values[i] for key, values in columns.items()}}
+        if angles.determined[i]:
+            ends = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
+            entry |= {key: values[i] for key, values in mounting.items()} | {"rpy_interval": ends}
+        else:
+            axes = {axis: R[i, :, j] for j, axis in enumerate("xyz") if rig.axes[i, j]}
+            entry |= {"rpy_interval": None, "quaternion_xyzw": None, "directions": axes}
+        supports.append(entry)
+    return supports
+
+
+def _trials(angles: Angles) -> dict[str, Any] | None:
+    """Monte Carlo of either method, with its trials in bins of the linear standard uncertainty."""
+    trials = angles.trials
+    if trials is None:
+        return None
+    columns = np.moveaxis(trials.sample / angles.std, 0, -1)
+    return {
+        "trials": trials.trials,
+        "rpy_std": trials.std,
+        "low": trials.low,
+        "high": trials.high,
+        "tolerance": float(trials.tolerance.min()),
+        "linear_interval_validated": trials.validated,
+        "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
+    }
+
+
+def _budget(
+    names: Sequence[str], shares: Mapping[str, FloatArray], determined: BoolArray
+) -> dict[str, Any]:
+    """Variances by source of the angles that are determined; sources without any are left out."""
+    kept = {s: np.maximum(v, 0.0) for s, v in shares.items() if np.any(v[determined] > 0)}
+    angles = [
+        {"support": name, "angle": angle, "variance": {s: v[i, j] for s, v in kept.items()}}
+        for i, name in enumerate(names)
+        if determined[i]
+        for j, angle in enumerate(ANGLES)
+    ]
+    return {"sources": list(kept), "angles": angles}
+
+
+def _exact(names: Sequence[str], angles: Angles, quantity: ExactQuantity) -> dict[str, Any]:
+    """Effect of a quantity's typical error on the sensors that are determined."""
+    locked, turn = so3.locked(angles.rotation), turn_std(quantity.covariance)
+    rpy = angles.std_by(quantity.covariance)
+    effects = [
+        {"name": name, "turn": turn[i], "rpy": None if locked[i] else rpy[i]}
+        for i, name in enumerate(names)
+        if angles.determined[i]
+    ]
+    own = {"name": quantity.name, "error": quantity.error, "unit": quantity.unit}
+    return own | {"supports": effects}

@@ -1,18 +1,30 @@
-"""What the columns of a point table mean: by their names, or by what their cells hold."""
+"""What the columns of a point table mean, by their names or by what their cells hold; numbers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NoReturn
 
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.numbers import SPELLINGS, as_number, refuse, to_metres
+from tdfscal.files.field_types import LARGEST
 from tdfscal.records import FloatArray
 
-_BARE_UNIT = "|".join(map(re.escape, sorted(SPELLINGS, key=len, reverse=True)))
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+_SPELLINGS = {
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm", "centimeter", "centimeters", "centimetre", "centimetres"),
+    "mm": ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
+    "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"),
+    "in": ("in", "inch", "inches", '"'),
+}
+#: Every spelling of a unit that is known, and which of METRES it means.
+_UNITS = {spelling: unit for unit, all_of in _SPELLINGS.items() for spelling in all_of}
+_BARE_UNIT = "|".join(map(re.escape, sorted(_UNITS, key=len, reverse=True)))
 _GAP = r"[\s_.-]*"
 _MEASURED = r"(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)"
 #: What stands before and after the axis in the names of each kind of column.
@@ -45,46 +57,54 @@ _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Where a table has what, by column number.
+    """What each column of a table is.
 
-    group, point : None where there is no such column. coordinate, uncertainty : x, y, z; factor
-    and uncertainty_factor (3,) take them to m, NaN where the header names no unit. expanded : the
-    uncertainties are U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands
-    elsewhere in the file. reflector : the point's column may hold the reflector's type instead.
-    offset : columns that must be zero.
+    roles : of every column: group, point, x, y, z, ux, uy, uz, offset (which must be zero), or
+    nothing. factor : by role, to m, where the header names a unit. expanded : the uncertainties are
+    U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands elsewhere in the
+    file. reflector : the point's column may hold the reflector's type instead. ignored : names.
     """
 
-    count: int
-    group: int | None
-    point: int | None
-    coordinate: Sequence[int]
-    factor: FloatArray
-    uncertainty: Sequence[int] | None
-    uncertainty_factor: FloatArray
+    roles: tuple[str, ...]
+    factor: dict[str, float] = field(default_factory=dict)
     expanded: bool = False
     bare: bool = False
     reflector: bool = False
-    offset: Sequence[int] = ()
     ignored: tuple[str, ...] = ()
+
+    def of(self, *roles: str) -> list[int]:
+        """Numbers of the columns of these roles, in their order."""
+        return [i for role in roles for i, own in enumerate(self.roles) if own == role]
+
+    @property
+    def coordinates(self) -> list[int]:
+        """Numbers of x, y, z."""
+        return self.of("x", "y", "z")
+
+    @property
+    def uncertainties(self) -> list[int]:
+        """Numbers of ux, uy, uz; none where there are none."""
+        return self.of("ux", "uy", "uz")
+
+    def factors(self, *roles: str) -> FloatArray:
+        """To m, NaN where the header names no unit."""
+        return np.array([self.factor.get(role, np.nan) for role in roles])
 
     @property
     def needed(self) -> int:
         """Number of cells that a row has at least: the others may be left out at its end."""
-        return 1 + max(*self.coordinate, self.group or 0, self.point or 0)
+        return 1 + max(self.of("x", "y", "z", "group", "point"))
 
-
-@dataclass(frozen=True, slots=True)
-class _Name:
-    """What a column's name says: kind, axis x, y or z, and the unit as written."""
-
-    kind: str
-    axis: str
-    unit: str | None
+    def in_words(self) -> str:
+        """The columns as they were understood."""
+        names = (role or "-" for role in self.roles[: self.coordinates[0]])
+        rest = " and their uncertainties" if self.uncertainties else ""
+        return f"{', '.join([*names, 'x', 'y', 'z'])}{rest}"
 
 
 def is_header(cells: Sequence[str]) -> bool:
     """Whether these cells name x, y and z."""
-    found = {(c.kind, c.axis) for c in map(_parsed, cells) if c}
+    found = {column[:2] for column in map(_parsed, cells) if column}
     return any({(kind, axis) for axis in "xyz"} <= found for kind in ("coordinate", "nominal"))
 
 
@@ -97,32 +117,35 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
     """Columns from the cells of a header line; DataError where they do not make a point table."""
     names = [cell.strip() for cell in cells]
     folded = [name.lower() for name in names]
-    parsed = [_parsed(name) for name in names]
+    units: dict[int, str | None] = {}
     kinds: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
-    for i, column in enumerate(parsed):
-        if column is not None and kinds[column.kind].setdefault(column.axis, i) != i:
-            refuse(where, f"names the column `{names[i]}` twice", "leave one out")
-    coordinate = _xyz(kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"])
-    uncertainty = _uncertainty(kinds, where)
-    point = _first(folded, _POINT)
-    target = _first(folded, _TARGET) if point is None else None
-    group = _first(folded, _GROUP)
-    offset = [i for i, name in enumerate(names) if parsed[i] is None and _OFFSET.search(name)]
-    name = point if point is not None else target
-    used = {group, name, *coordinate, *(uncertainty or ()), *offset}
+    for i, name in enumerate(names):
+        if (column := _parsed(name)) is not None:
+            kind, axis, units[i] = column
+            if kinds[kind].setdefault(axis, i) != i:
+                refuse(where, f"names the column `{name}` twice", "leave one out")
+    uncertain = kinds["expanded"] or kinds["standard"]
+    if kinds["expanded"] and kinds["standard"]:
+        refuse(where, "has both U(95) and u columns", "leave one kind of them out")
+    if uncertain and set(uncertain) != set("xyz"):
+        stated = ", ".join(sorted(uncertain))
+        refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
+    coordinates = kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"]
+    point, target, group = (_first(folded, known) for known in (_POINT, _TARGET, _GROUP))
+    reflector = point is None and target is not None and group is None
+    roles = ["offset" if i not in units and _OFFSET.search(n) else "" for i, n in enumerate(names)]
+    named: dict[str, int | None] = {"group": group, "point": target if point is None else point}
+    named |= coordinates | {f"u{axis}": i for axis, i in uncertain.items()}
+    for role, index in named.items():
+        if index is not None:
+            roles[index] = role
     return Columns(
-        count=len(names),
-        group=group,
-        point=name,
-        coordinate=coordinate,
-        factor=_factors(parsed, coordinate, where),
-        uncertainty=uncertainty,
-        uncertainty_factor=_factors(parsed, uncertainty or coordinate, where),
+        tuple(roles),
+        {r: to_metres(u, where) for i, r in enumerate(roles) if r and (u := units.get(i))},
         expanded=bool(kinds["expanded"]),
         bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
-        reflector=target is not None and group is None,
-        offset=offset,
-        ignored=tuple(names[i] for i in range(len(names)) if i not in used and names[i]),
+        reflector=reflector,
+        ignored=tuple(name for name, role in zip(names, roles, strict=True) if name and not role),
     )
 
 
@@ -130,7 +153,7 @@ def spatial_analyzer(count: int, uncertain: bool) -> Columns | None:
     """[Collection,] Group, Point, X, Y, Z and, where the file speaks of them, uncertainties."""
     numbers = 6 if uncertain and count in (8, 9) else 3
     names = count - numbers
-    return _columns(names, numbers) if names in (2, 3) else None
+    return _columns(names, uncertain=numbers == 6) if names in (2, 3) else None
 
 
 def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where: str) -> Columns:
@@ -151,68 +174,71 @@ def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where:
     numbers = count - names
     if names == 0 and count == 4:  # a point's number, x, y, z
         names, numbers = 1, 3
-    if names <= 3 and numbers == 3:
-        return _columns(names, numbers)
+    if names <= 3 and (numbers == 3 or (numbers == 6 and uncertain)):
+        return _columns(names, uncertain=numbers == 6)
     if names <= 3 and numbers == 6:
-        if uncertain:
-            return _columns(names, numbers)
         last = np.array([row[-3:] for row in numbers_of if len(row) == count], dtype=np.float64)
         if np.all(np.abs(np.linalg.norm(last, axis=1) - 1) < 1e-3):
-            return _columns(names, numbers, normals=True)
+            return _columns(names, normals=True)
     hint = "begin the file with a line such as `group,point,x,y,z`"
     raise DataError(f"has {count} columns and no line that names them", where=where, hint=hint)
 
 
-def in_words(columns: Columns) -> str:
-    """The columns as they were understood."""
-    names = [
-        "group" if i == columns.group else "point" if i == columns.point else "-"
-        for i in range(columns.coordinate[0])
-    ]
-    rest = " and their uncertainties" if columns.uncertainty else ""
-    return f"{', '.join([*names, 'x', 'y', 'z'])}{rest}"
+def _columns(names: int, *, uncertain: bool = False, normals: bool = False) -> Columns:
+    more = ("ux", "uy", "uz") if uncertain else ("", "", "") * normals
+    return Columns(
+        (*("", "group", "point")[3 - names :], "x", "y", "z", *more),
+        bare=uncertain,
+        ignored=("Collection",) * (names == 3) + ("i", "j", "k") * normals,
+    )
 
 
-def _parsed(name: str) -> _Name | None:
+def _parsed(name: str) -> tuple[str, str, str | None] | None:
+    """Kind, axis x, y or z, and unit as written, of a column's name."""
     for kind, pattern in _COLUMN.items():
         if found := pattern.fullmatch(name.strip()):
-            return _Name(kind, found["axis"].lower(), found["unit"] or found["bare"])
+            return kind, found["axis"].lower(), found["unit"] or found["bare"]
     return None
-
-
-def _uncertainty(kinds: dict[str, dict[str, int]], where: str) -> list[int] | None:
-    if kinds["expanded"] and kinds["standard"]:
-        refuse(where, "has both U(95) and u columns", "leave one kind of them out")
-    uncertain = kinds["expanded"] or kinds["standard"]
-    if uncertain and set(uncertain) != set("xyz"):
-        stated = ", ".join(sorted(uncertain))
-        refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
-    return _xyz(uncertain) if uncertain else None
-
-
-def _xyz(index: dict[str, int]) -> list[int]:
-    return [index[axis] for axis in "xyz"]
-
-
-def _factors(parsed: Sequence[_Name | None], which: Sequence[int], where: str) -> FloatArray:
-    units = [column.unit for i in which if (column := parsed[i])]
-    return np.array([np.nan if unit is None else to_metres(unit, where) for unit in units])
 
 
 def _first(names: Sequence[str], known: Sequence[str]) -> int | None:
     return next((names.index(name) for name in known if name in names), None)
 
 
-def _columns(names: int, numbers: int, *, normals: bool = False) -> Columns:
-    u = range(names + 3, names + 6) if numbers == 6 and not normals else None
-    return Columns(
-        count=names + numbers,
-        group=names - 2 if names >= 2 else None,
-        point=names - 1 if names else None,
-        coordinate=range(names, names + 3),
-        factor=np.full(3, np.nan),
-        uncertainty=u,
-        uncertainty_factor=np.full(3, np.nan),
-        bare=u is not None,
-        ignored=("Collection",) * (names == 3) + ("i", "j", "k") * normals,
-    )
+def refuse(where: str, what: str, hint: str) -> NoReturn:
+    """Raise DataError: where a file is at fault, what is wrong, what to do."""
+    raise DataError(what, where=where, hint=hint)
+
+
+def as_number(cell: str, *, comma: bool = False) -> float | None:
+    """Return the number of a cell; None where it is none, or no length. comma : decimal comma."""
+    text = _plain(cell, comma)
+    if not _NUMBER.fullmatch(text):
+        return None
+    value = float(text)
+    return value if abs(value) <= LARGEST else None
+
+
+def last_digit(cells: Iterable[str], *, comma: bool = False) -> float:
+    """Return the worth of the last digit of the most finely written of these numbers; 0 of none."""
+    found = (_NUMBER.fullmatch(_plain(cell, comma)) for cell in cells)
+    exponents = (int(n[3] or 0) - len(n[1] or n[2] or "") for n in found if n is not None)
+    return min((10.0**exponent for exponent in exponents), default=0.0)
+
+
+def to_metres(unit: str, where: str) -> float:
+    """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
+    known = unit_of(unit)
+    if known is None:
+        what = f"`{unit.strip()}` is not a length unit known here"
+        refuse(where, what, f"use one of {', '.join(METRES)}")
+    return METRES[known]
+
+
+def unit_of(text: str) -> str | None:
+    """Return which of METRES a spelling means; None of another word."""
+    return _UNITS.get(text.strip().lower().rstrip("."))
+
+
+def _plain(cell: str, comma: bool) -> str:
+    return cell.replace(",", ".") if comma and cell.count(",") == 1 and "." not in cell else cell

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from tdfscal.errors import DataError
 from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
-from tdfscal.files.points.numbers import refuse, to_metres
+from tdfscal.files.points.columns import refuse, to_metres
 from tdfscal.files.yaml import parse_document
 from tdfscal.records import PointSet
 

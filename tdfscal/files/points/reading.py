@@ -11,15 +11,16 @@ import numpy as np
 
 from tdfscal.files.points.columns import (
     Columns,
+    as_number,
     by_cells,
-    in_words,
     is_header,
+    last_digit,
     read_header,
+    refuse,
     spatial_analyzer,
+    to_metres,
 )
 from tdfscal.files.points.model import parse_json
-from tdfscal.files.points.numbers import as_number, last_digit, refuse, to_metres
-from tdfscal.files.points.repeated import Repeated, misplaced, repeated
 from tdfscal.files.points.text import (
     Line,
     Preamble,
@@ -32,11 +33,17 @@ from tdfscal.files.points.text import (
 )
 from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.findings import Finding, Value
-from tdfscal.records import FloatArray, PointSet, TrackerSession
+from tdfscal.records import FloatArray, IntArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Lines before the header at most, as instruments write them about themselves.
 _PREAMBLE = 60
+#: Of the way to the nearest other point: what lies farther apart is no measurement repeated.
+_APART = 0.1
+#: Times the middle spread of the points, beyond which one reading is wrong.
+_WRONG = 10.0
+#: Repeated points from which their middle spread is known.
+_SEVERAL = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +80,10 @@ class _Table:
                     self.refuse(k, f"`{row[column]}` is not a finite number", "check the line")
         return numbers
 
+    def texts(self, role: str) -> list[str]:
+        """Return the cells of the column of a role; none where there is no such column."""
+        return [row[i] for i in self.columns.of(role) for row in self.rows]
+
     def last_digit(self, columns: Sequence[int]) -> float:
         """Return what the last digit of the most finely written number is worth."""
         return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
@@ -108,11 +119,14 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
     xyz = _coordinates(table)
-    rows = repeated(names, xyz)
-    if rows.dof:
-        named.append(_repeatability(table, names, rows, xyz))
+    rows = _repeated(names)
+    scatter = rows.scatter(xyz)
+    if len(rows.first) < len(names):
+        _check_repeated(table, names, rows, xyz)
+        values = {"measurements": len(names), "points": len(rows.first), "scatter": scatter}
+        named.append(Finding("measurements-averaged", (source,), values=values))
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
-    digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinate)
+    digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinates)
     std, stated = _stated(table, beside)
     if columns.ignored:
         found.append(_found("columns-unused", source, columns=list(columns.ignored)))
@@ -123,7 +137,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
         std=None if std is None else rows.mean(std) * uncertainty,
         source=source,
         resolution=digit * max(coordinate),
-        repeatability=rows.of_means * max(coordinate),
+        repeatability=scatter / (len(names) / len(rows.first)) ** 0.5 * max(coordinate),
     )
     return PointReading(points, (*named, *stated, *found))
 
@@ -148,16 +162,17 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[F
         columns = known
     else:
         columns = by_cells(rows, beside.uncertain, comma, f"{source}, line {body[0].number}")
-        found = [_found("columns-assumed", source, columns=in_words(columns))]
+        found = [_found("columns-assumed", source, columns=columns.in_words())]
     table = _Table(columns, body, rows, comma, source)
     for k, cells in enumerate(rows):
-        if not columns.needed <= len(cells) <= columns.count:
+        expected = len(columns.roles)
+        if not columns.needed <= len(cells) <= expected:
             table.refuse(
                 k,
-                f"has {len(cells)} columns where {columns.count} are expected",
+                f"has {len(cells)} columns where {expected} are expected",
                 "check the line; quote a name that has a comma or a blank in it",
             )
-        cells += [""] * (columns.count - len(cells))
+        cells += [""] * (expected - len(cells))
     return table, beside, found
 
 
@@ -178,50 +193,50 @@ def _factors(
     columns: Columns, beside: Preamble, length_unit: str | None, source: str
 ) -> tuple[FloatArray, FloatArray]:
     """Factors to m of the coordinates and of their uncertainties, (3,) each."""
-    named = np.isfinite(columns.factor)
+    factor, own = columns.factors("x", "y", "z"), columns.factors("ux", "uy", "uz")
+    named = np.isfinite(factor)
     fallback = np.nan
     if beside.unit is not None:
         fallback = to_metres(beside.unit, source)
-        if np.any(columns.factor[named] != fallback):
+        if np.any(factor[named] != fallback):
             line = "AXES line" if beside.axes else "unit line"
             what = f"the {line} and the column names give different units"
             refuse(source, what, "correct one of them")
     elif length_unit is not None:
         fallback = to_metres(length_unit, "length_unit")
-    coordinate = np.where(named, columns.factor, fallback)
+    coordinate = np.where(named, factor, fallback)
     if np.isnan(coordinate).any():
         what = "no length unit: the file names none and neither does the rig file"
         hint = "name it in the header, as in `x [mm]`, or give it with --unit or `length_unit`"
         refuse(source, what, hint)
-    own = columns.uncertainty_factor
     return coordinate, np.where(np.isfinite(own), own, coordinate)
 
 
 def _names(table: _Table) -> tuple[list[tuple[str, str]], list[Finding]]:
     """Group and point of each row, and findings; without names they are numbered by their rows."""
     columns, source = table.columns, table.source
-    points = None if columns.point is None else [row[columns.point] for row in table.rows]
+    points, groups = table.texts("point"), table.texts("group")
     found = []
     if points and columns.reflector and 2 * len(set(points)) <= len(points):
         found.append(_found("column-of-reflectors", source, reflector=points[0]))
-        points = None
-    if points is None:
+        points = []
+    if not points:
         found.append(_found("points-numbered", source))
         points = [str(k + 1) for k in range(len(table.rows))]
     names = []
-    for k, row in enumerate(table.rows):
-        name = _apart("" if columns.group is None else row[columns.group], points[k])
-        if not name[1] or (columns.group is not None and not name[0]):
+    for k, point in enumerate(points):
+        name = _apart(groups[k] if groups else "", point)
+        if not name[1] or (groups and not name[0]):
             table.refuse(k, "has no group or no point name", "name the point")
         names.append(name)
     return names, found
 
 
-def _repeatability(
-    table: _Table, names: Sequence[tuple[str, str]], rows: Repeated, xyz: FloatArray
-) -> Finding:
-    """What repeated measurements say; DataError where they are of different points."""
-    if wrong := misplaced(rows, xyz):
+def _check_repeated(
+    table: _Table, names: Sequence[tuple[str, str]], rows: _Repeated, xyz: FloatArray
+) -> None:
+    """Refuse repeated measurements of different points."""
+    if wrong := _misplaced(rows, xyz):
         k, off = wrong
         first = table.lines[rows.first[rows.member[k]]].number
         table.refuse(
@@ -230,13 +245,6 @@ def _repeatability(
             "the file's unit: too far for a measurement repeated",
             "give each point of a group a name of its own, or leave one out",
         )
-    return _found(
-        "measurements-averaged",
-        table.source,
-        measurements=len(names),
-        points=len(rows.first),
-        scatter=float(rows.scatter),
-    )
 
 
 def _apart(group: str, point: str) -> tuple[str, str]:
@@ -248,25 +256,25 @@ def _apart(group: str, point: str) -> tuple[str, str]:
 def _coordinates(table: _Table) -> FloatArray:
     """Coordinates (N, 3) in the file's unit, of points and not of a probe beside them."""
     columns = table.columns
-    offset = np.nan_to_num(table.numbers(columns.offset, blank=True))
+    offset = np.nan_to_num(table.numbers(columns.of("offset"), blank=True))
     for k, i in np.argwhere(offset != 0):
-        row = table.rows[k]
-        label = f"point {k + 1}" if columns.point is None else row[columns.point]
+        labels = table.texts("point")
+        label = labels[k] if labels else f"point {k + 1}"
         table.refuse(
             k,
-            f"{label} has a probe offset of {row[columns.offset[i]]}: the coordinates are those "
-            "of the probe, not of the point",
+            f"{label} has a probe offset of {table.rows[k][columns.of('offset')[i]]}: the "
+            "coordinates are those of the probe, not of the point",
             "export offset-corrected points",
         )
-    return table.numbers(columns.coordinate)
+    return table.numbers(columns.coordinates)
 
 
 def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Finding]]:
     """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them; findings."""
     columns, source = table.columns, table.source
-    if columns.uncertainty is None:
+    if not columns.uncertainties:
         return None, []
-    numbers = table.numbers(columns.uncertainty, blank=True)
+    numbers = table.numbers(columns.uncertainties, blank=True)
     there = np.isfinite(numbers)
     for k, row in enumerate(there):
         if row.any() and not row.all():
@@ -291,7 +299,7 @@ def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Fi
     if np.any(numbers > 0):
         # A zero beside other uncertainties was rounded: it is anything below half a digit, and
         # the end of that interval is taken.
-        rounded = table.last_digit(columns.uncertainty) / 2
+        rounded = table.last_digit(columns.uncertainties) / 2
         if np.any(numbers == 0):
             found.append(_found("uncertainty-rounded", source, rounded=rounded))
         if not there.all():
@@ -305,3 +313,56 @@ def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Fi
 
 def _found(code: str, source: str, **values: Value) -> Finding:
     return Finding(code, (source,), values=values)
+
+
+@dataclass(frozen=True, slots=True)
+class _Repeated:
+    """Rows of a point file by their points, each measured once or several times.
+
+    first : (M,), the first row of each point. member : (N,), which point each row is.
+    """
+
+    first: IntArray
+    member: IntArray
+
+    def mean(self, value: FloatArray) -> FloatArray:
+        """Mean (M, 3) of the rows (N, 3) of each point; NaN counts only where nothing else is."""
+        there = np.isfinite(value)
+        total = np.zeros((len(self.first), value.shape[1]))
+        count = total.copy()
+        np.add.at(total, self.member, np.where(there, value, 0.0))
+        np.add.at(count, self.member, there)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    def scatter(self, xyz: FloatArray) -> float:
+        """Standard deviation of a coordinate about its point's mean; 0 where none is repeated."""
+        dof = 3 * (len(self.member) - len(self.first))
+        square = np.sum((xyz - self.mean(xyz)[self.member]) ** 2)
+        return float(np.sqrt(square / dof)) if dof else 0.0
+
+
+def _repeated(names: Sequence[tuple[str, str]]) -> _Repeated:
+    """Tell which rows are the same point, by group and name."""
+    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    member = np.array([place[name] for name in names], dtype=np.int64)
+    return _Repeated(np.unique(member, return_index=True)[1], member)
+
+
+def _misplaced(rows: _Repeated, xyz: FloatArray) -> tuple[int, float] | None:
+    """Return the row that is no further measurement of its point, and how far off it is.
+
+    It lies nearer to another point than such a one could, or far from its others where the rest
+    of the points repeat well. None where all are repeated as they should.
+    """
+    count, middle = np.bincount(rows.member), rows.mean(xyz)
+    off = np.linalg.norm(xyz - xyz[rows.first][rows.member], axis=1)
+    apart = np.linalg.norm(middle[:, None] - middle, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    limit = _APART * apart.min(axis=1)
+    limit[np.isinf(limit)] = 0.0  # a file of one point: nothing tells a repetition from a mistake
+    spread = np.zeros(len(count))
+    np.maximum.at(spread, rows.member, np.linalg.norm(xyz - middle[rows.member], axis=1))
+    if np.sum(count > 1) >= _SEVERAL:
+        limit = np.minimum(limit, _WRONG * np.median(spread[count > 1]))
+    wrong = np.flatnonzero(off > np.where(count > 1, limit, np.inf)[rows.member])
+    return (int(wrong[0]), float(off[wrong[0]])) if len(wrong) else None

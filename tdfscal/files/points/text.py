@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.columns import is_column_name
-from tdfscal.files.points.numbers import refuse, to_metres, unit_of
+from tdfscal.files.points.columns import is_column_name, refuse, to_metres, unit_of
 from tdfscal.files.yaml import unreadable
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
