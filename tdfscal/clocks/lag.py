@@ -12,7 +12,7 @@ from tdfscal.clocks.activity import Peak, activity, during, peaks
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.moves import lag_by_moves, moves
 from tdfscal.clocks.refinement import refine
-from tdfscal.clocks.tracks import Track, Tracks
+from tdfscal.clocks.tracks import Track, Tracks, backwards
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
@@ -66,7 +66,12 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     if prior.exact:
         clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
     else:
-        clock = search.refined(search.chosen(name), name)
+        try:
+            chosen = search.chosen(name)
+        except DataError:
+            _check_order(first, second, name)
+            raise
+        clock = search.refined(chosen, name)
     _check_overlap(first, second, clock)
     lag = clock.offset - (second.begin - first.begin)
     return replace(clock, activity=during(*search.courses, search.width, lag))
@@ -331,6 +336,19 @@ def _not_found(name: str) -> DataError:
         f"the moves that the first recorder saw are not found in the recorder {name}: the two did "
         "not run at the same time, or saw different campaigns",
         hint="give the recordings of one campaign; `tdfscal info` shows what each holds, and when",
+    )
+
+
+def _check_order(first: Tracks, second: Tracks, name: str) -> None:
+    """Raise DataError where the second's moves are the first's, if they are read backwards."""
+    try:
+        _Search(first, backwards(second), ClockPrior()).chosen(name)
+    except (DataError, NotIdentifiableError):
+        return
+    raise DataError(
+        f"the moves that the first recorder saw are those of the recorder {name} run backwards: "
+        "the values of one of them stand in the reverse order of its times",
+        hint="bring its values, or its times, into the order in which they were recorded",
     )
 
 

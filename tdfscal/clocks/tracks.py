@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,13 @@ class Tracks:
     def forces(self) -> list[Track]:
         """Of the supports whose force it holds."""
         return [track for number, track in self.streams.items() if number % 2 == 1]
+
+
+def backwards(tracks: Tracks) -> Tracks:
+    """The same recording with its values in the reverse order."""
+    span = tracks.end - tracks.begin
+    turned = {k: Track.of(span - t.time[::-1], t.value[::-1]) for k, t in tracks.streams.items()}
+    return replace(tracks, streams=turned)
 
 
 class Reduction:

@@ -61,6 +61,14 @@ def test_recorders_of_different_campaigns(tmp_path: Path) -> None:
         calibrate([folder], trials=0)
 
 
+def test_a_file_with_its_newest_rows_first(tmp_path: Path) -> None:
+    folder = apart(tmp_path / "two", played("self", 7), Apart())
+    header, *rows = (folder / "daq.csv").read_text().splitlines()
+    (folder / "daq.csv").write_text("\n".join([header, *reversed(rows)]))
+    with pytest.raises(DataError, match="newest"):
+        calibrate([folder], trials=0)
+
+
 def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     """`init` finds who holds what, the units, the sign; the drafted rig calibrates."""
     folder = apart(tmp_path / "two", played("self", 7), Apart(offset=1.7e9, late=1.0))

@@ -109,6 +109,13 @@ def test_recordings_of_different_campaigns_are_refused() -> None:
         find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq")
 
 
+def test_values_in_the_reverse_order_of_their_times_are_named() -> None:
+    moves, loads = recorded_apart(campaign("self", 5), Apart(3.7), np.random.default_rng(1))
+    turned = tuple(Series(s.time, np.ascontiguousarray(s.value[::-1])) for s in loads.force)
+    with pytest.raises(DataError, match="backwards"):
+        find_clock(tracks(moves), tracks(replace(loads, force=turned)), ClockPrior(), "daq")
+
+
 def test_clocks_by_which_recorders_do_not_overlap_are_refused() -> None:
     moves, loads = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
     exact = ClockPrior(UncertainValue.exact(5000.0), 0.0)

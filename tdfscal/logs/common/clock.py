@@ -143,6 +143,12 @@ class Clock:
     def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
         bad = ~keep if self._rows == "postures" else latest - time > MAX_STEP_BACK
         if bad.any():
+            if np.mean(np.diff(time) < 0.0) > 0.5:
+                raise DataError(
+                    f"the time of {self.name} runs backwards from {shown(time[0])} s: the newest "
+                    "rows come first",
+                    hint="sort the rows so that their time ascends",
+                )
             k = int(np.argmax(bad))
             raise DataError(
                 f"the time of {self.name} goes from {shown(latest[k])} s to {shown(time[k])} s",
