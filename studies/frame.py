@@ -22,7 +22,7 @@ from tdfscal.reporting.layout import Table as Shown
 
 Cell = str | float | int | Estimate | None
 #: Letters beside each other on a terminal, and on a page.
-_TERMINAL, _PAGE = 80, 125
+_TERMINAL, _PAGE = 80, 95
 #: Of the document, and of the file among a study's that says whose folder it is.
 FORMAT, DOCUMENT, PAGE = "tdfscal-study/1", "study.json", "study.html"
 

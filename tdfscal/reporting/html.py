@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from functools import cache
 
@@ -11,18 +12,17 @@ from markupsafe import Markup, escape
 from tdfscal import __version__
 from tdfscal.reporting.figures.style import to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Table, legible
+from tdfscal.reporting.text import render as as_text
 
 #: Tables in a notebook.
 _CARD = 2
 
 
 def render(report: Report) -> str:
-    """Return the page of a report."""
-    return (
-        _environment()
-        .get_template("report.html.j2")
-        .render(report=legible(report), version=__version__)
-    )
+    """Return the page of a report; one without a number gets that of its words."""
+    number = report.number or hashlib.sha256(as_text(report).encode()).hexdigest()[:8]
+    said = {"report": legible(report), "number": number, "version": __version__}
+    return _environment().get_template("report.html.j2").render(said)
 
 
 def card(report: Report) -> str:

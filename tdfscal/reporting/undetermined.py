@@ -152,7 +152,7 @@ def _tiles(seen: Seen) -> tuple[Row, ...]:
         tiles.append(("in motion", f"{seen.keep.sum() * seen.slow.step:.0f} s", "of the log used"))
     if seen.quality.dof > 0:
         said = f"limit {seen.rig.acceptance.birge_max:.2g}"
-        tiles.append(("Birge ratio", f"{seen.quality.birge:.2f}", said))
+        tiles.append(("scatter against stated", f"{seen.quality.birge:.2f}", said))
     return tuple(tiles)
 
 

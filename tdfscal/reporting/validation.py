@@ -268,7 +268,7 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
+            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}", f"p = {v.p_value:.2g}"),
         ),
         summary=(table, *zeros),
         sections=(

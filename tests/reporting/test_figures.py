@@ -19,7 +19,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings, style
 from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
-from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
+from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed, with_load_cell
 
 SPATIAL = {"rig"}
 SELF = {"angles", "residuals", "components", "budget", "timeline", "observability", "rig", "trials"}
@@ -121,6 +121,26 @@ def test_svg_is_sound_and_its_identifiers_are_its_own() -> None:
         used = set(re.findall(r"url\(#([^)]+)\)", svg)) | set(re.findall(r'href="#([^"]+)"', svg))
         assert used <= own, name
         assert not list(root.iter("{http://www.w3.org/2000/svg}script"))
+
+
+def test_a_load_cell_has_its_place_in_the_legend_of_the_forces() -> None:
+    """It draws nothing in the panels of x and y."""
+    c = with_load_cell()
+    (legend,) = style.to_figure({d.name: d for d in drawings(c)}["timeline"]).legends
+    assert tuple(text.get_text() for text in legend.get_texts()) == c.support_names
+
+
+def test_every_source_of_a_long_budget_has_a_look_of_its_own() -> None:
+    c = sample().calibration
+    content = c.model_dump()
+    budget = content["budget"]
+    budget["sources"] = [f"source {k}" for k in range(11)]
+    for angle in budget["angles"]:
+        each = sum(angle["variance"].values()) / 11
+        angle["variance"] = dict.fromkeys(budget["sources"], each)
+    (legend,) = style.to_figure({d.name: d for d in drawings(by_hand(content))}["budget"]).legends
+    looks = {(key.get_facecolor(), key.get_hatch()) for key in legend.get_patches()}
+    assert len(looks) == 11
 
 
 def test_the_same_drawing_twice_is_the_same_to_the_byte() -> None:

@@ -24,14 +24,15 @@ def draw(c: Calibration) -> Drawing | None:
         for k, (clock, both) in enumerate(kept):
             (time, first), (own, second) = _courses(both)
             for ax, shift, how in (
-                (axes[2 * k], 0.0, "from own first stamps"),
-                (axes[2 * k + 1], both.lag, "on the first clock"),
+                (axes[2 * k], 0.0, "each from its own first stamp"),
+                (axes[2 * k + 1], both.lag, "on the first recorder's clock"),
             ):
                 ax.plot(time, first, color=ink.BLUE, linewidth=1.0, label="first recorder")
                 ax.plot(own - shift, second, color=ink.ORANGE, linewidth=1.0, linestyle="--",
                         label=clock.recorder)  # fmt: skip
                 ax.set_yticks([])
-                ax.set_ylabel(f"activity\n{how}")
+                ax.set_ylabel("activity")
+                ax.set_title(how, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
             axes[2 * k + 1].set_xlabel("time, s")
             legend_above(axes[2 * k], 2)
         return fig

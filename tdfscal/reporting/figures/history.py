@@ -85,6 +85,7 @@ def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
     axes = fig.subplots(4, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 3, 2]})
     dates = np.array([date_of(month) for month in life.month])
     for j, ax in enumerate(axes[:3]):
+        ax.sharey(axes[0])
         _angle(ax, life, i, j, dates)
     _surprise(axes[3], life, i, dates)
     for ax in axes:
@@ -136,7 +137,7 @@ def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     width = 0.5 * float(np.median(np.diff(life.month))) * _DAYS if len(dates) > 2 else 10.0
     ax.bar(dates[1:], -np.log10(p), width=max(width, 1.0), color=colours)
     ax.plot(dates[1:], -np.log10(life.level[1:]), color=ink.GREY, linestyle="--", linewidth=0.9)
-    ax.set_ylabel("−log₁₀ p")
+    ax.set_ylabel("surprise,\n−log₁₀ p")
     ax.set_ylim(0, 12.5)
     locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)

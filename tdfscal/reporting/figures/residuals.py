@@ -165,7 +165,7 @@ def components(table: PostureTable | None) -> Drawing | None:
 
     def paint() -> Figure:
         fig = figure(3.1)
-        axes = fig.subplots(2, 1, sharex=True)
+        axes = fig.subplots(2, 1, sharex=True, sharey=True)
         for k, (ax, what, unit) in enumerate(zip(axes, ("force", "moment"), _UNITS, strict=True)):
             rows, sizes = score[:, 3 * k : 3 * k + 3], value[:, 3 * k : 3 * k + 3]
             ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
@@ -176,6 +176,7 @@ def components(table: PostureTable | None) -> Drawing | None:
                 largest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)]
                 style.Tips(ax, number, largest, words, radius=5)
             ax.set_ylabel(f"{what}, std. unc.")
+            ax.margins(y=0.1)
         _numbered(axes[1], "posture; pale: ±2 standard uncertainties")
         legend_above(axes[0], 3)
         return fig

@@ -89,21 +89,22 @@ def projection(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce]])
 
 
-def _within_a_decade(axis: Axis, value: float, _: int) -> str:
-    low, high = axis.get_view_interval()
-    return f"{value:g}" if high < 10 * low and f"{value:e}"[0] in "25" else ""
+def _between_decades(axis: Axis, value: float, _: int) -> str:
+    low, high = np.log10(axis.get_view_interval())
+    few = np.floor(high) - np.ceil(low) < 1
+    return f"{value:g}" if few and f"{value:e}"[0] in "25" else ""
 
 
 def logarithmic(ax: Axes, which: str = "y") -> None:
     """Logarithmic axes, "x", "y" or "xy", with plain numbers at the decades.
 
-    Where less than a decade is seen, at its 2 and 5 too.
+    Where fewer than two decades are seen, at 2 and 5 too.
     """
     for name in which:
         getattr(ax, f"set_{name}scale")("log")
         axis = getattr(ax, f"{name}axis")
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(FuncFormatter(partial(_within_a_decade, axis)))
+        axis.set_minor_formatter(FuncFormatter(partial(_between_decades, axis)))
 
 
 def tip(artist: Artist, text: str) -> None:
@@ -158,10 +159,13 @@ def legend_above(ax: Axes, columns: int) -> None:
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)
 
 
-def legend_outside(fig: Figure, ax: Axes) -> None:
-    """Legend over the whole figure, of what is drawn in these axes."""
-    handles, labels = ax.get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper left", ncols=min(4, len(labels)))
+def legend_outside(fig: Figure, *axes: Axes) -> None:
+    """Legend over the whole figure, of what is drawn in any of these axes."""
+    drawn: dict[str, Artist] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            drawn.setdefault(label, handle)
+    fig.legend(drawn.values(), drawn, loc="outside upper left", ncols=min(4, len(drawn)))
 
 
 def to_figure(drawing: Drawing) -> Figure:

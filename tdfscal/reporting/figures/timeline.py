@@ -98,7 +98,7 @@ def _paint(log: DwellLog) -> Figure:
         look: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.2, "markeredgewidth": 0.3}
         look |= {"markeredgecolor": ink.BLACK, "rasterized": style.raster(3 * len(middle))}
         _forces(axes[1:], names, middle, force, gone, _MARKERS, **look)
-        legend_outside(fig, axes[1])
+        legend_outside(fig, *axes[1:])
     axes[-1].set_xlabel(time.label)
     return fig
 
@@ -162,7 +162,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
         gone = [(s.begin - time.origin, s.end - time.origin, sentence(s.reason)) for s in rejected]
         _forces(axes, slow.supports, x, force, gone, " ", linewidth=1.1)
         axes[-1].set_xlabel(time.label)
-        legend_outside(fig, axes[0])
+        legend_outside(fig, *axes)
         return fig
 
     said = f"{slow.time[-1] - slow.time[0]:.0f} s of the log are in motion"

@@ -39,10 +39,9 @@ def draw(c: Calibration) -> Drawing | None:
         return None
     share = 100 * budget.shares.mean(axis=0)
     order = np.argsort(-share)
-    said = f"{budget.sources[order[0]]} makes up {share[order[0]]:.0f} % of the variance on average"
+    said = f"{share[order[0]]:.0f} % of the variance is {budget.sources[order[0]]} on average"
     if len(order) > 1:
-        said += f", {budget.sources[order[1]]} {share[order[1]]:.0f} %"
-    said = said[0].upper() + said[1:]
+        said += f", {share[order[1]]:.0f} % {budget.sources[order[1]]}"
     return Drawing(
         "budget",
         "Where the uncertainty comes from",
@@ -57,7 +56,8 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
     for s, (source, share) in enumerate(zip(budget.sources, 100 * budget.shares.T, strict=True)):
         bars = ax.barh(
             place, share, left=left, height=0.78, color=ink.FILLS[s % len(ink.FILLS)],
-            hatch=ink.HATCHES[s % len(ink.HATCHES)], label=source, **ink.EDGE,
+            hatch=ink.HATCHES[(s + s // len(ink.FILLS)) % len(ink.HATCHES)], label=source,
+            **ink.EDGE,
         )  # fmt: skip
         for bar, a, y, x, width in zip(bars, budget.angles, place, left, share, strict=True):
             tip(bar, f"{a.support} {a.angle}: {source} {width:.1f} %")
