@@ -138,7 +138,9 @@ def test_every_source_of_a_long_budget_has_a_look_of_its_own() -> None:
     for angle in budget["angles"]:
         each = sum(angle["variance"].values()) / 11
         angle["variance"] = dict.fromkeys(budget["sources"], each)
-    (legend,) = style.to_figure({d.name: d for d in drawings(by_hand(content))}["budget"]).legends
+    (legend,) = style.to_figure(
+        {d.name: d for d in drawings(Calibration.model_validate(content))}["budget"]
+    ).legends
     looks = {(key.get_facecolor(), key.get_hatch()) for key in legend.get_patches()}
     assert len(looks) == 11
 
