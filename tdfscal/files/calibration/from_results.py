@@ -321,7 +321,8 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
             entry |= {key: values[i] for key, values in mounting.items()} | {"rpy_interval": ends}
         else:
             axes = {axis: R[i, :, j] for j, axis in enumerate("xyz") if rig.axes[i, j]}
-            entry |= {"rpy_interval": None, "quaternion_xyzw": None, "directions": axes}
+            entry |= dict.fromkeys(("rotation", "rpy_interval", "quaternion_xyzw"))
+            entry["directions"] = axes
         supports.append(entry)
     return supports
 
