@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tdfscal.errors import UsageError
 from tdfscal.logs import Moment, TimeWindow
-from tdfscal.logs.text.date_times import seconds_of
+from tdfscal.logs.date_times import seconds_of
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]

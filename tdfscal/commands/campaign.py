@@ -15,9 +15,9 @@ from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
 from tdfscal.logs.recorders import owns
+from tdfscal.logs.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.records import LogMapping
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.

@@ -15,8 +15,7 @@ from tdfscal.files import RIG_NAME
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
-from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.description.info import LogInfo, as_document
+from tdfscal.logs.describe import LogInfo, as_document, describe_logs
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
 

@@ -19,9 +19,7 @@ from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text
 from tdfscal.logs import expand
-from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.description.info import LogInfo
-from tdfscal.logs.description.mapping_guess import sampled
+from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
 
@@ -129,11 +127,12 @@ def init(
 def _why_not(info: LogInfo) -> str:
     """Why no mapping was guessed, each reason once and without the file's name."""
     first, none = info.contents[0].path, "no mapping is guessed"
-    said = [text.removeprefix(f"{first}: ") for text in (*info.problems, *info.guess.notes)]
+    said = [
+        text.removeprefix(str(first)).lstrip(":, ").rstrip(".")
+        for text in (*info.problems, *info.guess.notes)
+    ]
     decisive = [text for text in said if none in text]
-    damaged = [text for text in info.problems if text.startswith(f"{first}, line")]
-    lines = [text.removeprefix(f"{first}, ").rstrip(".") for text in damaged]
-    return "; ".join(dict.fromkeys((*decisive, *lines) if decisive else said)) or none
+    return "; ".join(dict.fromkeys(decisive or said)) or none
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
@@ -141,12 +140,10 @@ def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
     if info.dwells is not None and len(info.dwells):
         return info.dwells.position, info.dwells.force
     there = info.samples
-    if there is None and len(info.recorders) == 1:
-        there = sampled(info.contents[0], info.recorders[0])
     if there is None:
         absence = no_dwell(info.dwells) if info.dwells is not None else None
         raise DataError(
-            absence.what if absence else "; ".join(info.problems),
+            absence.what if absence else _why_not(info),
             where=str(info.contents[0].path),
             hint=absence.hint if absence else None,
         )

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from glob import escape
 from itertools import product, takewhile
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.dwells import (
     Bins,
+    Offset,
     dwells_of_bins,
     find_dwells,
     motion_offset,
@@ -22,20 +23,81 @@ from tdfscal.dwells import (
 )
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
+from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.logs.common.clock import Clock
-from tdfscal.logs.common.contents import Contents
-from tdfscal.logs.common.window import TimeWindow
-from tdfscal.logs.description.info import LogInfo, Signal, Source
-from tdfscal.logs.description.mapping_guess import Guess, guess_recorders
-from tdfscal.logs.description.plausible_units import declared_time
-from tdfscal.logs.formats import contents_of, expand
-from tdfscal.logs.reader import iter_log
+from tdfscal.findings import Finding
+from tdfscal.logs.clock import Clock
+from tdfscal.logs.contents import Contents
+from tdfscal.logs.formats import expand, open_log
+from tdfscal.logs.mapping_guess import Guess, guess_recorders
+from tdfscal.logs.plausible_units import declared_time
+from tdfscal.logs.reader import TimeWindow, iter_log
 from tdfscal.logs.recorders import owns
-from tdfscal.records import FloatArray, InputFile, Log, LogMapping, RecorderClock
+from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
 
-#: Instants that stand for a log without dwells.
-_SAMPLED = 400
+Source = Literal["rig", "guessed"]
+_SAMPLED = 400  # instants that stand for a log without dwells
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One vector signal as it is read with the mapping.
+
+    fields : in the file. count : samples. start, end : s, None without any. rate : Hz, None below
+    two samples. gaps : intervals of more than five periods. longest_interval : s.
+    """
+
+    support: str
+    quantity: Literal["position", "force"]
+    fields: tuple[str, ...]
+    count: int
+    start: float | None
+    end: float | None
+    rate: float | None
+    gaps: int
+    longest_interval: float
+
+
+@dataclass(frozen=True, slots=True)
+class LogInfo:
+    """What is in some logs.
+
+    recorders : with which the signals were read: the rig's, or the guess. problems : what keeps the
+    logs from being used, or wants a look. clocks : of all recorders but the first. samples :
+    positions in m and forces in N, (K, n, 3), of instants over the log; None where it was not read.
+    """
+
+    contents: tuple[Contents, ...]
+    guess: Guess
+    recorders: tuple[LogMapping, ...]
+    source: Source
+    signals: tuple[Signal, ...] = ()
+    inputs: tuple[InputFile, ...] = ()
+    dwells: Dwells | None = None
+    offset: Offset | None = None
+    problems: tuple[str, ...] = ()
+    clocks: tuple[RecorderClock, ...] = ()
+    samples: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def mapping(self) -> LogMapping | None:
+        """Of the first recorder; None where nothing is guessed."""
+        return self.recorders[0] if self.recorders else None
+
+    def block(self, recorders: Sequence[LogMapping]) -> dict[str, Any] | list[dict[str, Any]]:
+        """The `log` block of the recorders, as plain values, without what is the default."""
+        blocks = []
+        for recorder in recorders:
+            own = next(
+                (
+                    c
+                    for c in self.contents
+                    if owns(recorder, c.path) or owns(recorder, c.path.parent)
+                ),
+                self.contents[0],
+            )
+            blocks.append(mapping_document(recorder, by_topic=own.by_topic))
+        return blocks[0] if len(blocks) == 1 else blocks
 
 
 def describe_logs(
@@ -45,10 +107,7 @@ def describe_logs(
     window: TimeWindow | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> LogInfo:
-    """Read logs once: contents, a guessed mapping, clocks, dwells.
-
-    The mapping is guessed from the first file's opening, and again from all that was seen; where
-    that differs, the logs are read again.
+    """Look through logs, guess their mapping, and read them with it: clocks, dwells.
 
     rig : names the supports; its log block is used where it has one. window : the part whose clocks
     and dwells are looked at. progress : told the share that is read, from 0 to 1.
@@ -56,42 +115,106 @@ def describe_logs(
     Raises UsageError where a path is not there or is no log, DataError where a file cannot be read
     at all. What can be looked at but not used is no error: `problems` says what is wrong.
     """
-    files = expand(paths)
-    if not files:
+    contents = {path: open_log(path).contents() for path in expand(paths)}
+    if not contents:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
-    known = rig.rig if rig else None
-    openings = {path: contents_of(path, opening=True) for path in files}
-    seen = {path: opening for path, opening in openings.items() if opening.format == "parquet"}
-
-    def read(guess: Guess) -> LogInfo:
-        return _read(paths, guess, rig, window, progress, seen)
-
-    info = read(guess_recorders(_layouts(paths, openings), known))
-    # What the reading has not seen to its end is looked through now.
-    looked = {path: seen[path] if path in seen else contents_of(path) for path in files}
-    contents = tuple(looked.values())
-    guess = guess_recorders(_layouts(paths, looked), known)
-    if _mappings(guess, rig)[0] != info.recorders:
-        # Where a damaged line is why nothing is guessed any more, the first reading has named it.
-        damaged = () if info.inputs else info.problems
-        info = read(guess)
-        if info.mapping is None:
-            info = replace(info, problems=damaged)
-    problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
-    problems += [f"{contents[0].path}: {what}" for what in guess.problems]
-    if info.source == "rig":
+    guess = guess_recorders(_layouts(paths, contents), rig.rig if rig else None)
+    recorders = guess.recorders
+    source: Source = "guessed"
+    if rig is not None and (rig.log or guess.mapping is None):
+        recorders, source = rig.log or (LogMapping.default(rig.rig.supports),), "rig"
+    info = LogInfo(tuple(contents.values()), guess, recorders, source)
+    problems = [f"{own.path}: {what}" for own in contents.values() for what in own.problems]
+    problems += [f"{paths[0]}: {what}" for what in guess.problems]
+    if source == "rig":
         problems += [
-            f"{c.path}: {what}"
-            for c in contents
-            for mapping in info.recorders
-            if owns(mapping, c.path)
-            for what in declared_time(c, mapping)
+            f"{own.path}: {what}"
+            for own in contents.values()
+            for mapping in recorders
+            if owns(mapping, own.path)
+            for what in declared_time(own, mapping)
         ]
-    problems += info.problems
-    if info.mapping is None:
+    if recorders:
+        supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
+        logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
+        clocks = _Clocks(supports)
+        try:
+            pieces = iter_log(logs, recorders, supports, window=window, progress=progress)
+            info = _read(info, clocks.passing(pieces), recorders[0].rows == "postures")
+            info = replace(info, inputs=tuple(clocks.inputs))
+            problems += map(
+                told, [*clocks.findings, *(info.dwells.findings if info.dwells else ())]
+            )
+            if info.dwells is not None and not len(info.dwells):
+                absence = no_dwell(info.dwells)
+                problems.append(f"{absence.what}; {absence.hint}")
+        except TdfscalError as error:
+            problems += [*map(told, clocks.findings), str(error)]
+        info = replace(
+            info, signals=clocks.signals(recorders, supports), clocks=tuple(clocks.of_recorders)
+        )
+    else:
         problems += guess.notes
-    unique = tuple(dict.fromkeys(map(printable, problems)))
-    return replace(info, contents=contents, guess=guess, problems=unique)
+    return replace(info, problems=tuple(dict.fromkeys(map(printable, problems))))
+
+
+class _Clocks:
+    """Clocks of the positions, then the forces; and what else a log says while it passes."""
+
+    def __init__(self, supports: Sequence[str]) -> None:
+        self._clocks = [Clock(name, "timeseries") for name in (*supports, *supports)]
+        self.inputs: list[InputFile] = []
+        self.findings: list[Finding] = []
+        self.of_recorders: list[RecorderClock] = []
+
+    def passing(self, pieces: Iterator[Log]) -> Iterator[Log]:
+        """The pieces, looked at on their way."""
+        for piece in pieces:
+            for clock, series in zip(self._clocks, (*piece.position, *piece.force), strict=True):
+                clock.ascending(series.time)
+            self.inputs.extend(piece.inputs)
+            self.of_recorders.extend(piece.clocks)
+            self.findings.extend(piece.findings)
+            yield piece
+
+    def signals(
+        self, recorders: Sequence[LogMapping], supports: Sequence[str]
+    ) -> tuple[Signal, ...]:
+        """What the clocks have counted; none where none has."""
+        kinds: tuple[Literal["position", "force"], ...] = ("position", "force")
+        result = []
+        for clock, (quantity, name) in zip(self._clocks, product(kinds, supports), strict=True):
+            index = recorders[0].supports.index(name)
+            named = [(r.position if quantity == "position" else r.force)[index] for r in recorders]
+            start, end = clock.span or (None, None)
+            rate = None
+            if start is not None and end is not None and end > start:
+                rate = (clock.count - 1) / (end - start)
+            fields, (longest, _) = next(filter(None, named), ()), clock.longest
+            result.append(
+                Signal(name, quantity, fields, clock.count, start, end, rate, clock.gaps, longest)
+            )
+        return tuple(result) if any(clock.count for clock in self._clocks) else ()
+
+
+def _read(info: LogInfo, pieces: Iterator[Log], postures: bool) -> LogInfo:
+    """Read the logs, to their dwells."""
+    if postures:
+        return replace(info, dwells=find_dwells(pieces))
+    bins = reduce_to_bins(pieces)
+    dwells = dwells_of_bins(bins)
+    offset = motion_offset(bins, dwells)
+    return replace(info, samples=_sampled(bins), dwells=dwells, offset=offset)
+
+
+def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:
+    """Positions in m and forces in N on the terminal, (K, n, 3), of instants over the log."""
+    n = len(bins.supports)
+    whole = np.flatnonzero((bins.count > 0).all(axis=1))
+    if not len(whole):
+        return None
+    some = whole[np.linspace(0, len(whole) - 1, min(len(whole), _SAMPLED)).astype(int)]
+    return bins.mean[some, :n], bins.mean[some, n:]
 
 
 def _layouts(paths: Sequence[Path], contents: Mapping[Path, Contents]) -> dict[str, Contents]:
@@ -124,101 +247,85 @@ def _common(names: Sequence[str]) -> str:
     return "".join(own[0] for own in letters)
 
 
-def _mappings(guess: Guess, rig: LoadedRig | None) -> tuple[tuple[LogMapping, ...], Source]:
-    """What the logs are read with: the rig's own, or the guess."""
-    if rig is not None and (rig.log or guess.mapping is None):
-        return rig.log or (LogMapping.default(rig.rig.supports),), "rig"
-    return guess.recorders, "guessed"
+def as_document(info: LogInfo) -> dict[str, Any]:
+    """One object: files, mapping (also as YAML text), signals, dwells, problems."""
+    guess, offset, dwells = info.guess.recorders, None, None
+    if info.offset is not None:
+        definition = "time of the forces less that of the positions"
+        offset = {**asdict(info.offset), "definition": definition}
+    if info.dwells is not None:
+        dwells = {
+            "count": len(info.dwells),
+            "start": np.asarray(info.dwells.start).tolist(),
+            "end": np.asarray(info.dwells.end).tolist(),
+            "left_out": [asdict(out) for out in info.dwells.left_out],
+        }
+    return {
+        "files": [_file(contents) for contents in info.contents],
+        "read_with": info.source if info.mapping else None,
+        "mapping": {"log": info.block(guess)} if guess else None,
+        "mapping_yaml": mapping_block(info) if guess else None,
+        "mapping_notes": list(info.guess.notes),
+        "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
+        "inputs": [
+            {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
+            for i in info.inputs
+        ],
+        "clocks": [asdict(replace(clock, activity=None)) for clock in info.clocks],
+        "time_offset": offset,
+        "dwells": dwells,
+        "problems": list(info.problems),
+    }
 
 
-def _read(
-    paths: Sequence[Path],
-    guess: Guess,
-    rig: LoadedRig | None,
-    window: TimeWindow | None,
-    progress: Callable[[float], None] | None,
-    seen: dict[Path, Contents],
-) -> LogInfo:
-    """Read the logs once, to their dwells; seen : takes what else is in them."""
-    recorders, source = _mappings(guess, rig)
-    if not recorders:
-        return LogInfo((), guess, (), source)
-    paths = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
-    supports = rig.rig.supports if rig is not None and source == "rig" else recorders[0].supports
-    found: list[RecorderClock] = []
-    samples = None
-    clocks = [Clock(name, "timeseries") for name in (*supports, *supports)]
-    inputs: list[InputFile] = []
-    problems: list[str] = []
-    dwells, offset = None, None
-
-    def passing(pieces: Iterator[Log]) -> Iterator[Log]:
-        for piece in pieces:
-            for clock, series in zip(clocks, (*piece.position, *piece.force), strict=True):
-                clock.ascending(series.time)
-            inputs.extend(piece.inputs)
-            found.extend(piece.clocks)
-            problems.extend(map(told, piece.findings))
-            yield piece
-
-    try:
-        log = iter_log(paths, recorders, supports, window=window, progress=progress, seen=seen)
-        if recorders[0].rows == "postures":
-            dwells = find_dwells(passing(log))
-        else:
-            bins = reduce_to_bins(passing(log))
-            samples = _sampled(bins)
-            dwells = dwells_of_bins(bins)
-            offset = motion_offset(bins, dwells)
-        problems += map(told, dwells.findings)
-        if not len(dwells):
-            absence = no_dwell(dwells)
-            problems.append(f"{absence.what}; {absence.hint}")
-    except TdfscalError as error:
-        problems.append(str(error))
-        dwells = None
-        inputs.clear()
-    return LogInfo(
-        (),
-        guess,
-        recorders,
-        source,
-        _signals(clocks, recorders, supports),
-        tuple(inputs),
-        dwells,
-        offset,
-        tuple(problems),
-        tuple(found),
-        samples,
-    )
+def _file(contents: Contents) -> dict[str, Any]:
+    return {
+        "path": printable(str(contents.path)),
+        "format": contents.format,
+        "bytes": contents.bytes,
+        "streams": [
+            {
+                "name": stream.name,
+                "type": stream.kind or None,
+                "count": stream.count,
+                "start": stream.start,
+                "end": stream.end,
+                "fields": [
+                    {"name": f.name, "type": f.kind, "unit": f.unit, "low": f.low, "high": f.high}
+                    for f in stream.fields
+                ],
+            }
+            for stream in contents.streams
+        ],
+    }
 
 
-def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:
-    """Positions in m and forces in N on the terminal, (K, n, 3), of instants over the log."""
-    n = len(bins.supports)
-    whole = np.flatnonzero((bins.count > 0).all(axis=1))
-    if not len(whole):
-        return None
-    some = whole[np.linspace(0, len(whole) - 1, min(len(whole), _SAMPLED)).astype(int)]
-    return bins.mean[some, :n], bins.mean[some, n:]
+def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
+    """The block as plain values, without what says no more than the default."""
+
+    def fields(names: tuple[str, ...]) -> str | list[str]:
+        return names[0] if len(names) == 1 else list(names)
+
+    supports: dict[str, dict[str, str | list[str]]] = {}
+    for what, named in (("position", mapping.position), ("force", mapping.force)):
+        for name, own in zip(mapping.supports, named, strict=True):
+            if own:
+                supports.setdefault(name, {})[what] = fields(own)
+    timed = {"field": mapping.time_field, "unit": mapping.time_unit}
+    block: dict[str, Any] = {
+        "files": mapping.files,
+        "rows": mapping.rows,
+        "time": {"source": mapping.time_source} if by_topic else timed,
+        "length_unit": mapping.length_unit if any(mapping.position) else None,
+        "force_unit": mapping.force_unit if any(mapping.force) else None,
+        "force_on": mapping.force_on if any(mapping.force) else None,
+        "decimal": mapping.decimal,
+        "supports": supports,
+    }
+    usual = {"rows": "timeseries", "decimal": "."}
+    return {key: value for key, value in block.items() if value not in (None, usual.get(key))}
 
 
-def _signals(
-    clocks: Sequence[Clock], recorders: Sequence[LogMapping], supports: Sequence[str]
-) -> tuple[Signal, ...]:
-    """What the clocks of the positions, then the forces, have counted; none where none has."""
-    kinds: tuple[Literal["position", "force"], ...] = ("position", "force")
-    result = []
-    for clock, (quantity, name) in zip(clocks, product(kinds, supports), strict=True):
-        index = recorders[0].supports.index(name)
-        named = [(r.position if quantity == "position" else r.force)[index] for r in recorders]
-        start, end = clock.span or (None, None)
-        rate = None
-        if start is not None and end is not None and end > start:
-            rate = (clock.count - 1) / (end - start)
-        longest, _ = clock.longest
-        result.append(
-            Signal(name, quantity, next(filter(None, named), ()), clock.count, start, end, rate,
-                   clock.gaps, longest)
-        )  # fmt: skip
-    return tuple(result) if any(clock.count for clock in clocks) else ()
+def mapping_block(info: LogInfo) -> str:
+    """The guessed block as YAML, ready to paste into rig.yaml."""
+    return "\n".join(log_lines(info.block(info.guess.recorders))) + "\n"

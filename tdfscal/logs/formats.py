@@ -1,34 +1,23 @@
-"""Which files are logs, and which reader takes which."""
+"""Which files are logs, and the class that reads each."""
 
 from __future__ import annotations
 
 import stat
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final
 
-from tdfscal.errors import DataError, UsageError
-from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
-from tdfscal.logs.common.contents import Contents
-from tdfscal.logs.common.damage import placed
-from tdfscal.logs.common.request import Reader, Request
+from tdfscal.errors import UsageError
+from tdfscal.logs.log_file import LogFile
+from tdfscal.logs.rosbag2 import Bag, has_metadata, read_bag
 
-if TYPE_CHECKING:
-    from tdfscal.logs.messages.buffer import Recording
-
-Kind = Literal["text", "parquet", "mcap", "bag"]
-_KINDS: Final[dict[str, Kind]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), "text"),
-    ".parquet": "parquet",
-    ".mcap": "mcap",
-    **dict.fromkeys((".db3", ".bag"), "bag"),
-}
-_COMPRESSED = (".gz", ".zst")
+_TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".log")
+_KINDS: Final = (*_TEXT, ".parquet", ".mcap", ".db3", ".bag")
+_COMPRESSED: Final = (".gz", ".zst")
+_ARCHIVES: Final = (".zstd", ".bz2", ".xz", ".zip", ".7z")
 _SHARED: Final = (".txt", ".dat", ".log")
 _OPENING: Final = 1 << 16
 _FEWEST: Final = 9  # three supports have 18 columns
-_POINTER: Final = b"version https://git-lfs.github.com/spec/"
 NOWHERE = "it is a link that leads to no file; correct or remove it"
 """What to do about such a link."""
 
@@ -51,7 +40,7 @@ def looks_recorded(path: Path) -> bool:
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
     from tdfscal.logs.text.file import lines_of
-    from tdfscal.logs.text.header import numbered_columns
+    from tdfscal.logs.text.head import numbered_columns
 
     try:
         with path.open("rb") as file:
@@ -63,99 +52,40 @@ def looks_recorded(path: Path) -> bool:
     return any(table is not None and len(table.cells) > _FEWEST for table in tables)
 
 
-def _kind_of(path: Path) -> Kind:
-    """Return the kind of a log file, by its suffix.
+def open_log(path: Path, bag: Bag | None = None) -> LogFile:
+    """A file for one reading, by its suffix; bag : the recording that it is part of.
 
-    Raises UsageError where it is of no kind that is read here, DataError for git-LFS's pointer,
-    which stands in a log's place where git keeps it elsewhere.
+    What reads a format is imported for it alone. Raises UsageError where it is of no kind that is
+    read here.
     """
-    suffix = _suffix(path)
-    if suffix in (".zstd", ".bz2", ".xz", ".zip", ".7z"):
-        raise UsageError(
-            f"a file that ends in {suffix} is not read",
-            where=str(path),
-            hint="decompress it first" + (", with `zstd -d`" if suffix == ".zstd" else "")
-            + "; text logs are read in gzip (.gz) and zstd (.zst), too",
-        )  # fmt: skip
-    if suffix not in _KINDS:
-        raise UsageError(
-            f"no kind of log ends in {suffix or 'nothing'!r}",
-            where=str(path),
-            hint=f"logs are {', '.join(_KINDS)} (text also .gz, .zst) or a rosbag2 folder",
-        )
-    try:
-        with path.open("rb") as file:
-            pointer = file.read(len(_POINTER)) == _POINTER
-    except OSError:
-        pointer = False  # the reader says why
-    if pointer:
-        raise DataError(
-            "this is git-LFS's pointer to the log, not the log",
-            where=str(path),
-            hint="fetch the log itself with `git lfs pull`",
-        )
-    return _KINDS[suffix]
+    match _suffix(path):
+        case ".parquet":
+            from tdfscal.logs.parquet.reader import ParquetLog
 
+            return ParquetLog(path)
+        case ".mcap":
+            from tdfscal.logs.messages.mcap import McapFile
 
-def reader_of(path: Path, request: Request, bag: Bag | None = None) -> Reader:
-    """Return the reader for a file, by its suffix; bag: the recording that it is part of.
+            return McapFile(path, bag)
+        case ".db3":
+            from tdfscal.logs.messages.bags import SqliteBag
 
-    Raises UsageError where it is of no kind that is read here, DataError for a recording of
-    messages without a mapping: its topics cannot be guessed.
-    """
-    kind = _kind_of(path)
-    if kind == "parquet":
-        from tdfscal.logs.parquet.reader import read_parquet
+            return SqliteBag(path, bag)
+        case ".bag":
+            from tdfscal.logs.messages.bags import Ros1Bag
 
-        return read_parquet
-    if kind == "text":
-        from tdfscal.logs.text.reader import read_text
+            return Ros1Bag(path, bag)
+        case suffix if suffix in _TEXT:
+            from tdfscal.logs.text.reader import TextLog
 
-        return read_text
-    if not request.declared:
-        raise DataError(
-            "a recording by topics needs a mapping that names them",
-            where=str(path),
-            hint="add a `log:` block to rig.yaml; `tdfscal info` proposes one",
-        )
-    from tdfscal.logs.messages.reader import read_recording
-
-    return partial(read_recording, opened=_recording, check=bag.check if bag else None)
-
-
-def _recording(path: Path) -> Recording:
-    """A file of messages; what reads its container is imported for it alone."""
-    if _suffix(path) == ".mcap":
-        from tdfscal.logs.mcap.container import Container
-
-        return Container(path)
-    if _suffix(path) == ".bag":
-        from tdfscal.logs.bag.ros1 import Ros1Recording
-
-        return Ros1Recording(path)
-    from tdfscal.logs.bag.sqlite import SqliteRecording
-
-    return SqliteRecording(path)
-
-
-def contents_of(path: Path, *, opening: bool = False) -> Contents:
-    """Look through a file, or its opening, whatever is wanted of it.
-
-    Raises UsageError or DataError where it is of no kind that is read here, or cannot be read.
-    """
-    kind = _kind_of(path)
-    with placed(path):
-        if kind == "parquet":
-            from tdfscal.logs.parquet.contents import parquet_contents
-
-            return parquet_contents(path)
-        if kind == "text":
-            from tdfscal.logs.text.contents import text_contents
-
-            return text_contents(path, opening=opening)
-        from tdfscal.logs.messages.reader import recording_contents
-
-        return recording_contents(_recording(path), opening=opening)
+            return TextLog(path)
+        case suffix if suffix in _ARCHIVES:
+            what = f"a file that ends in {suffix} is not read"
+            hint = "decompress it first; text logs are read in gzip (.gz) and zstd (.zst), too"
+        case suffix:
+            what = f"no kind of log ends in {suffix or 'nothing'!r}"
+            hint = f"logs are {', '.join(_KINDS)} (text also .gz, .zst) or a rosbag2 folder"
+    raise UsageError(what, where=str(path), hint=hint)
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
@@ -185,25 +115,18 @@ def check_regular(path: Path) -> None:
 
     Raises UsageError where there is no such file, it cannot be reached, or is a pipe or a device.
     """
+    hint: str | None = NOWHERE if path.is_symlink() else None
     try:
-        mode = path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise UsageError(
-            "there is no such file", where=str(path), hint=NOWHERE if path.is_symlink() else None
-        ) from error
+        if stat.S_ISREG(path.stat().st_mode):
+            return
+        what = "is no regular file but a pipe or a device"
+        hint = "write what it gives into a file, and name that"
+    except (FileNotFoundError, NotADirectoryError):
+        what = "there is no such file"
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise UsageError(
-            f"the file cannot be opened ({reason})",
-            where=str(path),
-            hint=NOWHERE if path.is_symlink() else "check the path and its permissions",
-        ) from error
-    if not stat.S_ISREG(mode):
-        raise UsageError(
-            "is no regular file but a pipe or a device",
-            where=str(path),
-            hint="write what it gives into a file, and name that",
-        )
+        what = f"the file cannot be opened ({getattr(error, 'strerror', None) or error})"
+        hint = hint or "check the path and its permissions"
+    raise UsageError(what, where=str(path), hint=hint)
 
 
 def _suffix(path: Path) -> str:

@@ -12,8 +12,8 @@ from tdfscal.catalogue.inputs import STOPS
 from tdfscal.dwells.clock_offset import Offset
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.common.contents import Contents, Field, Stream
-from tdfscal.logs.description.info import LogInfo, mapping_block
+from tdfscal.logs.contents import Contents, Field, Stream
+from tdfscal.logs.describe import LogInfo, mapping_block
 from tdfscal.reporting.layout import told_clock
 from tdfscal.reporting.text import table, width, wrapped
 

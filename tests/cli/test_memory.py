@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tdfscal.errors import DataError, MemoryShortError
-from tdfscal.logs.common.damage import damage
+from tdfscal.logs.log_file import damage
 from tests.cli.running import run
 
 

@@ -16,8 +16,8 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
-from tdfscal.logs.common import clock
-from tdfscal.logs.mcap.chunk import MAX_CHUNK
+from tdfscal.logs import clock
+from tdfscal.logs.messages.mcap import MAX_CHUNK
 from tests.docs.pages import section, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import struct
-from abc import ABC, abstractmethod
-from collections.abc import Generator
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, ClassVar, Final
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
-from mcap.records import Channel, Schema
 
-from tdfscal.logs.common.contents import Format
 from tdfscal.records import BoolArray, IntArray
 
 RECORD: Final = struct.Struct("<BQ")
@@ -62,41 +57,6 @@ class Messages:
         """Messages by channel."""
         found = np.bincount(self.channel)
         return {int(c): int(found[c]) for c in np.flatnonzero(found)}
-
-
-@dataclass(slots=True)
-class Recording(ABC):
-    """A file of messages while it is read; what it says of itself fills in on the way.
-
-    channels, schemas : by id, as met so far. counts : messages by channel, as met.
-    checked : a checksum covers every message. reached : bytes of the file that are read. cut_at :
-    byte at which a file that was cut short stops being whole, known at its end; else None.
-    """
-
-    form: ClassVar[Format]
-    path: Path
-    channels: dict[int, Channel] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    checked: bool = False
-    reached: int = 0
-    cut_at: int | None = None
-
-    @abstractmethod
-    def messages(self) -> Generator[Messages, None, None]:
-        """Yield the messages in file order, some at a time.
-
-        Raises DataError or ValueError on whatever is damaged.
-        """
-
-    @property
-    def topics(self) -> set[str]:
-        """Those met so far."""
-        return {channel.topic for channel in self.channels.values()}
-
-    def announced(self) -> frozenset[str] | None:
-        """Return its topics, where they are known before it is read."""
-        return None
 
 
 def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:

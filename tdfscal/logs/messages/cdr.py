@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tdfscal.logs.common.message_path import Named, Path, shown
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
+from tdfscal.logs.messages.message_path import Named, Path, shown
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]

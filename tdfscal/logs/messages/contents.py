@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.common.clock import Clock, Skew
-from tdfscal.logs.common.contents import (
+from tdfscal.logs.clock import Clock, Skew
+from tdfscal.logs.contents import (
     SAMPLES,
     Contents,
     Field,
+    Format,
     Stream,
     Vector,
     axes_of,
     extremes,
 )
-from tdfscal.logs.common.damage import reason
-from tdfscal.logs.common.message_path import Named, shown
-from tdfscal.logs.common.message_path import Path as MessagePath
-from tdfscal.logs.messages.buffer import Messages, Recording
+from tdfscal.logs.log_file import reason
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import Encoding, Leaf, Read
+from tdfscal.logs.messages.message_path import Named, shown
+from tdfscal.logs.messages.message_path import Path as MessagePath
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
@@ -43,8 +45,8 @@ _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 class RecordingLook:
     """What a recording holds, noted while its messages pass."""
 
-    def __init__(self, recording: Recording) -> None:
-        self._recording = recording
+    def __init__(self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema]) -> None:
+        self._channels, self._schemas = channels, schemas
         self._topics: dict[int, _Topic] = {}
 
     def note(self, messages: Messages) -> None:
@@ -52,22 +54,22 @@ class RecordingLook:
         for number in messages.counts():
             of = messages.of(number)
             if number not in self._topics:
-                channel = self._recording.channels[number]
-                schema = self._recording.schemas.get(channel.schema_id)
+                channel = self._channels[number]
+                schema = self._schemas.get(channel.schema_id)
                 self._topics[number] = _Topic(channel, schema, of)
             self._topics[number].note(of)
 
-    def contents(self) -> Contents:
-        """What was there: every topic, with samples of what has x, y, z."""
-        recording, topics = self._recording, self._topics.values()
-        streams = [topic.stream(recording.counts[number]) for number, topic in self._topics.items()]
-        empty = recording.topics - {stream.name for stream in streams}
+    def contents(self, path: Path, form: Format, counts: Mapping[int, int]) -> Contents:
+        """What was there; counts : messages by channel."""
+        topics = self._topics.values()
+        streams = [topic.stream(counts[number]) for number, topic in self._topics.items()]
+        empty = {c.topic for c in self._channels.values()} - {stream.name for stream in streams}
         streams += [Stream(name, "", 0, ()) for name in empty]
         vectors = [vector for topic in topics for vector in topic.vectors()]
         return Contents(
-            recording.path,
-            recording.form,
-            recording.path.stat().st_size,
+            path,
+            form,
+            path.stat().st_size,
             tuple(sorted(streams, key=lambda s: s.name)),
             tuple(sorted(vectors, key=lambda v: v.fields)),
             problems=tuple(f"{t.name}: {t.problem}" for t in topics if t.problem),

@@ -12,10 +12,10 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
-from tdfscal.logs.common.message_path import Named, Path, shown
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
 from tdfscal.logs.messages.encodings import MAX_DEPTH, Encoding, Leaf, Read, has_axes
+from tdfscal.logs.messages.message_path import Named, Path, shown
 from tdfscal.records import FloatArray
 
 _STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.common.clock import Skew, shown
-from tdfscal.logs.common.damage import reason
-from tdfscal.logs.common.message_path import Path as MessagePath
-from tdfscal.logs.common.message_path import parse_steps, topic_of
-from tdfscal.logs.common.request import Block, Piece, Request, Signal, missing_fields
-from tdfscal.logs.messages.buffer import Messages, Recording
-from tdfscal.logs.messages.encodings import Encoding, Json
+from tdfscal.logs.clock import Skew, shown
+from tdfscal.logs.log_file import reason
+from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages.encodings import Encoding, Json, Protobuf
+from tdfscal.logs.messages.message_path import Path as MessagePath
+from tdfscal.logs.messages.message_path import parse_steps, topic_of
+from tdfscal.logs.messages.ros import Ros
+from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
 
 Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
@@ -38,85 +38,64 @@ def encoding_of(channel: Channel, schema: Schema | None) -> Encoding:
     if schema is None:
         raise ValueError("the channel has no schema")
     if encoding == "protobuf":
-        from tdfscal.logs.messages.protobuf_messages import Protobuf
-
         return Protobuf(schema.name, schema.data)
-    from tdfscal.logs.messages.ros import Ros
-
     return Ros(schema, encoding)
 
 
-@dataclass(slots=True)
 class Topics:
-    """Which topic carries which signals, and how its channels are decoded."""
+    """Which topic carries which signals, and how its channels are decoded.
 
-    recording: Recording
-    request: Request
-    skews: dict[str, Skew] = field(default_factory=dict)
-    _signals: dict[str, list[int]] = field(default_factory=dict)
-    _decoders: dict[int, Decoder] = field(default_factory=dict)
-    _known: int = 0
+    channels, schemas : by id, as met so far. skews : of the header times, by topic.
+    """
+
+    def __init__(
+        self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema], request: Request
+    ) -> None:
+        self._channels, self._schemas, self._request = channels, schemas, request
+        self.skews: dict[str, Skew] = {}
+        self._signals: dict[str, list[int]] = {}
+        self._decoders: dict[int, Decoder] = {}
+        self._known = 0
 
     def piece(self, messages: Messages) -> Piece:
         """Return the wanted samples among the messages."""
-        if len(self.recording.channels) != self._known:
+        if len(self._channels) != self._known:
             self._bind()
         present = messages.counts()
         blocks: list[Block] = []
         for topic, signals in self._signals.items():
-            channels = [c for c in self._channels(topic) if c in present]
+            channels = [c for c in present if self._channels[c].topic == topic]
             parts = [self._decoded(c, messages.of(c)) for c in channels]
             parts = [part for part in parts if part[0].size]
             if not parts:
                 continue
             order, time, value = (np.concatenate(x) for x in zip(*parts, strict=True))
             # Channels of one topic take turns; logged messages need not be in order of time.
-            by_log = self.request.mapping.time_source == "log"
+            by_log = self._request.mapping.time_source == "log"
             if len(parts) > 1 or (by_log and (np.diff(time) < 0.0).any()):
                 ranks = np.argsort(time if by_log else order, kind="stable")
                 time, value = time[ranks], value[ranks]
+            factors = [np.array(self._request.signals[number].factors) for number in signals]
             vectors = {
-                number: value[:, 3 * k : 3 * k + 3] * np.array(self.request.signals[number].factors)
-                for k, number in enumerate(signals)
+                number: value[:, 3 * k : 3 * k + 3] * factors[k] for k, number in enumerate(signals)
             }
             blocks.append(Block(topic, time, vectors))
         return tuple(blocks)
 
-    def counts(self) -> dict[str, int]:
-        """Messages by topic, as met."""
-        found: dict[str, int] = {}
-        for number, count in self.recording.counts.items():
-            channel = self.recording.channels.get(number)
-            if channel is not None:
-                found[channel.topic] = found.get(channel.topic, 0) + count
-        return found
-
     def check_complete(self) -> None:
         """Refuse a file that lacks a topic, now that all of it is read."""
         bound = {number for numbers in self._signals.values() for number in numbers}
-        unbound = [s for number, s in enumerate(self.request.signals) if number not in bound]
+        unbound = [s for number, s in enumerate(self._request.signals) if number not in bound]
         if unbound:
-            raise _no_topic(unbound, self.recording.topics)
-
-    def check_present(self, announced: frozenset[str]) -> None:
-        """Refuse a file whose summary lacks a topic, before it is read."""
-        unbound = [
-            signal
-            for signal in self.request.signals
-            if all(topic_of(name, announced) is None for name in signal.fields)
-        ]
-        if unbound:
-            raise _no_topic(unbound, announced)
-
-    def _channels(self, topic: str) -> list[int]:
-        return [i for i, c in self.recording.channels.items() if c.topic == topic]
+            topics = sorted({channel.topic for channel in self._channels.values()})
+            raise missing_fields([s.fields[0] for s in unbound], topics, kind="topic for")
 
     def _bind(self) -> None:
         """Match the mapping's paths with the topics known so far, the longest that fits."""
-        topics = self.recording.topics
-        self._known = len(self.recording.channels)
+        topics = {channel.topic for channel in self._channels.values()}
+        self._known = len(self._channels)
         signals: dict[str, list[int]] = {}
-        for number, signal in enumerate(self.request.signals):
+        for number, signal in enumerate(self._request.signals):
             found = {topic_of(name, topics) for name in signal.fields} - {None}
             if len(found) > 1:
                 raise DataError(
@@ -126,9 +105,8 @@ class Topics:
                 )
             for topic in found:
                 signals.setdefault(str(topic), []).append(number)
-        for topic, numbers in self._signals.items():
-            used = any(channel in self._decoders for channel in self._channels(topic))
-            if used and signals.get(topic) != numbers:
+        for topic in {self._channels[channel].topic for channel in self._decoders}:
+            if signals.get(topic) != self._signals[topic]:
                 raise DataError(
                     f"the mapping's fields fit topic {topic} and a longer one that comes later",
                     hint="record topics whose names do not begin alike",
@@ -139,7 +117,7 @@ class Topics:
         """Return order in the file, time and values of one channel's messages."""
         if channel not in self._decoders:
             self._decoders[channel] = self._decoder(channel)
-        topic = self.recording.channels[channel].topic
+        topic = self._channels[channel].topic
         decode = self._decoders[channel]
         try:
             return messages.offset, *self._finite(topic, *decode(messages))
@@ -160,22 +138,22 @@ class Topics:
             what, fields = f"{what}that is not finite", list[str]()
             if np.isfinite(time[k]):
                 number, axis = divmod(int(np.argmin(np.isfinite(value[k]))), 3)
-                signal = self.request.signals[self._signals[topic][number]]
+                signal = self._request.signals[self._signals[topic][number]]
                 fields = [signal.components[axis]]
                 what += f" ({fields[0]})"
             raise DataError(what, hint="record that topic again", fields=fields)
         return time, value
 
     def _decoder(self, channel_id: int) -> Decoder:
-        channel = self.recording.channels[channel_id]
-        schema = self.recording.schemas.get(channel.schema_id)
+        channel = self._channels[channel_id]
+        schema = self._schemas.get(channel.schema_id)
         where = f"topic {channel.topic}"
         try:
             encoding = encoding_of(channel, schema)
             paths = self._paths(channel.topic, encoding)
         except ValueError as error:
             raise DataError(str(error), where=where) from error
-        wanted = self.request.mapping.time_source == "header"
+        wanted = self._request.mapping.time_source == "header"
         if wanted and encoding.stamped is False:
             raise DataError(
                 f"{schema.name if schema else 'its type'} has no header with a time",
@@ -199,7 +177,7 @@ class Topics:
         return decode
 
     def _recorded_time(self, messages: Messages) -> FloatArray:
-        publish = self.request.mapping.time_source == "publish"
+        publish = self._request.mapping.time_source == "publish"
         ticks = messages.publish_time() if publish else messages.log_time()
         seconds: FloatArray = ticks / 1e9
         return seconds
@@ -208,16 +186,12 @@ class Topics:
         """Return three paths per signal of the topic; raises ValueError where one leads nowhere."""
         paths: list[MessagePath] = []
         for number in self._signals[topic]:
-            fields = self.request.signals[number].fields
+            fields = self._request.signals[number].fields
             steps = [parse_steps(name[len(topic) :], name) for name in fields]
             if len(steps) == 1:
                 steps = [(*steps[0], member) for member in "xyz"]
             paths += [encoding.checked(path) for path in steps]
         # A temperature is one field thrice, and what is not measured is another field again.
-        if len(set(paths)) < sum(len(self.request.signals[n].own) for n in self._signals[topic]):
+        if len(set(paths)) < sum(len(self._request.signals[n].own) for n in self._signals[topic]):
             raise ValueError("the mapping uses a field of the message twice")
         return paths
-
-
-def _no_topic(signals: Sequence[Signal], topics: Set[str]) -> DataError:
-    return missing_fields([s.fields[0] for s in signals], sorted(topics), kind="topic for")

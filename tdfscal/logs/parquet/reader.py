@@ -1,8 +1,12 @@
-"""Logs as Parquet: the wanted columns only, batch by batch."""
+"""Logs as Parquet: the wanted columns only, batch by batch.
+
+Page checksums are verified where the file has them; pyarrow does not say whether it has.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, Final
 
 import numpy as np
@@ -10,59 +14,100 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_numpy
+from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.common import units
-from tdfscal.logs.common.damage import damage
-from tdfscal.logs.common.request import (
-    Items,
-    Outcome,
-    Piece,
-    Reached,
-    Request,
-    columns_of,
-    table_piece,
-    takes_turns,
-)
-from tdfscal.logs.common.table import TICKS, holes, is_number
-from tdfscal.logs.parquet.dates import DateTexts, begins_with_date
-from tdfscal.logs.parquet.file import (
+from tdfscal.logs import units
+from tdfscal.logs.contents import SAMPLES, Contents
+from tdfscal.logs.date_times import DATES, has_zone, is_date_time, seconds_of_all
+from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
+from tdfscal.logs.parquet.columns import (
     batches,
     element_of,
+    flattened,
     is_no_number,
     is_text,
     leaves_of,
     lists_of,
     open_parquet,
 )
-from tdfscal.logs.text.date_times import DATES
+from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.table import (
+    TICKS,
+    Sampled,
+    columns_of,
+    holes,
+    is_number,
+    repeated,
+    sampled,
+    table_contents,
+    table_piece,
+    takes_turns,
+)
 from tdfscal.records import BoolArray, FloatArray
 
-_MAX_SAMPLES: Final = 1 << 16
 _SEARCHED_ROWS: Final = 256
+_OPENING: Final = 4096
+_LOOKED_AT: Final = 1 << 17  # rows
+_GROUPS: Final = 32
+_TOGETHER: Final = 64  # columns; a table may have thousands
 
 
-def read_parquet(path: Path, request: Request, *, reached: Reached) -> Items:
-    """Read a Parquet log in pieces; see `request.Reader`.
+class ParquetLog(LogFile):
+    """One Parquet file."""
 
-    Page checksums are verified where the file has them; pyarrow does not say whether it has.
-    """
-    with damage(path, pa.ArrowException), open_parquet(path) as file:
-        names = _wanted(file, request)
-        timed = request.mapping.time_field in names
-        texts = DateTexts() if timed else None
-        row, sparse = 0, False
-        share = path.stat().st_size / max(file.metadata.num_rows, 1)
-        for number in range(file.num_row_groups):
-            for batch in batches(file, number, names, _MAX_SAMPLES):
-                if not row:
-                    sparse = timed and _takes_turns(batch, request)
-                yield _piece(batch, request, row, texts, sparse=sparse)
-                row += batch.num_rows
-                reached(int(row * share))
-    if row == 0:
-        raise DataError("the file has no rows", hint="record the log again")
-    yield Outcome("unverified")
+    faults = (pa.ArrowException,)
+
+    def read(self, request: Request) -> Iterator[Piece]:
+        """Yield the rows of the wanted columns."""
+        with open_parquet(self.path) as file:
+            names = _wanted(file, request)
+            timed = request.mapping.time_field in names
+            row, sparse, zoned = 0, False, False
+            share = self.path.stat().st_size / max(file.metadata.num_rows, 1)
+            for number in range(file.num_row_groups):
+                for table in batches(file, number, names, MAX_SAMPLES):
+                    if not row:
+                        sparse = timed and _takes_turns(table, request)
+                        zoned = timed and _is_zoned(table.column(request.mapping.time_field))
+                    time = _time(table, request, row, zoned=zoned) if timed else None
+                    vectors = _vectors(table, request, row, sparse=sparse)
+                    factors = [signal.factors for signal in request.signals]
+                    yield table_piece(request, vectors, factors, time, row, sparse=sparse)
+                    row += table.num_rows
+                    self.position = int(row * share)
+        if row == 0:
+            raise DataError("the file has no rows", hint="record the log again")
+
+    def look(self) -> Contents:
+        """Its schema, and rows from the beginning of some row groups."""
+        numbers: dict[str, Sampled] = {}
+        with open_parquet(self.path) as file:
+            leaves = leaves_of(file)
+            twice = repeated([leaf.path for leaf in leaves])
+            dated = {
+                f.path: _is_zoned(first)
+                for f in leaves
+                if is_text(f) and f.path not in twice and (first := _dates(file, f.path))
+            }
+            elements = [name for column in lists_of(file) for name in _elements(file, column)]
+            small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
+            small += [*dated, *elements]
+            for begin in range(0, len(small), _TOGETHER):
+                portion = small[begin : begin + _TOGETHER]
+                looked_at = _looked_at(file, portion)
+                most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
+                for name in portion if looked_at else ():
+                    parts = [(row, table.column(name)) for row, table in looked_at]
+                    if name in dated:
+                        parts = [(row, _seconds(cells, dated[name])) for row, cells in parts]
+                    found = sampled(parts, most)
+                    if found is not None:
+                        numbers[name] = found
+            kinds = {f.path: "date and time" if f.path in dated else _kind(f) for f in leaves}
+            columns = [(f.path, kinds[f.path], None) for f in leaves]
+            columns += [(name, "element of a list", None) for name in elements]
+            rows = file.metadata.num_rows
+            return table_contents(self.path, "parquet", rows, columns, numbers)
 
 
 def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
@@ -82,7 +127,7 @@ def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
 
 
 def _takes_turns(table: pa.Table, request: Request) -> bool:
-    """Whether a table is of streams with times of their own; see `request.takes_turns`."""
+    """Whether a table is of streams with times of their own; see `table.takes_turns`."""
     opening = table.slice(0, _SEARCHED_ROWS)
     filled = [
         sum(~holes(opening.column(name)) for name in signal.components)
@@ -91,74 +136,61 @@ def _takes_turns(table: pa.Table, request: Request) -> bool:
     return takes_turns(np.array(filled))
 
 
-def _piece(
-    table: pa.Table, request: Request, row: int, texts: DateTexts | None, *, sparse: bool
-) -> Piece:
-    """The rows of a table; texts : of the time, None where there is none."""
+def _vectors(table: pa.Table, request: Request, row: int, *, sparse: bool) -> FloatArray:
+    """The signals (signals, 3, N); NaN where a row of a sparse table leaves one out."""
     vectors = np.empty((len(request.signals), 3, table.num_rows))
     for vector, signal in zip(vectors, request.signals, strict=True):
-        three = [(name, table.column(name)) for name in signal.components]
+        columns = [table.column(name) for name in signal.components]
+        absent = np.zeros(table.num_rows, dtype=np.bool_)
         if sparse:
-            empty = np.logical_and.reduce([holes(column) for _, column in three])
-            three = [(name, _filled(column, empty, name, row)) for name, column in three]
-        for axis, (name, column) in zip(vector, three, strict=True):
-            axis[:] = _numbers(column, name, row)
+            absent = np.logical_and.reduce([holes(column) for column in columns])
+        for axis, name, column in zip(vector, signal.components, columns, strict=True):
+            axis[:] = _numbers(column, name, row, absent)
         if sparse:
-            vector[:, empty] = np.nan
-    factors = [signal.factors for signal in request.signals]
+            vector[:, absent] = np.nan
+    return vectors
+
+
+def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatArray:
+    """The time (N,), s. A column that is a time by its type has its own unit."""
     name = request.mapping.time_field
-    time = None if texts is None else _time(table.column(name), name, request, row, texts)
-    return table_piece(request, vectors, factors, time, row, sparse=sparse)
-
-
-def _filled(column: Any, empty: BoolArray, name: str, first_row: int) -> Any:
-    """The column with zeros in the rows that leave its signal out; others may not be empty."""
-    if (hole := holes(column) & ~empty).any():
-        raise _empty(name, first_row + int(np.argmax(hole)))
-    return column.fill_null(0)
-
-
-def _time(column: Any, name: str, request: Request, first_row: int, texts: DateTexts) -> FloatArray:
-    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
-        # Such a column knows its own unit.
-        ticks = column.cast(pa.int64())
-        return _numbers(ticks, name, first_row) / TICKS[column.type.unit]
-    if pa.types.is_dictionary(column.type):
-        return _dates(column, name, first_row, texts)
-    return _numbers(column, name, first_row) * units.factor("time", request.mapping.time_unit)
-
-
-def _dates(column: Any, name: str, first_row: int, texts: DateTexts) -> FloatArray:
-    """Return a column of dates with times of day as (N,) s."""
+    column, kind = table.column(name), table.schema.field(name).type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        return _numbers(column.cast(pa.int64()), name, row) / TICKS[kind.unit]
+    if not pa.types.is_string(kind):
+        return _numbers(column, name, row) * units.factor("time", request.mapping.time_unit)
     if column.null_count:
-        raise _empty(name, first_row + int(np.argmax(holes(column))))
-    if not first_row and not begins_with_date(column):
+        raise _empty(name, row + int(np.argmax(holes(column))))
+    if not row and not is_date_time(column[0].as_py()):
         raise _no_numbers(name, "string")
-    seconds = texts.seconds(column)
-    if np.isnan(seconds).any():
-        k = int(np.argmax(np.isnan(seconds)))
+    seconds = seconds_of_all(column, zoned=zoned)
+    if (none := np.isnan(seconds)).any():
+        k = int(np.argmax(none))
         raise DataError(
             f"{shorten(column[k].as_py())!r} is no date and time as the first row has one",
-            where=f"column {name}, row {first_row + k}",
+            where=f"column {name}, row {row + k}",
             hint=f"{DATES}; rows count from 0",
         )
     return seconds
 
 
-def _numbers(column: Any, name: str, first_row: int) -> FloatArray:
-    """Return a column as (N,) float64, each value present and finite."""
+def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) -> FloatArray:
+    """Return a column as (N,) float64, each value present, but for those absent, and finite."""
     kind = column.type
     if not is_number(kind):
         raise _no_numbers(name, str(kind))
     if column.null_count:
-        raise _empty(name, first_row + int(np.argmax(holes(column))))
+        empty = holes(column) if absent is None else holes(column) & ~absent
+        if empty.any():
+            raise _empty(name, row + int(np.argmax(empty)))
+        column = column.fill_null(0)
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
         k = int(np.argmin(np.isfinite(values)))
         raise DataError(
             f"{values[k]} is not a finite number",
-            where=f"column {name}, row {first_row + k}",
+            where=f"column {name}, row {row + k}",
             hint="each cell must be a finite number; rows count from 0",
             fields=(name,),
         )
@@ -180,3 +212,48 @@ def _no_numbers(name: str, holds: str) -> DataError:
         hint="name a column of numbers in the log block of rig.yaml",
         fields=(name,),
     )
+
+
+def _dates(file: pq.ParquetFile, name: str) -> Any:
+    """The first rows of a column of texts that are dates; None of another, or a damaged one."""
+    with suppress(pa.ArrowException, OSError, ValueError):
+        first = next(batches(file, 0, [name], 1), None)
+        if first is not None and is_date_time(first.column(name)[0].as_py() or ""):
+            return first.column(name)
+    return None
+
+
+def _is_zoned(column: Any) -> bool:
+    """Whether a column of texts has dates with a zone, going by the first."""
+    texts = pa.types.is_string(column.type) and len(column)
+    return bool(texts) and has_zone(column[0].as_py() or "")
+
+
+def _seconds(column: Any, zoned: bool) -> Any:
+    """A column of texts as times with holes."""
+    seconds = seconds_of_all(column, zoned=zoned)
+    return pa.chunked_array([as_arrow(seconds, np.isnan(seconds))])
+
+
+def _elements(file: pq.ParquetFile, column: str) -> list[str]:
+    """Names of the numbers of a list, by the first row."""
+    first = next(iter(file.iter_batches(batch_size=1, columns=[column])), None)
+    if first is None or not first.num_rows:
+        return []
+    row = flattened(first).column(column)[0].as_py() or ()
+    return [f"{column}[{k}]" for k in range(min(len(row), _TOGETHER))]
+
+
+def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:
+    """The first rows of some row groups, and the number of the first."""
+    groups = np.linspace(0, file.num_row_groups - 1, min(file.num_row_groups, _GROUPS))
+    size = max(_OPENING, _LOOKED_AT // max(len(groups), 1))
+    rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+    chosen = np.unique(np.rint(groups)).astype(int).tolist()
+    tables = [(sum(rows[:k]), next(batches(file, k, names, size), None)) for k in chosen]
+    return [(begin, table) for begin, table in tables if table is not None]
+
+
+def _kind(leaf: Any) -> str:
+    logical = str(leaf.logical_type.type).lower()
+    return logical if logical not in ("none", "unknown") else str(leaf.physical_type).lower()

@@ -1,4 +1,4 @@
-"""Where a text log's table begins: its separator, its header line, its columns and units."""
+"""The wanted columns of a text log: which they are, and in which units."""
 
 from __future__ import annotations
 
@@ -9,23 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.logs.common import units
-from tdfscal.logs.common.damage import placed
-from tdfscal.logs.common.request import Request, Signal, columns_of, takes_turns
+from tdfscal.logs import units
+from tdfscal.logs.date_times import has_zone, is_date_time
+from tdfscal.logs.log_file import placed
+from tdfscal.logs.request import Request, Signal
+from tdfscal.logs.table import columns_of, takes_turns
 from tdfscal.logs.text.cells import (
     fits_header,
-    header_cells,
+    is_number_of_either,
     row_cells,
     split_cells,
     split_label,
 )
-from tdfscal.logs.text.date_times import has_zone, is_date_time
-from tdfscal.logs.text.numbers import is_number, is_number_of_either
-from tdfscal.logs.text.scope import ScopeTable, scope_table
+from tdfscal.logs.text.head import Head, best_line, numbered_columns, scope_head
 
-SEPARATORS = (",", ";", "\t", " ")
-"""What may stand between cells; a space stands for any run of spaces."""
-_SEARCHED_LINES = 64
 _SEARCHED_ROWS = 256
 
 
@@ -65,16 +62,6 @@ class Header:
         return (*(column for three in self.components for column in three), *time)
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A line that may be the header; named: how many of the wanted names it holds."""
-
-    line: int
-    separator: str
-    cells: tuple[str, ...]
-    named: int = 0
-
-
 def find_header(lines: Sequence[str], request: Request) -> Header:
     """Find the header line among the file's first, and resolve the wanted fields to columns.
 
@@ -85,15 +72,14 @@ def find_header(lines: Sequence[str], request: Request) -> Header:
     """
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.mapping.time_field, *names}
-    scope, best = _head(lines, names, wanted, request.mapping.decimal)
+    best = _head(lines, names, wanted, request.mapping.decimal)
     with placed(f"line {max(best.line, 0) + 1}"):
         labels = [split_label(cell, wanted) for cell in best.cells]
         column_of = columns_of(request, [name for name, _ in labels])
-        if scope is not None:
-            row_units, above = scope.units, scope.lines
-        else:
+        row_units, above = best.units, best.lines
+        if not best.scope:
             row_units = _units_row(lines, best, list(column_of.values()))
-            above = best.line + 1 + (1 if row_units else 0)
+            above = best.line + 1 + bool(row_units)
         stated = [unit or row_units.get(c) for c, (_, unit) in enumerate(labels)]
         time = column_of.get(request.mapping.time_field)
         first = next((line for line in lines[above:] if line.strip()), "")
@@ -120,31 +106,28 @@ def find_header(lines: Sequence[str], request: Request) -> Header:
         components=tuple(components),
         factors=tuple(factors),
         time_factor=time_factor,
-        ends=scope is not None,
+        ends=best.scope,
         sparse=time is not None and _takes_turns(lines[above:], best.separator, components),
     )
 
 
-def _head(
-    lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str
-) -> tuple[ScopeTable | None, Candidate]:
-    """The line of the columns' names; and the shape of a TwinCAT Scope export, if it is one."""
-    scope = scope_table(lines[:_SEARCHED_LINES])
-    if scope is not None:
-        return scope, Candidate(scope.line, scope.separator, scope.names)
-    best = _best_line(lines[:_SEARCHED_LINES], wanted, decimal)
+def _head(lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str) -> Head:
+    """The line of the columns' names."""
+    best = scope_head(lines) or best_line(lines, wanted, decimal)
     if best is None:
         raise DataError("the file is empty", hint="record the log again")
+    if best.scope:
+        return best
     if all(name.isdecimal() for name in names):
-        best = numbered_columns(lines, decimal) or best
-    elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
+        return numbered_columns(lines, decimal) or best
+    if best.named == 0 and all(is_number_of_either(c) for c in best.cells):
         raise DataError(
             "there is no header line; the first line holds numbers",
             where=f"line {best.line + 1}",
             hint="put the columns' names in the first line, or name the fields of the log block "
             "by their numbers: 1, 2, …",
         )
-    return None, best
+    return best
 
 
 def _takes_turns(
@@ -176,42 +159,7 @@ def _factors(
     return factor, factor, factor
 
 
-def numbered_columns(lines: Sequence[str], decimal: str) -> Candidate | None:
-    """The table of a file without a header, its columns named from 1; None where there is none.
-
-    It begins with the first line whose cells are all numbers, but for a date and time.
-    """
-    for number, line in enumerate(lines[:_SEARCHED_LINES]):
-        for separator in SEPARATORS:
-            cells = split_cells(line, separator)
-            numbers = sum(is_number(c, decimal) for c in cells)
-            if (
-                separator != decimal
-                and len(cells) > 1
-                and numbers >= len(cells) - 1 > 0
-                and all(is_number(c, decimal) or is_date_time(c) for c in cells)
-            ):
-                names = tuple(str(k + 1) for k in range(len(cells)))
-                return Candidate(number - 1, separator, names)
-    return None
-
-
-def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> Candidate | None:
-    found = []
-    for number, line in enumerate(lines):
-        for separator in SEPARATORS if line.strip() else ():
-            if separator != decimal:
-                cells = header_cells(line, separator)
-                named = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
-                found.append(Candidate(number, separator, tuple(cells), named))
-
-    # Where no line holds a wanted name, it is the first, at the separator that parts it most.
-    return max(
-        found, key=lambda c: (c.named, -c.line, 0 if c.named else len(c.cells)), default=None
-    )
-
-
-def _units_row(lines: Sequence[str], header: Candidate, columns: Sequence[int]) -> dict[int, str]:
+def _units_row(lines: Sequence[str], header: Head, columns: Sequence[int]) -> dict[int, str]:
     """Return the units by column where the line below the header is a row of units."""
     if header.line + 1 >= len(lines):
         return {}

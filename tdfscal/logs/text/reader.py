@@ -2,67 +2,192 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 from typing import Final
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
 from tdfscal.errors import DataError
-from tdfscal.logs.common.damage import damage
-from tdfscal.logs.common.read_ahead import mapped
-from tdfscal.logs.common.request import (
-    Items,
-    Outcome,
-    Reached,
-    Request,
-    split,
-    table_piece,
+from tdfscal.files.arrow import as_arrow
+from tdfscal.logs import units
+from tdfscal.logs.contents import SAMPLES, Contents
+from tdfscal.logs.date_times import has_zone, is_date_time, seconds_of_all
+from tdfscal.logs.log_file import LogFile, mapped
+from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.table import repeated, sampled, table_contents, table_piece
+from tdfscal.logs.text.cells import (
+    decimal_of,
+    fits_header,
+    is_number,
+    number_in,
+    row_cells,
+    split_cells,
+    split_label,
 )
-from tdfscal.logs.text.contents import TextLook
-from tdfscal.logs.text.file import EXPANDING, open_text
+from tdfscal.logs.text.file import EXPANDING, TextFile, open_text
+from tdfscal.logs.text.head import SEARCHED, Head, line_above_rows, scope_head
 from tdfscal.logs.text.header import find_header
-from tdfscal.logs.text.rows import RowParser, Rows
+from tdfscal.logs.text.rows import RowParser, Rows, single_spaces
 
 _THREADS: Final = 2
-_MAX_SAMPLES: Final = 1 << 16
+_GLANCE: Final = 1 << 16
 
 
-def read_text(path: Path, request: Request, *, reached: Reached) -> Items:
-    """Read a text log in pieces; see `request.Reader`."""
-    with damage(path, *EXPANDING), open_text(path) as file:
-        header = find_header(file.lines, request)
-        parser = RowParser(header, file.newline, request.mapping.decimal)
-        look = TextLook(file) if request.describe else None
-        line = header.lines + 1
-        rows_before = 0
+class TextLog(LogFile):
+    """One text file, plain or compressed."""
 
-        def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
-            return (*given, parser.fast(given[0]))
+    faults = EXPANDING
 
-        with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
-            for block, whole, fast in results:
-                if look is not None:
-                    look.note(block, whole=whole)
-                if not whole and request.mapping.rows == "timeseries":
-                    continue
-                rows = fast or parser.slow(block, line)
-                n = len(header.factors)
-                vectors = rows.value[: 3 * n].reshape(n, 3, rows.count)
-                time = None if header.time is None else rows.value[-1] * header.time_factor
-                piece = table_piece(
-                    request, vectors, header.factors, time, rows_before, sparse=header.sparse
-                )
-                rows_before += rows.count
-                line += rows.lines
-                reached(file.position)
-                yield from split(piece, _MAX_SAMPLES)
-    if rows_before == 0 and file.cut_at is not None:
-        raise DataError(
-            "the only row below the header has no end and may be cut short",
-            hint="record the log again, or end the line if the row is whole",
+    def read(self, request: Request) -> Iterator[Piece]:
+        """Yield the rows of the wanted columns."""
+        with open_text(self.path) as file:
+            header = find_header(file.lines, request)
+            parser = RowParser(header, file.newline, request.mapping.decimal)
+            line, rows_before, series = header.lines + 1, 0, request.mapping.rows == "timeseries"
+
+            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
+                return (*given, parser.fast(given[0]))
+
+            with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
+                for block, whole, fast in results:
+                    if not whole and series:
+                        continue
+                    rows = fast or parser.slow(block, line)
+                    n = len(header.factors)
+                    vectors = rows.value[: 3 * n].reshape(n, 3, rows.count)
+                    time = None if header.time is None else rows.value[-1] * header.time_factor
+                    piece = table_piece(
+                        request, vectors, header.factors, time, rows_before, sparse=header.sparse
+                    )
+                    rows_before += rows.count
+                    line += rows.lines
+                    self.position = file.position
+                    yield piece
+        if rows_before == 0 and file.cut_at is not None:
+            raise DataError(
+                "the only row below the header has no end and may be cut short",
+                hint="record the log again, or end the line if the row is whole",
+            )
+        if rows_before == 0:
+            raise DataError("the file has a header and no rows", hint="record the log again")
+        self.cut_at = file.cut_at if series else None
+        self.integrity = file.integrity
+
+    def look(self) -> Contents:
+        """Its header, found without knowing what is wanted, and some rows of each block."""
+        with open_text(self.path) as file:
+            table = _Table(file)
+            parts: list[tuple[int, pa.Table]] = []
+            count = 0
+            for block, whole in file.blocks(table.skipped):
+                end = block.find(file.newline, _GLANCE) + 1 if parts else 0
+                parts.append((count, table.parsed(block[: end or None], whole=whole)))
+                count += block.count(file.newline) + (not block.endswith(file.newline))
+        found = [
+            sampled([(row, part.column(k)) for row, part in parts], SAMPLES)
+            for k in range(len(table.names))
+        ]
+        kinds = [
+            "empty" if not parts
+            else "text" if one is None
+            else "date and time" if k in table.dated
+            else "number"
+            for k, one in enumerate(found)
+        ]  # fmt: skip
+        twice = repeated(table.names)
+        numbers = {
+            name: one
+            for name, one in zip(table.names, found, strict=True)
+            if one is not None and name not in twice
+        }
+        described = list(zip(table.names, kinds, table.units, strict=True))
+        return table_contents(
+            self.path, "csv", count, described, numbers,
+            decimal=table.decimal, problems=table.problems(),
+        )  # fmt: skip
+
+
+class _Table:
+    """A table as it is looked through: its columns, and some of its rows.
+
+    skipped : lines before the first row. dated : columns of dates with times of day. Raises
+    DataError where it is no table with a header.
+    """
+
+    def __init__(self, file: TextFile) -> None:
+        lines = file.lines[: 2 * SEARCHED]
+        head = scope_head(lines) or line_above_rows(lines)
+        self._separator, cells = head.separator, head.cells
+        self.skipped = head.lines if head.scope else head.line + 1
+        rows = [split_cells(line, self._separator) for line in lines[self.skipped :]]
+        self.decimal = decimal_of((cell for row in rows for cell in row), self._separator)
+        if head.scope:
+            stated = [head.units.get(k) for k in range(len(cells))]
+        else:
+            below = self._units_below(head, rows)
+            self.skipped += below is not None
+            stated = [split_label(c)[1] or (below or {}).get(k) for k, c in enumerate(cells)]
+        self._width = row_cells(lines[self.skipped :], self._separator, cells)
+        self.names = [split_label(cell)[0] for cell in cells[: self._width]]
+        self.units = stated[: self._width]
+        self.dated: set[int] = set()
+        self._odd: list[int] = []  # numbers of cells of the lines that have others
+
+    def _units_below(self, head: Head, rows: list[list[str]]) -> dict[int, str] | None:
+        """Units by column, of a row below the header that holds no numbers; None without it."""
+        row = [cell.strip("[]() ") for cell in rows[0]] if rows else []
+        if not fits_header(row, head.cells) or any(is_number(c, self.decimal) for c in row):
+            return None
+        return {k: cell for k, cell in enumerate(row) if units.is_unit(cell)}
+
+    def parsed(self, block: bytes, *, whole: bool) -> pa.Table:
+        """Parse whole lines; those with another number of cells are left out, and noted."""
+
+        def leave_out(row: pa_csv.InvalidRow) -> str:
+            if whole:
+                self._odd.append(row.actual_columns)
+            return "skip"
+
+        if self._separator == " ":
+            block = single_spaces(block)
+        table = pa_csv.read_csv(
+            pa.BufferReader(block),
+            pa_csv.ReadOptions(
+                column_names=[str(k) for k in range(self._width)],
+                # At once, so that no line is longer than what is parsed at a time.
+                block_size=len(block) + 1,
+                # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
+                encoding="utf8" if block.isascii() else "latin1",
+                # Its threads would call the handler, and have ended the process over long lines.
+                use_threads=False,
+            ),
+            pa_csv.ParseOptions(delimiter=self._separator, invalid_row_handler=leave_out),
+            # Dates as text: one reader of them, for all notations.
+            pa_csv.ConvertOptions(decimal_point=self.decimal, timestamp_parsers=["never"]),
         )
-    if rows_before == 0:
-        raise DataError("the file has a header and no rows", hint="record the log again")
-    cut_at = file.cut_at if request.mapping.rows == "timeseries" else None
-    # Where the rig file's columns begin elsewhere, the rows were not all seen.
-    seen = look.contents(path) if look is not None and look.skipped == header.lines else None
-    yield Outcome(file.integrity, (), seen, cut_at)
+        for k, column in enumerate(table.columns):
+            first = column[0].as_py() if pa.types.is_string(column.type) and len(column) else ""
+            if is_number(first, self.decimal):  # a spoilt cell is a hole; the reading names it
+                cells = [number_in(cell, self.decimal) for cell in column.to_pylist()]
+                table = table.set_column(k, str(k), pa.array(cells, pa.float64()))
+            if is_date_time(first):
+                seconds = seconds_of_all(column, zoned=has_zone(first))
+                if not np.isnan(seconds).any():
+                    self.dated.add(k)
+                    table = table.set_column(k, str(k), [as_arrow(seconds)])
+        return table
+
+    def problems(self) -> list[str]:
+        """What is wrong with the lines that were left out."""
+        if not self._odd:
+            return []
+        found = ", ".join(str(n) for n in sorted(set(self._odd))[:3])
+        found += " cell" if found == "1" else " cells"
+        many = "a line has" if len(self._odd) == 1 else f"{len(self._odd)} lines have"
+        return [
+            f"{many} {found} where a row has {self._width}; the file may be damaged there: "
+            "record or export it again"
+        ]

@@ -13,12 +13,11 @@ import pyarrow.csv as pa_csv
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.common.damage import placed
-from tdfscal.logs.text.cells import split_cells, split_label
-from tdfscal.logs.text.date_times import DATES, seconds_of, seconds_of_all
+from tdfscal.logs.date_times import DATES, seconds_of, seconds_of_all
+from tdfscal.logs.log_file import placed
+from tdfscal.logs.text.cells import advice, number_in, split_cells, split_label
+from tdfscal.logs.text.head import END, ragged
 from tdfscal.logs.text.header import Header
-from tdfscal.logs.text.numbers import advice, number_in
-from tdfscal.logs.text.scope import END
 from tdfscal.records import FloatArray
 
 _PARSER_BLOCK = 1 << 20  # stays in the cache
@@ -88,10 +87,9 @@ class RowParser:
                 return None
             begin = 0
             if pa.types.is_string(column.type):
-                seconds = seconds_of_all(column, zoned=bool(self._header.zoned))
-                if seconds is None:
+                values[:] = seconds_of_all(column, zoned=bool(self._header.zoned))
+                if np.isnan(values).any():
                     return None
-                values[:] = seconds
                 continue
             for chunk in column.chunks:
                 values[begin : begin + len(chunk)] = as_numpy(chunk)
@@ -169,11 +167,3 @@ def _whole_signals(value: FloatArray) -> bool:
 def single_spaces(block: bytes) -> bytes:
     """Lines whose cells are apart by single spaces, with none at the ends."""
     return _OUTER.sub(b"", _RUN.sub(b" ", block)) if _RUN.search(block) else block
-
-
-def ragged(cells: int, expected: int, above: str = "the header") -> DataError:
-    """Build the error for a line with another number of cells than what is above it."""
-    return DataError(
-        f"the line has {cells} cells, {above} {expected}",
-        hint="the file may be cut short or damaged there; record or export it again",
-    )

@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterator
 
 import pytest
 
-from tdfscal.logs.common.read_ahead import ahead, mapped
+from tdfscal.logs.log_file import ahead, mapped
 
 
 def counted(stop: int, fault: int = -1) -> Generator[int, None, None]:

@@ -142,8 +142,8 @@ def test_supports_come_in_the_order_asked_for(tmp_path: Path) -> None:
 
 
 def test_pieces_put_together_are_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tdfscal.logs.messages.reader._ENOUGH", 100)
-    monkeypatch.setattr("tdfscal.logs.messages.reader._MAX_SAMPLES", 64)
+    monkeypatch.setattr("tdfscal.logs.messages.recording._ENOUGH", 100)
+    monkeypatch.setattr("tdfscal.logs.log_file.MAX_SAMPLES", 64)
     truth = make_truth(200)
     path = write(tmp_path / "log.mcap", mcap_bytes(truth))
     pieces = list(iter_log([path], LOG_TIME, SUPPORTS))

@@ -144,7 +144,7 @@ def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:
 def test_a_compressed_file_is_to_be_decompressed(tmp_path: Path, kind: str) -> None:
     content = mcap_bytes(make_truth(3))
     packed = gzip.compress(content) if kind == "gzip" else zstandard.compress(content)
-    with pytest.raises(DataError, match=f"compressed with {kind}"):
+    with pytest.raises(DataError, match=r"(?i)decompress it first"):
         read_log([write(tmp_path / "log.mcap", packed)], MAPPING, SUPPORTS)
 
 
@@ -290,5 +290,5 @@ def test_init_names_the_line_that_keeps_a_column_from_being_the_time(tmp_path: P
     lines = path.read_bytes().split(b"\n")
     lines[7000] = b"\xff\xfe" + lines[7000]
     path.write_bytes(b"\n".join(lines))
-    with pytest.raises(DataError, match=r"as a time does.*; line 7001, column time"):
+    with pytest.raises(DataError, match=r"line 7001, column time"):
         tdfscal.init(path)

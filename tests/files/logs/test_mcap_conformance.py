@@ -17,8 +17,8 @@ from typing import Final
 
 import pytest
 
-from tdfscal.logs.formats import contents_of
-from tdfscal.logs.mcap.container import Container
+from tdfscal.logs.formats import open_log
+from tdfscal.logs.messages.mcap import McapFile
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 FEATURES: Final = ("ch", "mx", "st", "rsh", "rch", "ax", "mdx", "chx", "sum", "pad", "crc")
@@ -156,7 +156,7 @@ def finish(file: Built, records: tuple[str, ...], groups: dict[int, list[bytes]]
 
 def check(path: Path, records: tuple[str, ...], features: frozenset[str]) -> None:
     path.write_bytes(build(records, features))
-    container = Container(path)
+    container = McapFile(path)
     sequence = [int(t) for messages in container.messages() for t in messages.log_time()]
     expected = [2 + k for k, name in enumerate(records) if name == "message"]
     assert sequence == expected, features
@@ -189,5 +189,5 @@ def test_every_combination_is_read(tmp_path: Path, name: str) -> None:
 def test_extended_records_are_described(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(build(INPUTS["TenMessages"], frozenset(FEATURES)))
-    (stream,) = contents_of(path).streams
+    (stream,) = open_log(path).contents().streams
     assert (stream.name, stream.count) == ("example", 10)

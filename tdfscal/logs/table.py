@@ -1,4 +1,4 @@
-"""What a table holds, be it text or Parquet: its columns, with samples of their numbers."""
+"""Tables, be they text or Parquet: their wanted columns as pieces, and samples of all of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from tdfscal.errors import DataError, RigError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.logs.common.contents import (
+from tdfscal.logs.contents import (
     Column,
     Contents,
     Field,
@@ -22,11 +23,87 @@ from tdfscal.logs.common.contents import (
     indexed_axes,
     numbered_axes,
 )
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.logs.request import Block, Piece, Request, Signal, missing_fields
+from tdfscal.records import BoolArray, FloatArray, IntArray
 
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks per second of the times that Arrow knows."""
 _OPENING: Final = 4096
+_FEW_ROWS: Final = 16
+_OFTEN: Final = 0.1
+"""Share of the first rows that a slow stream leaves empty at least; a hole is rarer."""
+
+
+def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
+    """Where each wanted column of a table is; without the time where postures have none.
+
+    Raises DataError where one is missing or there twice, RigError where the mapping names a field
+    twice: two sensors would read the same numbers.
+    """
+    seen: dict[str, Signal] = {}
+    for signal in request.signals:
+        for name in signal.own:
+            other = seen.setdefault(name, signal)
+            if other is not signal and {other.quantity, signal.quantity} != {"temperature"}:
+                raise RigError(
+                    f"field {name} is named twice, for the {other.quantity} of {other.support} "
+                    f"and for the {signal.quantity} of {signal.support}",
+                    where="log.supports",
+                )
+    wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
+    mapping = request.mapping
+    if mapping.rows == "timeseries" or mapping.time_field in present:
+        wanted = {mapping.time_field: None} | wanted
+    if missing := [name for name in wanted if name not in present]:
+        raise missing_fields(missing, present, kind="column")
+    for name in wanted:
+        if (times := present.count(name)) > 1:
+            what = f"column {name} is there {times} times"
+            raise DataError(what, hint="give each column its own name", fields=(name,))
+    return {name: present.index(name) for name in wanted}
+
+
+def table_piece(
+    request: Request,
+    vectors: FloatArray,
+    factors: Sequence[tuple[float, float, float]],
+    time: FloatArray | None,
+    row: int,
+    *,
+    sparse: bool,
+) -> Piece:
+    """The next rows of a table.
+
+    vectors : (signals, 3, N), as recorded; scaled in place. factors : of each signal, to SI.
+    time : (N,), s; None where rows are counted, from `row` on. sparse : streams have times of their
+    own, and NaN stands where a signal has no values.
+    """
+    vectors *= np.array(factors)[:, :, None]
+    value = {number: vector.T for number, vector in enumerate(vectors)}
+    if time is None:
+        return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)
+    clock = f"column {request.mapping.time_field}"
+    if not sparse:
+        return (Block(clock, time, value),)
+    parts = []
+    for number, vector in value.items():
+        there = ~np.isnan(vector[:, 0])
+        signal = request.signals[number]
+        name = f"{clock} for the {signal.quantity} of {signal.support}"
+        parts.append(Block(name, time[there], {number: vector[there]}))
+    return tuple(parts)
+
+
+def takes_turns(filled: IntArray) -> bool:
+    """Whether a table is of streams with times of their own, by the cells of its first rows.
+
+    filled : (signals, rows), how many of x, y, z are there. Two signals stand in for each other,
+    or one is absent from many rows. A signal that is absent now and then is a hole.
+    """
+    there, absent = filled == 3, filled == 0
+    alone = (there.astype(int) @ absent.T.astype(int)) > 0
+    often = filled.shape[1] >= _FEW_ROWS and bool(absent.mean(axis=1).max() >= _OFTEN)
+    return bool(np.any(alone & alone.T)) or often
 
 
 class Sampled(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Any, Final
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding, Value
-from tdfscal.logs.common.damage import placed
+from tdfscal.logs.log_file import placed
 
 METADATA: Final = "metadata.yaml"
 _STORED: Final = re.compile(r"(?i).+\.(mcap|db3)(\.(zstd|zst|gz))?")
@@ -35,51 +35,39 @@ class Bag:
     total: int | None
     stated: Mapping[Path, int]
     unlisted: tuple[str, ...] = ()
-    _found: dict[Path, Mapping[str, int]] = field(default_factory=dict)
+    _found: dict[Path, Counter[str]] = field(default_factory=dict)
 
-    def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[Finding]]:
-        """Note the messages of a file that is read, by topic.
+    def check(self, path: Path, found: Counter[str], *, cut: bool) -> list[Finding]:
+        """Note the messages of a file that is read, by topic; cut : it was cut short.
 
-        Returns contradictions and doubts between what is stated and what is there. Those of the
-        topics and of the total come with the last file.
+        Returns doubts; those of the folder come with its last file. Raises DataError where what is
+        stated contradicts what is there in files that are whole.
         """
         self._found[path] = found
-        contradictions: list[str] = []
         doubts: list[Finding] = []
-        there = sum(found.values())
-        if (stated := self.stated.get(path, there)) != there:
-            text = f"{there} messages are there where {METADATA} states {stated}"
-            if self.topics is None:
-                contradictions.append(text)
-            else:
-                values: dict[str, Value] = {"recorded": stated, "metadata": METADATA}
-                doubts.append(Finding("messages-lost", size=there, values=values))
-        if len(self._found) == len(set(self.files)):
-            contradictions += self._in_all()
-            if self.unlisted:
-                doubts.append(
-                    Finding(
-                        "recordings-unlisted",
-                        values={"files": _some(self.unlisted), "metadata": METADATA},
-                    )
-                )
-        return contradictions, doubts
+        there = found.total()
+        if self.stated.get(path, there) != there:
+            if self.topics is None and not cut:
+                raise _contradiction(there, "", self.stated[path])
+            values: dict[str, Value] = {"recorded": self.stated[path], "metadata": METADATA}
+            doubts.append(Finding("messages-lost", size=there, values=values))
+        if len(self._found) < len(self.files):
+            return doubts
+        if self.unlisted:
+            values = {"files": _some(self.unlisted), "metadata": METADATA}
+            doubts.append(Finding("recordings-unlisted", values=values))
+        counts = sum(self._found.values(), Counter[str]())
+        for topic, count in (self.topics or {}).items():
+            if counts[topic] != count and not cut:
+                raise _contradiction(counts[topic], f" of {topic}", count)
+        if self.total is not None and counts.total() != self.total and not cut:
+            raise _contradiction(counts.total(), "", f"{self.total} in all")
+        return doubts
 
-    def _in_all(self) -> list[str]:
-        """Compare what is stated of all files with what is found, now that all are read."""
-        found: Counter[str] = Counter()
-        for counts in self._found.values():
-            found.update(counts)
-        contradictions = [
-            f"{found[topic]} messages of {topic} are there where {METADATA} states {count}"
-            for topic, count in (self.topics or {}).items()
-            if found[topic] != count
-        ]
-        if self.total is not None and found.total() != self.total:
-            contradictions.append(
-                f"{found.total()} messages are there where {METADATA} states {self.total} in all"
-            )
-        return contradictions
+
+def _contradiction(there: int, of: str, stated: object) -> DataError:
+    what = f"{there} messages{of} are there where {METADATA} states {stated}"
+    return DataError(what, hint="copy the recording again")
 
 
 def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:

@@ -9,11 +9,10 @@ from typing import Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.logs.common import units
-from tdfscal.logs.common.contents import Column, Contents, Vector
-from tdfscal.logs.common.message_path import topic_of
-from tdfscal.logs.common.request import make_request
-from tdfscal.logs.description.plausible_units import (
+from tdfscal.logs import units
+from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.messages.message_path import topic_of
+from tdfscal.logs.plausible_units import (
     Finding,
     distances,
     force_unit,
@@ -21,7 +20,7 @@ from tdfscal.logs.description.plausible_units import (
     resampled,
     time_unit,
 )
-from tdfscal.records import FloatArray, LogMapping, Rig
+from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -171,21 +170,6 @@ def _with_clock(guess: Guess, mapping: LogMapping, contents: Contents) -> Guess:
     if guess.mapping is None:
         return Guess(mapping, tuple(notes), tuple(problems))
     return Guess(guess.mapping, tuple(notes), tuple(problems), (*guess.others, mapping))
-
-
-def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatArray] | None:
-    """Positions in m and forces in N on the terminal, (K, n, 3), as sampled over a log.
-
-    None where the log's description holds no samples of all of them.
-    """
-    signals = make_request(mapping, mapping.supports).signals[: 2 * len(mapping.supports)]
-    plausible = map(_plausible, contents.vectors)
-    there = {vector.fields: vector for vector in plausible if vector.time.size}
-    if not all(signal.fields in there for signal in signals):
-        return None
-    value = resampled([there[signal.fields] for signal in signals])
-    value *= np.array([signal.factors for signal in signals])[:, None]
-    return value[0::2].transpose(1, 0, 2), value[1::2].transpose(1, 0, 2)
 
 
 def _plausible(vector: Vector) -> Vector:

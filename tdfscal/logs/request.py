@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.yaml import shorten
-from tdfscal.findings import Finding
-from tdfscal.logs.common import units
-from tdfscal.logs.common.contents import Contents
-from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Scale
-
-_FEW_ROWS = 16
-_OFTEN = 0.1
-"""Share of the first rows that a slow stream leaves empty at least; a hole is rarer."""
+from tdfscal.logs import units
+from tdfscal.records import BoolArray, FloatArray, LogMapping, Scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +62,6 @@ class Request:
     numbers : of each signal: 2i the position of support i, 2i + 1 its force; those of the
     temperatures, one or one per support, come last, from 2n on.
     declared : the rig has a `log` block; without one, a unit that the file names is honoured.
-    describe : the reader notes what else is in the file, too.
     """
 
     supports: tuple[str, ...]
@@ -77,7 +69,6 @@ class Request:
     numbers: tuple[int, ...]
     mapping: LogMapping
     declared: bool
-    describe: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,39 +88,13 @@ class Block:
         """Some of the samples."""
         return Block(self.clock, self.time[rows], {s: v[rows] for s, v in self.value.items()})
 
+    def part(self, k: int, parts: int) -> Block:
+        """One of so many parts of about the same length."""
+        n = len(self.time)
+        return self.at(slice(n * k // parts, n * (k + 1) // parts))
+
 
 Piece = tuple[Block, ...]
-Reached = Callable[[int], None]
-"""Told how many bytes of a file are read, now and then."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What a reader has to say when a file is at its end.
-
-    contents : where it is to describe it. cut_at : byte at which a file that was cut short stops
-    being whole; None of one that is whole.
-    """
-
-    integrity: Integrity
-    findings: tuple[Finding, ...] = ()
-    contents: Contents | None = None
-    cut_at: int | None = None
-
-
-Items = Generator[Piece | Outcome, None, None]
-
-
-class Reader(Protocol):
-    """A format's reader: yields pieces of bounded size, and last the outcome.
-
-    What is whole of a file that was cut short is read. Raises DataError on whatever is wrong
-    within; it names the place, and leaves the file's name to its caller (`damage.placed`).
-    """
-
-    def __call__(self, path: Path, request: Request, *, reached: Reached) -> Items:
-        """Read one file."""
-        ...
 
 
 def make_request(
@@ -216,35 +181,6 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
     )
 
 
-def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
-    """Where each wanted column of a table is; without the time where postures have none.
-
-    Raises DataError where one is missing or there twice, RigError where the mapping names a field
-    twice: two sensors would read the same numbers.
-    """
-    seen: dict[str, Signal] = {}
-    for signal in request.signals:
-        for name in signal.own:
-            other = seen.setdefault(name, signal)
-            if other is not signal and {other.quantity, signal.quantity} != {"temperature"}:
-                raise RigError(
-                    f"field {name} is named twice, for the {other.quantity} of {other.support} "
-                    f"and for the {signal.quantity} of {signal.support}",
-                    where="log.supports",
-                )
-    wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
-    mapping = request.mapping
-    if mapping.rows == "timeseries" or mapping.time_field in present:
-        wanted = {mapping.time_field: None} | wanted
-    if missing := [name for name in wanted if name not in present]:
-        raise missing_fields(missing, present, kind="column")
-    for name in wanted:
-        if (times := present.count(name)) > 1:
-            what = f"column {name} is there {times} times"
-            raise DataError(what, hint="give each column its own name", fields=(name,))
-    return {name: present.index(name) for name in wanted}
-
-
 def without_axis(error: DataError, request: Request) -> DataError:
     """The error; where it names a component of a force, with the line by which that is left out."""
     for signal in request.signals:
@@ -259,18 +195,6 @@ def without_axis(error: DataError, request: Request) -> DataError:
             )
             return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)
     return error
-
-
-def split(piece: Piece, limit: int) -> list[Piece]:
-    """Cut a piece so that no stream has more than `limit` samples in one part."""
-    longest = max((len(block.time) for block in piece), default=0)
-    parts = max(-(-longest // limit), 1)
-
-    def part(block: Block, k: int) -> Block:
-        n = len(block.time)
-        return block.at(slice(n * k // parts, n * (k + 1) // parts))
-
-    return [tuple(part(block, k) for block in piece) for k in range(parts)]
 
 
 def join(pieces: Sequence[Piece]) -> Piece:
@@ -289,46 +213,3 @@ def join(pieces: Sequence[Piece]) -> Piece:
         )
         for clock, blocks in by_clock.items()
     )
-
-
-def table_piece(
-    request: Request,
-    vectors: FloatArray,
-    factors: Sequence[tuple[float, float, float]],
-    time: FloatArray | None,
-    row: int,
-    *,
-    sparse: bool,
-) -> Piece:
-    """The next rows of a table.
-
-    vectors : (signals, 3, N), as recorded; scaled in place. factors : of each signal, to SI.
-    time : (N,), s; None where rows are counted, from `row` on. sparse : streams have times of their
-    own, and NaN stands where a signal has no values.
-    """
-    vectors *= np.array(factors)[:, :, None]
-    value = {number: vector.T for number, vector in enumerate(vectors)}
-    if time is None:
-        return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)
-    clock = f"column {request.mapping.time_field}"
-    if not sparse:
-        return (Block(clock, time, value),)
-    parts = []
-    for number, vector in value.items():
-        there = ~np.isnan(vector[:, 0])
-        signal = request.signals[number]
-        name = f"{clock} for the {signal.quantity} of {signal.support}"
-        parts.append(Block(name, time[there], {number: vector[there]}))
-    return tuple(parts)
-
-
-def takes_turns(filled: IntArray) -> bool:
-    """Whether a table is of streams with times of their own, by the cells of its first rows.
-
-    filled : (signals, rows), how many of x, y, z are there. Two signals stand in for each other,
-    or one is absent from many rows. A signal that is absent now and then is a hole.
-    """
-    there, absent = filled == 3, filled == 0
-    alone = (there.astype(int) @ absent.T.astype(int)) > 0
-    often = filled.shape[1] >= _FEW_ROWS and bool(absent.mean(axis=1).max() >= _OFTEN)
-    return bool(np.any(alone & alone.T)) or often

@@ -60,20 +60,21 @@ def seconds_of(cell: str, *, zoned: bool | None = None) -> float | None:
     return whole + int(fraction.ljust(9, "0")) * 1e-9 if fraction else float(whole)
 
 
-def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray | None:
-    """Return (N,) s since 1970 of a column of texts; None where one is no date and time.
+def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray:
+    """Return (N,) s since 1970 of a column of texts; NaN where one is empty, or no date and time.
 
     zoned : whether all have zones, or none has.
 
     ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
     """
     try:
-        ticks = as_numpy(cells.cast(pa.timestamp("ns", "UTC" if zoned else None)).cast(pa.int64()))
+        ticks = cells.cast(pa.timestamp("ns", "UTC" if zoned else None)).cast(pa.int64())
     except pa.ArrowInvalid:
-        found = [seconds_of(str(cell), zoned=zoned) for cell in cells.to_pylist()]
-        return None if None in found else np.array(found, dtype=np.float64)
-    seconds, nanoseconds = np.divmod(ticks, 1_000_000_000)
-    return np.asarray(seconds + nanoseconds * 1e-9)
+        found = [seconds_of(cell or "", zoned=zoned) for cell in cells.to_pylist()]
+        return np.array(found, dtype=np.float64)
+    seconds, nanoseconds = np.divmod(as_numpy(ticks.fill_null(0)), 1_000_000_000)
+    empty = as_numpy(cells.is_null().cast(pa.int8())) != 0
+    return np.where(empty, np.nan, seconds + nanoseconds * 1e-9)
 
 
 def _matched(cell: str) -> tuple[Any, ...] | None:

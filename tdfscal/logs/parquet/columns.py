@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
@@ -23,20 +24,15 @@ _ELEMENT: Final = re.compile(r"(?P<column>.+)\[(?P<place>\d{1,6})\]")
 
 @contextmanager
 def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a file such that page checksums are verified where there are any.
-
-    Texts come as dictionaries: each is there once, however many rows repeat it.
-    """
+    """Open a file such that page checksums are verified where there are any."""
     with path.open("rb") as stream:
-        first = pq.ParquetFile(stream, pre_buffer=False)
-        known, texts = first.metadata, [leaf.path for leaf in leaves_of(first) if is_text(leaf)]
+        known = pq.read_metadata(stream)
         sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
         # Pyarrow takes no other names than UTF-8; Python opens any.
         named = printable(str(path)) == str(path)
         with pq.ParquetFile(
             path if named else stream,
             metadata=known,
-            read_dictionary=texts,
             page_checksum_verification=True,
             pre_buffer=False,
             buffer_size=_BUFFER if max(sizes, default=0) > _AT_ONCE else 0,
@@ -55,19 +51,15 @@ def lists_of(file: pq.ParquetFile) -> tuple[str, ...]:
 
 
 def _lists(fields: Any, before: str) -> Iterator[str]:
+    types = pa.types
     for field in fields:
         kind, name = field.type, before + field.name
-        if pa.types.is_struct(kind):
+        if types.is_struct(kind):
             yield from _lists(kind.fields, f"{name}.")
-        elif _is_list(kind) and (
-            pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)
-        ):
+            continue
+        listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+        if listed and (types.is_floating(kind.value_type) or types.is_integer(kind.value_type)):
             yield name
-
-
-def _is_list(kind: pa.DataType) -> bool:
-    types = pa.types
-    return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
 
 
 def element_of(name: str, lists: Sequence[str]) -> tuple[str, int] | None:
@@ -87,29 +79,27 @@ def batches(
     for batch in file.iter_batches(batch_size=size, row_groups=[group], columns=wanted):
         table = flattened(batch)
         for name, (column, place) in elements.items():
-            table = table.append_column(name, _element(table.column(column), column, place))
+            length = pc.min(pc.list_value_length(table.column(column))).as_py()
+            if length is not None and place >= length:
+                raise DataError(
+                    f"a row of column {column} has {length} numbers",
+                    hint=f"elements count from 0: {name} is one more than the list has",
+                )
+            table = table.append_column(name, pc.list_element(table.column(column), place))
         yield table
 
 
 def flattened(batch: pa.RecordBatch) -> pa.Table:
-    """A batch as a table without structs."""
+    """A batch as a table without structs, its texts of one type."""
     table = pa.Table.from_batches([batch])
     while any(pa.types.is_struct(field.type) for field in table.schema):
         table = table.flatten()
+    for k, field in enumerate(table.schema):
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if kind != field.type or pa.types.is_large_string(kind):
+            texts = pa.types.is_large_string(kind)
+            table = table.set_column(k, field.name, table[k].cast(pa.string() if texts else kind))
     return table
-
-
-def _element(column: Any, name: str, place: int) -> Any:
-    """One number of each row's list."""
-    import pyarrow.compute as pc
-
-    length = pc.min(pc.list_value_length(column)).as_py()
-    if length is not None and place >= length:
-        raise DataError(
-            f"a row of column {name} has {length} numbers",
-            hint=f"elements count from 0: {name}[{place}] is one more than the list has",
-        )
-    return pc.list_element(column, place)
 
 
 def is_no_number(leaf: Any) -> str | None:

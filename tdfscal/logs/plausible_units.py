@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from tdfscal.logs.common import units
-from tdfscal.logs.common.contents import Column, Contents, Vector
+from tdfscal.logs import units
+from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.text.cells import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
 

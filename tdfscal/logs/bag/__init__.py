@@ -1,1 +1,0 @@
-"""Folders of ROS 2 recordings."""

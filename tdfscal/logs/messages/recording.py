@@ -1,0 +1,100 @@
+"""Recordings of messages, in whichever container: ROS (CDR, ROS 1), JSON and protobuf."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import ClassVar, Final
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Schema
+
+from tdfscal.errors import DataError
+from tdfscal.logs.contents import Contents, Format
+from tdfscal.logs.log_file import LogFile
+from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages.contents import RecordingLook
+from tdfscal.logs.messages.topics import Topics
+from tdfscal.logs.request import Piece, Request, join
+from tdfscal.logs.rosbag2 import Bag
+
+_ENOUGH: Final = 1 << 14  # samples of a piece
+
+
+class Recording(LogFile):
+    """A file of messages; what it says of itself fills in on the way.
+
+    channels, schemas : by id, as met so far. counts : messages by channel, as met.
+    checked : a checksum covers every message. bag : the rosbag2 recording that it is part of.
+    """
+
+    form: ClassVar[Format]
+    faults = (McapError,)
+
+    def __init__(self, path: Path, bag: Bag | None = None) -> None:
+        super().__init__(path)
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.counts: Counter[int] = Counter()
+        self.checked = False
+        self._bag = bag
+
+    @abstractmethod
+    def stored(self) -> Iterator[Messages]:
+        """Yield the messages in file order, some at a time.
+
+        Raises DataError or ValueError on whatever is damaged.
+        """
+
+    def messages(self) -> Generator[Messages, None, None]:
+        """Yield the messages in file order, some at a time, and count them."""
+        for messages in self.stored():
+            present = messages.counts()
+            if not present.keys() <= self.channels.keys():
+                what = "messages belong to a channel that is not defined"
+                raise DataError(what, hint="copy the recording again")
+            self.counts.update(present)
+            yield messages
+
+    def read(self, request: Request) -> Iterator[Piece]:
+        """Yield the samples of the wanted topics.
+
+        Raises DataError without a mapping: topics cannot be guessed.
+        """
+        if not request.declared:
+            raise DataError(
+                "a recording by topics needs a mapping that names them",
+                hint="add a `log:` block to rig.yaml; `tdfscal info` proposes one",
+            )
+        topics = Topics(self.channels, self.schemas, request)
+        waiting: list[Piece] = []
+        size = 0
+        for messages in self.messages():
+            piece = topics.piece(messages)
+            if not piece:
+                continue
+            waiting.append(piece)
+            size += max(block.time.size for block in piece)
+            if size >= _ENOUGH:
+                yield join(waiting)
+                waiting, size = [], 0
+        if waiting:
+            yield join(waiting)
+        topics.check_complete()
+        if self._bag is not None:
+            found: Counter[str] = Counter()
+            for number, count in self.counts.items():
+                found[self.channels[number].topic] += count
+            self.findings += self._bag.check(self.path, found, cut=self.cut_at is not None)
+        self.findings += [f for topic, skew in topics.skews.items() for f in skew.findings(topic)]
+        if self.checked and self.cut_at is None:
+            self.integrity = "verified"
+
+    def look(self) -> Contents:
+        """Every topic, with samples of what has x, y, z."""
+        look = RecordingLook(self.channels, self.schemas)
+        for messages in self.messages():
+            look.note(messages)
+        return look.contents(self.path, self.form, self.counts)

@@ -1,0 +1,209 @@
+"""The streams of one file as its pieces pass: their clocks, sizes and lone readings.
+
+A reading stands alone where it is far off those before and after it, which agree. No terminal of
+hundreds of kilograms moves so: the recorder, the bus or an edit has spoilt a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
+from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.log_file import LogFile
+from tdfscal.logs.request import Block, Piece, Request, Signal
+from tdfscal.records import BoolArray, FloatArray, IntArray, Log, Series
+
+#: Largest magnitudes that are read, by quantity.
+_LARGEST = {"position": (1e9, "m"), "force": (1e9, "N"), "temperature": (1e4, "°C")}
+_NOTHING = Series(np.empty(0), np.empty((0, 3)))
+_FEWEST = 32  # samples
+_GLANCE, _ENOUGH = 16, 64  # of so many steps, one shows how large they are; so many at least
+_UNUSUAL = 10.0  # a step / the usual one, from which on a reading is looked at
+_FAR = 8.0  # a reading's distance / the largest step near it
+_NEAR = 8  # steps looked at on either side
+_EXACT = 1e-5  # of the largest reading: steps of a signal without noise
+
+
+class Streams:
+    """The streams of one file as their pieces pass.
+
+    reached : s, per signal, where the file before ended. row : rows of the files before.
+    last : s, per signal, the latest time. count : samples of each signal.
+    """
+
+    def __init__(self, request: Request, reached: FloatArray, row: int) -> None:
+        self._request, self._reached, self._row = request, reached, row
+        self._clocks: dict[str, Clock] = {}
+        self._lone = {
+            number: LoneReadings(signal)
+            for number, signal in enumerate(request.signals)
+            if signal.quantity != "temperature" and request.mapping.rows == "timeseries"
+        }
+        self.last = reached.copy()
+        self.count = np.zeros(len(reached), dtype=np.int64)
+
+    def passed(self, piece: Piece) -> list[Block]:
+        """Leave out the samples that do not ascend; refuse what cannot be."""
+        blocks = [part for block in piece for part in self._parted(self._ascending(block))]
+        for block in blocks:
+            self._check_size(block)
+            for number in block.value:
+                self.count[number] += block.time.size
+                if block.time.size:
+                    self.last[number] = block.time[-1]
+        return blocks
+
+    def _ascending(self, block: Block) -> Block:
+        if block.clock == "row" and self._row:  # without a time, rows count on over the files
+            block = replace(block, time=block.time + self._row)
+        if block.clock not in self._clocks:
+            before = max(float(self._reached[number]) for number in block.value)
+            self._clocks[block.clock] = Clock(block.clock, self._request.mapping.rows, before)
+            if block.time.size and block.time[0] < before:
+                raise DataError(
+                    f"{block.clock} starts at {shown(block.time[0])} s, before the end of another "
+                    f"log at {shown(before)} s",
+                    hint="logs of one campaign follow each other; leave out the one that overlaps",
+                )
+        keep = self._clocks[block.clock].ascending(block.time)
+        return block if keep is None else block.at(keep)
+
+    def _parted(self, block: Block) -> Iterator[Block]:
+        """The block; signals of which a reading stands alone by themselves, without that."""
+        together = dict(block.value)
+        for number, value in block.value.items():
+            lone = self._lone.get(number)
+            keep = None if lone is None else lone.others(block.time, value)
+            if keep is not None:
+                own = {number: together.pop(number)}
+                yield Block(block.clock, block.time, own).at(keep)
+        if together:
+            yield Block(block.clock, block.time, together)
+
+    def _check_size(self, block: Block) -> None:
+        """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
+        for number, value in block.value.items():
+            signal = self._request.signals[number]
+            limit, unit = _LARGEST[signal.quantity]
+            if not value.size or (value.max() <= limit and value.min() >= -limit):
+                continue
+            over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
+            if over.size:
+                raise DataError(
+                    f"the {signal.quantity} of {signal.support} is "
+                    f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
+                    hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
+                    "the largest value read",
+                )
+
+    def findings(self, file: LogFile) -> list[Finding]:
+        """What is to be said at the file's end; refuses a file that lacks a signal."""
+        clocks = tuple(self._clocks.values())
+        said = [*file.findings, *(f for clock in clocks for f in clock.finish()), *apart(clocks)]
+        said += [what for lone in self._lone.values() for what in lone.findings()]
+        for signal, count in zip(self._request.signals, self.count, strict=True):
+            if count:
+                continue
+            fields = ", ".join(dict.fromkeys(signal.fields))
+            what = f"there is no sample of the {signal.quantity} of {signal.support} ({fields})"
+            if file.cut_at is not None:
+                what += f" before byte {file.cut_at}, where the file was cut short"
+            raise DataError(what)
+        return said
+
+
+def as_log(piece: Sequence[Block], request: Request) -> Log:
+    """The samples of one piece, as a log."""
+    n = len(request.supports)
+    series = [_NOTHING] * (2 * n + len(request.mapping.temperature))
+    for block in piece:
+        for index, value in block.value.items():
+            measured = request.signals[index].measured
+            series[request.numbers[index]] = Series(
+                block.time, value if all(measured) else np.where(measured, value, 0.0)
+            )
+    return Log(
+        supports=request.supports,
+        position=tuple(series[0 : 2 * n : 2]),
+        force=tuple(series[1 : 2 * n : 2]),
+        temperature=tuple(series[2 * n :]),
+        rows=request.mapping.rows,
+    )
+
+
+class LoneReadings:
+    """Those of one signal, followed from piece to piece.
+
+    count : how many. A piece's first and last samples have no neighbours and are kept.
+    """
+
+    def __init__(self, signal: Signal) -> None:
+        self._signal = signal
+        self._first: tuple[float, float, float] | None = None
+        self._samples = 0
+        self.count = 0
+
+    def others(self, time: FloatArray, value: FloatArray) -> BoolArray | None:
+        """Which of the samples, (N,) s and (N, 3), do not stand alone; None where none does."""
+        self._samples += len(time)
+        if len(time) < _FEWEST:
+            return None
+        step = np.diff(value, axis=0)
+        usual = _usual(step)
+        unusual = np.maximum(step.max(axis=0), -step.min(axis=0)) > _UNUSUAL * usual
+        found = [(k, axis) for axis in np.flatnonzero(unusual) for k in _lone(value[:, axis])]
+        if not found:
+            return None
+        if self._first is None:
+            k, axis = min(found)
+            self._first = float(time[k]), float(value[k, axis]), float(value[k - 1, axis])
+        keep = np.ones(len(time), dtype=np.bool_)
+        keep[[k for k, _ in found]] = False
+        self.count += int(np.count_nonzero(~keep))
+        return keep
+
+    def findings(self) -> list[Finding]:
+        """Say how many there were, and where the first one."""
+        if self._first is None:
+            return []
+        at, lone, before = self._first
+        values: dict[str, Value] = {
+            "signal": self._signal.quantity,
+            "samples": self._samples,
+            "at": shown(at),
+            "lone": lone,
+            "before": before,
+            "lone_unit": {"position": "m", "force": "N"}[self._signal.quantity],
+        }
+        return [Finding("readings-alone", (self._signal.support,), self.count, values=values)]
+
+
+def _usual(step: FloatArray) -> FloatArray:
+    """Mean size of some of the steps (N, ...)."""
+    return np.asarray(np.abs(step[:: max(min(_GLANCE, len(step) // _ENOUGH), 1)]).mean(axis=0))
+
+
+def _lone(value: FloatArray) -> Iterator[int]:
+    """Samples of an axis (N,) that stand alone."""
+    step = np.diff(value)
+    size = np.abs(step)
+    height = np.minimum(size[:-1], size[1:])
+    back = (step[:-1] < 0.0) != (step[1:] < 0.0)
+    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * _usual(step))) + 1
+    if not candidates.size:
+        return
+    quiet = size.copy()
+    quiet[candidates - 1] = quiet[candidates] = 0.0
+    least = quiet.min(initial=np.inf, where=quiet > 0.0)
+    if not np.isfinite(least):
+        least = _EXACT * np.abs(value).max()
+    for k in candidates.tolist():
+        around = np.concatenate([size[max(k - 1 - _NEAR, 0) : k - 1], size[k + 1 : k + 1 + _NEAR]])
+        across = abs(value[k + 1] - value[k - 1])
+        if height[k - 1] > _FAR * max(around.max(initial=0.0), across, least):
+            yield k
