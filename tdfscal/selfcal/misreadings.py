@@ -57,10 +57,9 @@ class Misreading:
         return spread(self.fit.distance, self.fit.at.rows)
 
     @property
-    def unknowns(self) -> int:
-        """How many numbers the mistake was fitted by: of a unit or an exchange none."""
-        exact = self.names or self.axis is None or log_against_rig.unit_of(self.factor)
-        return 0 if exact else 1
+    def exact(self) -> bool:
+        """Whether no number was fitted to it: an exchange, a sign, a unit."""
+        return bool(self.names or (self.jump is None and log_against_rig.unit_of(self.factor)))
 
     @property
     def turn(self) -> float:

@@ -5,7 +5,7 @@ and every sensor: if the sensor had another rotation afterwards, by how much wou
 common to both parts (mass, barycentre, hinges, the other sensors, this sensor's zero) stays common,
 for a slip in the mounting changes none of them. The same is asked of a jump of the zero, and of a
 zero that drifts: under a load that hardly varies a turn about a horizontal axis and a jump look
-alike, and then both are named.
+alike, and what is about as likely is named beside it, whichever sensor's.
 
 Nothing is fitted anew. With the whitened Jacobian J of the fit, its residual r and the columns c of
 the suspect, score u = cᵀ(r − J A⁺ Jᵀr) and information I = cᵀc − cᵀJ A⁺ Jᵀc, A = JᵀJ, the statistic
@@ -41,6 +41,8 @@ _FEWEST = 2
 #: loses 1.5 % of χ².
 _SPLITS = 32
 _NOISE_ONLY = 1e-9
+#: Steps that are about as likely as the likeliest, itself among them, named at most.
+_NAMED = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,13 +169,14 @@ def find_slip(
     """
     order = np.argsort(time, kind="stable")
     used = (of.fit.weight > 0)[order]
-    best: tuple[float, _Step, _Step | None] | None = None
+    best: tuple[float, list[_Step]] | None = None
     for counts in [used] if used.all() else [used, np.ones_like(used)]:
         normal = _Normal(of.fit, order, counts)
         found = _most_likely(normal, counts, time[order])
         if found is None:
             continue
-        step, rival, tests = found
+        steps, tests = found
+        step = steps[0]
         p_value = normal.p_value(step, noise_from_residuals=noise_from_residuals)
         taken_in = counts & ~used
         if p_value > WITHIN_CAMPAIGN / tests or (
@@ -181,14 +184,14 @@ def find_slip(
         ):
             continue
         if best is None or p_value < best[0]:
-            best = p_value, step, rival
+            best = p_value, steps
     return None if best is None else _suspicion(of, number[order], *best)
 
 
 def _most_likely(
     normal: _Normal, counts: BoolArray, time: FloatArray
-) -> tuple[_Step, _Step | None, int] | None:
-    """The likeliest step, the other kind of step where it is as likely, and the number of tests.
+) -> tuple[list[_Step], int] | None:
+    """The likeliest step and those about as likely, of any sensor and kind; the number of tests.
 
     None where a zero that drifts explains more.
     """
@@ -199,34 +202,29 @@ def _most_likely(
     sensors = range(normal.fit.rig.n)
     ramp = (time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny)
     creep = np.stack([ramp, ramp**2 - np.mean(ramp**2)])
-    rival, step = sorted(
-        (
-            max((normal.step(group, i, possible) for i in sensors), key=lambda each: each.statistic)
-            for group in ("zero", "rotation")
-        ),
-        key=lambda each: each.statistic,
-    )
-    if any(normal.drift(i, creep).statistic >= step.statistic for i in sensors):
+    steps = [normal.step(group, i, possible) for group in ("zero", "rotation") for i in sensors]
+    most = max(step.statistic for step in steps)
+    if any(normal.drift(i, creep).statistic >= most for i in sensors):
         return None
-    near = rival.sensor == step.sensor and rival.statistic > step.statistic - CAUSES_APART
-    return step, rival if near else None, 2 * len(sensors) * min(len(possible), _SPLITS)
+    near = [step for step in steps if step.statistic > most - CAUSES_APART]
+    near.sort(key=lambda step: step.statistic, reverse=True)
+    return near[:_NAMED], len(steps) * min(len(possible), _SPLITS)
 
 
 def _suspicion(
-    of: Estimate[Fit], number: IntArray, p_value: float, step: _Step, rival: _Step | None
+    of: Estimate[Fit], number: IntArray, p_value: float, steps: list[_Step]
 ) -> Suspicion:
-    """Name the step, and the angle that it spoils most, before or after it."""
-    rig, moves = of.fit.rig, []
-    for each in (step,) if rival is None else (step, rival):
+    """Name the steps, the likeliest first, and the angle that they spoil most, before or after."""
+    rig, moves, step = of.fit.rig, [], steps[0]
+    for each in steps:
         before = each.move[: 3 * rig.n]
         after = before.copy()
         if each.group == "rotation":
             after[3 * each.sensor : 3 * each.sensor + 3] += each.amount
         moves += [np.abs(before), np.abs(after)]
     shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
-    steps = (step,) if rival is None else (step, rival)
     return Suspicion(
-        causes=tuple(_cause(rig, each, int(number[step.first])) for each in steps),
+        causes=tuple(_cause(rig, each, int(number[each.first])) for each in steps),
         p_value=p_value,
         shift=shift,
         harm=harm,

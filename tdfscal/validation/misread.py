@@ -18,6 +18,7 @@ from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.misreadings import MOST_POSTURES
 from tdfscal.selfcal.wiring import misread, misreading
+from tdfscal.significance import CAUSES_APART
 from tdfscal.validation.verdict import Judged
 
 
@@ -45,8 +46,9 @@ def refuse_misread(
     if found is None:
         return
     if judge is not None:
-        now, without = judge(seen), judge(found.fit.postures)
-        explains, merit = without.merit
-        if (explains, merit - found.unknowns * without.white.worth) <= now.merit:
+        now, without = judge(seen).merit, judge(found.fit.postures)
+        # What has a number is no likelier by little, nor beside a second cause.
+        apart = 0.0 if found.exact else CAUSES_APART
+        if without.merit <= (now[0], now[1] + apart) or not (found.exact or without.holds):
             return
     raise misread(known, found, present, number, time)
