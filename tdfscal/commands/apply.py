@@ -31,8 +31,8 @@ from tdfscal.files.writers.wrenches import (
 from tdfscal.findings import Finding
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
-from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally
@@ -71,7 +71,7 @@ class ApplyResult(Result):
 
     def to_report(self) -> Report:
         """Return size of the wrench with and without the calibration."""
-        return summary_report(self.summary)
+        return wrench_report(self.summary)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary as plain JSON values."""

@@ -30,8 +30,8 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.reporting.capability import UNITS, capability_report
 from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: Cut-off of the filter that is tried where there is none, as a share of the sampling rate.

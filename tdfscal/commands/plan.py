@@ -37,12 +37,7 @@ from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Objective, Plan, Request
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.planning import (
-    moving_plan_document,
-    moving_plan_report,
-    plan_document,
-    plan_report,
-)
+from tdfscal.reporting.summaries import plan_document, plan_report
 from tdfscal.selfcal.estimator import Fit
 
 if TYPE_CHECKING:
@@ -71,8 +66,6 @@ class PlanResult(Result):
 
     def to_report(self) -> Report:
         """Return what to drive, and what to expect of it."""
-        if isinstance(self.plan, MovingPlan):
-            return moving_plan_report(self.plan)
         return plan_report(self.plan)
 
     @property
@@ -85,9 +78,7 @@ class PlanResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
         table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
-        if isinstance(self.plan, MovingPlan):
-            return moving_plan_document(self.plan, table, spline)
-        return plan_document(self.plan, table)
+        return plan_document(self.plan, table, spline)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""

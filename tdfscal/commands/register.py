@@ -21,7 +21,7 @@ from tdfscal.files.points.reading import read_point_file
 from tdfscal.findings import Finding
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.registration import document, registration_report
+from tdfscal.reporting.summaries import registration_document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 
@@ -44,7 +44,7 @@ class RegisterResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values; m and rad."""
-        return document(self.registration, self.findings)
+        return registration_document(self.registration, self.findings)
 
     def table(self) -> dict[str, Any]:
         """One row per point: its residual x, y, z and their length, in m."""

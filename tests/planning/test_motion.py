@@ -20,7 +20,7 @@ from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, forecast, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
 from tdfscal.records import FloatArray
-from tdfscal.reporting.planning import extremes
+from tdfscal.reporting.summaries import extremes
 from tdfscal.simulation import reference_rig, rotations
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
