@@ -247,7 +247,7 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         *clocks,
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-        ("Halves", f"of the log compared: p = {layout.probability(m.halves_p_value)}"),
+        ("Halves", f"of the log compared: {layout.p_value(m.halves_p_value)}"),
     ]
 
 

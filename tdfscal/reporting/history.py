@@ -47,7 +47,7 @@ def short(names: Sequence[str]) -> tuple[str, ...]:
 def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
     since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
-    tail = f"({short(life.names)[alarm.onset]}; p = {probability(alarm.p_value)})"
+    tail = f"({short(life.names)[alarm.onset]}; {layout.p_value(alarm.p_value)})"
     if alarm.kind == "load":
         return f"the load has changed on {raised}: mass or barycentre is not what it was {tail}"
     if alarm.sensor is None:

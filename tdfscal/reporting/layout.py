@@ -253,7 +253,12 @@ def not_shown(notes: Iterable[str]) -> tuple[Section, ...]:
 
 def chi_squared(chi2: float, dof: int, p: float) -> str:
     """A test in words."""
-    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_value(p)}"
+
+
+def p_value(p: float) -> str:
+    """A chance; below 1e-6 its size says nothing any more."""
+    return f"p = {probability(p)}" if p >= 1e-6 else "p < 1e-6"
 
 
 def probability(p: float) -> str:

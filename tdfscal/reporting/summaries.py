@@ -5,22 +5,24 @@ that is seen, a plan, a registration.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.catalogue import documents, sentence, told
-from tdfscal.detection.capability import Capability, Remedy, Request
 from tdfscal.findings import Finding, rejecting
-from tdfscal.planning.moving_plan import MovingPlan
-from tdfscal.planning.plan import Plan, contact_conforms, contact_expanded
-from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table
 from tdfscal.significance import COVERAGE_FACTOR
-from tdfscal.trackercal import PointRegistration
 from tdfscal.wrench.contact_wrench import COMPONENTS
+
+if TYPE_CHECKING:  # each command loads its own
+    from tdfscal.detection.capability import Capability, Remedy, Request
+    from tdfscal.planning.moving_plan import MovingPlan
+    from tdfscal.planning.plan import Plan
+    from tdfscal.planning.predicted_information import Forecast
+    from tdfscal.trackercal import PointRegistration
 
 #: Units of the components.
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
@@ -181,6 +183,8 @@ def _remedy(remedy: Remedy, found: Capability) -> str:
 
 def plan_report(plan: Plan | MovingPlan) -> Report:
     """Lay out what to drive, and what to expect of it."""
+    from tdfscal.planning.moving_plan import MovingPlan
+
     head, blocks = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
     rows = tuple(
         (name, *(_number(1e3 * v, ".3f", "–") for v in row))
@@ -227,6 +231,8 @@ def _of_postures(plan: Plan) -> Iterator[Block]:
 
 def _contact(plan: Plan) -> str:
     """What the plan makes of the limits of the contact wrench."""
+    from tdfscal.planning.plan import contact_conforms, contact_expanded
+
     stated = plan.rig.acceptance
     limits = (("force", "N", stated.contact_force), ("torque", "N·m", stated.contact_torque))
     sizes = contact_expanded(plan.expected) or ()
@@ -279,10 +285,9 @@ def plan_document(
     plan: Plan | MovingPlan, path: str | None, waypoints: str | None
 ) -> dict[str, Any]:
     """Return a plan as plain JSON values, SI units; path, waypoints : the files."""
-    request, limits = (
-        plan.request,
-        layout.document(plan.request.limits, "tilt squeeze force stiffness"),
-    )
+    from tdfscal.planning.moving_plan import MovingPlan
+
+    limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
     more: dict[str, Any]
     if isinstance(plan, MovingPlan):
         course = plan.trajectory.at(plan.waypoints)
@@ -316,7 +321,7 @@ def plan_document(
         format="tdfscal-plan/1",
         rig=plan.rig.name,
         output=path,
-        noise=request.noise,
+        noise=plan.request.noise,
         limits=limits,
         expected=_forecast(plan.rig, plan.expected),
         random=_forecast(plan.rig, plan.random),

@@ -204,7 +204,7 @@ def _reasons(v: Tested) -> list[str]:
     explained = f"what the stated uncertainties{noise} explain"
     zeros = [layout.begun(told(f), ".") for f in changes(v) if f.code == "zeros-moved"]
     if v.holds:
-        held = f"The residual wrench of {_extent(v)} is {explained} (p = {v.p_value:.2g})."
+        held = f"The residual wrench of {_extent(v)} is {explained} ({layout.p_value(v.p_value)})."
         return [held, *zeros, _sure(v)]
     found = [
         f"The residual wrench of {_extent(v)} is not {explained}: "
@@ -268,7 +268,7 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}", f"p = {v.p_value:.2g}"),
+            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}", layout.p_value(v.p_value)),
         ),
         summary=(table, *zeros),
         sections=(
@@ -333,7 +333,7 @@ def _provenance(v: Tested, origin: Origin) -> Section:
         ("Created", origin.created),
         ("Software", f"tdfscal {__version__}"),
         ("Test", chi_squared(v.chi2, v.dof, v.p_value)),
-        ("Single causes", f"the likeliest by chance alone: p = {v.search_p:.2g}"),
+        ("Single causes", f"the likeliest by chance alone: {layout.p_value(v.search_p)}"),
         ("Convention", c.convention),
         inputs=origin.inputs,
     )

@@ -35,6 +35,8 @@ _SCALE_STEPS = 30
 #: By so much the residuals must shrink before another model is worth a word. Three further
 #: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
 _BETTER = 3.0
+#: Spread, m, of points that agree to the last digit.
+_ROUNDING = 1e-12
 _LEAST_DOF = 6
 
 
@@ -210,8 +212,9 @@ def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> Fin
         (fit_one_by_one(points, noise), "a transform"),
     ):
         enough = sum(fit.fit.dof for fit in fits) >= _LEAST_DOF
-        if enough and best > _BETTER * _spread(fits):
-            best, model = _spread(fits), name
+        spread = max(_spread(fits), _ROUNDING)
+        if enough and best > _BETTER * spread:
+            best, model = spread, name
     if not model:
         return None
     values: dict[str, Value] = {"model": model, "ratio": _spread([together]) / best}

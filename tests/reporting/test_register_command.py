@@ -81,6 +81,8 @@ def test_groups_that_moved_against_each_other_are_named(
     in_groups(pair[1], lambda points: points)
     done = run(capsys, "register", *pair, "--unit", "mm", "--json")
     assert done.status == 0, done.err
+    itself = run(capsys, "register", pair[0], pair[0], "--unit", "mm", "--json")
+    assert (itself.status, texts(json.loads(itself.out))) == (0, [])
     said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
     assert len(said) == (model is not None)
     assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
