@@ -203,17 +203,26 @@ def exact_for(*names: str) -> Change:
     return put("taken_as_exact", [quantity])
 
 
+REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}
+
+
+def conformity(force: float = 5.0, torque: float = 3.0, expanded: float = 1.0) -> dict[str, Any]:
+    """A contact wrench that is said to be within these limits."""
+    said = {"exceeding": 0.0, "conforms": True}
+    return {
+        "rpy": [0.0, 0.0, 0.1],
+        "force": {"expanded": 1.0, "limit": force, **said},
+        "torque": {"expanded": expanded, "limit": torque, **said},
+    }
+
+
 BROKEN = [
     (put("format", "tdfscal-calibration/2"), "newer format", "format"),
     (put("format", "tdfscal-rig/1"), "not a calibration file", "format"),
     (drop("format"), "not a calibration file", ""),
     (put("status", "fine"), "'provisional' or 'rejected'", "status"),
     (put("status", "rejected"), "findings", "status"),
-    (
-        put("findings", [{"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}]),
-        "findings",
-        "status",
-    ),
+    (put("findings", [REJECTING]), "findings", "status"),
     (put("method", "guess"), "'self'", "method"),
     (drop("estimator"), "estimator", ""),
     (put("method", "tracker"), "self-calibration", "estimator"),
@@ -265,17 +274,26 @@ BROKEN = [
     (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
     (put("rig", "supports", 0, "hinj", 1), "`hinge`", "rig.supports[0].hinj"),
     (put("rig", "sha256", "x"), "character", "rig.sha256"),
+    (put("findings", [REJECTING | {"severity": "notes"}]), "less", "findings[0].severity"),
+    (put("supports", 0, "rpy_interval", "coverage", 0.96), "elsewhere", "supports[0].rpy_interval"),
+    (put("rig", "acceptance", "angle_std", 1e-6), "acceptance.angle_std", "status"),
+    (put("rig", "acceptance", "birge_max", 1e-3), "acceptance.birge_max", "status"),
+    (put("conformity", conformity(force=6.0)), "rig.acceptance", "conformity.force"),
+    (
+        put("conformity", conformity(torque=3.0, expanded=4.0)),
+        "rig.acceptance",
+        "conformity.torque",
+    ),
 ]
 
 
-@pytest.mark.parametrize("form", ["yaml", "json"])
 @pytest.mark.parametrize(("change", "word", "place"), BROKEN)
 def test_altered_file_is_refused(
-    content: dict[str, Any], tmp_path: Path, change: Change, word: str, place: str, form: str
+    content: dict[str, Any], tmp_path: Path, change: Change, word: str, place: str
 ) -> None:
     change(content)
-    path = tmp_path / f"c.{form}"
-    path.write_text(json.dumps(content) if form == "json" else to_yaml(content))
+    path = tmp_path / ("c.json" if len(word) % 2 else "c.yaml")
+    path.write_text(json.dumps(content) if path.suffix == ".json" else to_yaml(content))
     with pytest.raises(DataError) as refused:
         load_calibration(path)
     assert refused.value.exit_status == 3
@@ -322,6 +340,8 @@ def test_changes_below_rounding_are_taken(content: dict[str, Any]) -> None:
 
 
 def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no calibration"):
+        save_calibration(None, tmp_path / "calibration.yaml")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=r"\.json, \.yaml or \.yml"):
         save_calibration(found, tmp_path / "calibration.txt")
     with pytest.raises(UsageError, match="no such file"):

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.acceptance.turns import turn_std
+from tdfscal.catalogue import CATALOGUE
 from tdfscal.files.calibration.parameters import (
     Parameters,
     calibrated_from,
@@ -23,7 +24,7 @@ from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIV
 from tdfscal.files.field_types import fault
 from tdfscal.model.parameters import layout, symmetric
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.records import ANGLES, FloatArray
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ def check(c: Calibration) -> None:
     for place, stated, other in said_twice(c):
         std = str(place[-1]).endswith(("std", "variance"))
         check_same(stated, other, *place, rtol=SAME_STD if std else SAME, atol=0 if std else SAME)
+    _check_limits(c)
 
 
 def status_of(found: Iterable[tuple[str, str]]) -> Status:
@@ -99,13 +101,18 @@ def said_twice(c: Calibration) -> Iterator[Statement]:
 
 
 def _interval(c: Calibration, i: int) -> Iterator[Statement]:
-    """Yield the middle of a support's interval, unless it is that of the Monte Carlo."""
-    interval, trials = c.supports[i].rpy_interval, c.monte_carlo
+    """Yield the middle and the half of a support's interval, unless they are the Monte Carlo's.
+
+    No k is smaller than that of a normal distribution.
+    """
+    interval, trials, place = c.supports[i].rpy_interval, c.monte_carlo, ("supports", i)
     if interval is not None:
         low, high = (np.array(ends, dtype=np.float64) for ends in (interval.low, interval.high))
         drawn = None if trials is None else [trials.low[i], trials.high[i]]
         if drawn is None or not np.allclose([low, high], drawn, rtol=0, atol=SAME):
-            yield ("supports", i, "rpy_interval"), (low + high) / 2, c.rpy[i]
+            yield (*place, "rpy_interval"), (low + high) / 2, c.rpy[i]
+            half, k = (high - low) / 2, 0.999 * coverage_factor(interval.coverage)
+            yield (*place, "rpy_interval", "coverage"), half, np.maximum(half, k * c.rpy_std[i])
 
 
 def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Statement]:
@@ -161,7 +168,30 @@ def checked_covariance(
     return matrix
 
 
+def _check_limits(c: Calibration) -> None:
+    """Refuse an acceptance against the rig file's limits."""
+    limits, stated = c.rig.acceptance, c.conformity
+    for name in ("force", "torque") if stated is not None else ():
+        part, limit = getattr(stated, name), limits.contact and getattr(limits.contact, name)
+        if part.limit != limit or part.conforms != (limit is None or part.expanded <= limit):
+            raise fault("is against `rig.acceptance`", "conformity", name, hint=ALTERED)
+    std = turn_std(c.rotation_covariance)[c.determined]
+    exceeded = {
+        "angle_std": std.max() > limits.angle_std * (1 + SAME_STD),
+        "birge_max": c.fit is not None and not c.campaigns and c.fit.birge > limits.birge_max,
+        "contact": stated is not None and not (stated.force.conforms and stated.torque.conforms),
+    }
+    for limit, beyond in exceeded.items():
+        if beyond and c.accepted:
+            what = f"is `{c.status}` against acceptance.{limit} of the rig"
+            raise fault(what, "status", hint=ALTERED)
+
+
 def _check_method(c: Calibration) -> None:
+    for k, finding in enumerate(c.findings):
+        entry = CATALOGUE.get(finding.code)
+        if entry is not None and "rejects" == entry.severity != finding.severity:
+            raise fault("is less than this code has", "findings", k, "severity", hint=ALTERED)
     if c.status != status_of((f.code, f.severity) for f in c.findings):
         raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
     if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):

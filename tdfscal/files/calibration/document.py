@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence_model as evidence
 from tdfscal.files.calibration import parts
 from tdfscal.files.calibration.consistency import ALTERED, check
@@ -264,8 +264,11 @@ def dump_calibration(calibration: Calibration, form: Format) -> str:
 def save_calibration(calibration: Calibration, path: Path | str) -> None:
     """Write a calibration file, whole or not at all: .json, or .yaml and .yml.
 
-    Raises UsageError for another suffix or where it cannot be written.
+    Raises UsageError for what is no calibration, another suffix, or where it cannot be written.
     """
+    if not isinstance(calibration, Calibration):
+        what, hint = f"is no calibration: {calibration!r:.40}", "give what `calibrate` returns"
+        raise UsageError(what, where="calibration", hint=hint)
     check_suffix(Path(path), CALIBRATION_SUFFIXES)
     form: Format = "json" if Path(path).suffix.lower() == ".json" else "yaml"
     write_text(Path(path), dump_calibration(calibration, form))

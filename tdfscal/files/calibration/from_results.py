@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.turns import locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
@@ -161,6 +162,7 @@ def from_joint(
     parts = _own_parts(own, origin) | _posture_parts(own)
     parts |= {
         "method": "joint",
+        "conformity": assess_stated(given),
         "parameters": parameters_document(given),
         "tracker": statistics.tracker_statistics(tracker) | test,
         "methods": [{"method": m, "rpy": so3.to_rpy(X), "rpy_std": std} for m, X, std in apart],
