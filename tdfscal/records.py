@@ -81,13 +81,24 @@ class Drift:
     """Standard uncertainty of a parabola in time, N/s²; none but where the residuals ask for it."""
 
 
+BCS_FRAME, LCS_FRAME = "bcs", "lcs"
+"""Names of frames in every file that is written: of the base, and of the terminal, which moves."""
+
+
+def sensor_frame(support: str) -> str:
+    """Name of a sensor's frame, in recordings as in exports."""
+    return f"{support}_tdfs"
+
+
 @dataclass(frozen=True, slots=True)
 class CampaignInfo:
-    """When (ISO 8601), where and by whom a log was recorded (rig.yaml, `campaign`)."""
+    """When (ISO 8601), where, by whom and with what a campaign was recorded (rig.yaml)."""
 
     date: str | None = None
     operator: str | None = None
     site: str | None = None
+    tracker: str | None = None
+    scale: str | None = None
     note: str | None = None
 
 

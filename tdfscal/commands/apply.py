@@ -30,7 +30,7 @@ from tdfscal.files.writers.wrenches import (
 )
 from tdfscal.findings import Finding
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.records import FloatArray
+from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
@@ -174,7 +174,8 @@ def apply(
         if target is not None:
             about = metadata(use, filter, walk, point, moving=moving)
             # A wrench is about the origin of its frame.
-            write_wrenches(target, wrenches, about, frame="lcs_at" if point.any() else "lcs")
+            frame = f"{LCS_FRAME}_at" if point.any() else LCS_FRAME
+            write_wrenches(target, wrenches, about, frame=frame)
         else:
             kept += [columns_of(piece) for piece in numbers_only(wrenches)]
         if not totals.rows:

@@ -30,6 +30,7 @@ from tdfscal.files.outputs import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding
+from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
 
 Target = Literal["urdf", "ros", "csv", "c", "dcc"]
@@ -82,7 +83,7 @@ def export(
     ] = None,
     parent: Annotated[
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
-    ] = "bcs",
+    ] = BCS_FRAME,
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
     capability: Annotated[
         PathLike | CapabilityResult | None,

@@ -14,6 +14,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.escaping import xml_text
 from tdfscal.records import ANGLES
+from tdfscal.reporting.traceability import assumptions, campaign_facts
 from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE
 
 SPACES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -37,7 +38,9 @@ def certificate(c: Calibration) -> str:
     result = [_name("Installation rotations of force sensors (DRAFT)")]
     temperature = c.dwells.temperature if c.dwells is not None else None
     unknown = () if temperature else (f"Ambient temperature: {BLANK}",)
-    result.append(("description", [("content", line) for line in (DRAFT, *origin(c), *unknown)]))
+    told = (f"{name}: {text}" for name, text in (*campaign_facts(c), *assumptions(c)))
+    lines = (DRAFT, *origin(c), *told, *unknown)
+    result.append(("description", [("content", line) for line in lines]))
     command = ("description", [("content", f"Command: {c.command}")])
     method = ("usedMethod", [_name(f"{c.method} calibration"), command])
     result += [("usedMethods", [method]), ("usedSoftware", [software])]

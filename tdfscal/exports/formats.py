@@ -22,7 +22,7 @@ from tdfscal.exports.statements import (
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.escaping import c_comment, csv_cell, xml_comment, xml_text
 from tdfscal.files.saving import to_yaml
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 
 _URDF = """\
 <?xml version="1.0" encoding="utf-8"?>
@@ -85,7 +85,7 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 """
 
 
-def urdf(c: Calibration, parent: str = "bcs") -> str:
+def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
     """Return a small robot of one base and a link per sensor; its joints are for pasting.
 
     URDF's rpy are fixed-axis roll, pitch, yaw, so that R = Rz(yaw)·Ry(pitch)·Rx(roll) takes the
@@ -100,7 +100,7 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
     ]
     joints = [
         _JOINT.format(
-            sensor=_child(support.name),
+            sensor=sensor_frame(support.name),
             name=support.name,
             zero=" ".join(map(number, support.offset)),
             said=xml_comment(uncertain(support)),
@@ -117,7 +117,7 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
     )
 
 
-def ros(c: Calibration, parent: str = "bcs", limits: ContactThresholds | None = None) -> str:
+def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | None = None) -> str:
     """Return a parameter file, a `force_torque_sensor_broadcaster` per sensor.
 
     A broadcaster adds its `offset`, so that it stands as −zero. The transforms, whose rotation
@@ -128,14 +128,15 @@ def ros(c: Calibration, parent: str = "bcs", limits: ContactThresholds | None = 
     notes = [
         *origin(c),
         f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
+        f"Frame {LCS_FRAME}, in which `tdfscal apply` writes wrenches, moves with the terminal.",
         "A broadcaster adds its offset, N, to the reading: it is the zero with its sign turned.",
     ]
     nodes: dict[str, object] = {}
     for support in determined(c):
-        name, sensor = support.name, _child(support.name)
+        name, sensor = support.name, sensor_frame(support.name)
         notes.append(f"{name}: {uncertain(support)}")
         if support.sensitivity is not None:
-            rows = [list(map(number, row)) for row in support.sensitivity]
+            rows = [list(map(float, row)) for row in support.sensitivity]
             notes.append(f"{name}: sensitivity {rows}, not applied by a broadcaster")
         turn = map(number, support.quaternion_xyzw or ())
         notes.append(_TRANSFORM.format(*turn, base=base, sensor=sensor))
@@ -195,6 +196,7 @@ def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
     matrix = rotation @ np.linalg.inv(c.sensitivity[c.determined]) if _scaled(c) else rotation
     notes = [
         *origin(c),
+        "For C99 and later, and C++.",
         "Rows of a matrix are the BCS's axes, columns the sensor's.",
         *(f"{support.name}: {uncertain(support)}" for support in determined(c)),
     ]
@@ -226,11 +228,6 @@ def _initialiser(values: FloatArray) -> str:
         return "{\n" + ",\n".join(f"    {_initialiser(row)}" for row in values) + "\n}"
     blocks = (",\n     ".join(map(_initialiser, matrix)) for matrix in values)
     return "{\n" + ",\n".join(f"    {{{block}}}" for block in blocks) + "\n}"
-
-
-def _child(support: str) -> str:
-    """Name of a sensor's frame."""
-    return f"{support}_tdfs"
 
 
 def _scaled(c: Calibration) -> bool:

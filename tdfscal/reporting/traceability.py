@@ -40,25 +40,10 @@ _DECLARED = {
 
 def campaign(c: Calibration) -> tuple[Section, ...]:
     """When, where and by whom the data were recorded; serial numbers of rig and sensors."""
-    rig, stated = c.rig, c.rig.campaign
-    facts = [("Serial number", rig.serial)]
-    if c.measured is not None:
-        span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
-        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
-    facts.append(("Next due", _next_due(c)))
-    if stated is not None:
-        facts += [("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note)]
-    if c.dwells is not None and c.dwells.temperature is not None:
-        warm = c.dwells.temperature
-        facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
-    facts += [
-        ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
-        for entry in c.history
-    ]
-    said = tuple((name, text) for name, text in facts if text)
+    said = campaign_facts(c)
     papers = tuple(
         (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
-        for s in rig.supports
+        for s in c.rig.supports
         if s.sensor is not None
     )
     header = ("sensor", "serial number", "certificate", "due")
@@ -66,6 +51,33 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
     if papers:
         blocks += (Table("Sensors", header, papers, left=4),)
     return (Section("Campaign and sensors", blocks),) if blocks else ()
+
+
+def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
+    """What is told of the rig's serial number, dates, people, place, instruments, conditions."""
+    stated = c.rig.campaign
+    facts = [("Serial number", c.rig.serial)]
+    if c.measured is not None:
+        span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
+        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
+    facts.append(("Next due", _next_due(c)))
+    if stated is not None:
+        facts += [("Operator", stated.operator), ("Site", stated.site)]
+        facts += [("Tracker", stated.tracker), ("Scale", stated.scale), ("Note", stated.note)]
+    if c.dwells is not None and c.dwells.temperature is not None:
+        warm = c.dwells.temperature
+        facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
+    facts += [
+        ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
+        for entry in c.history
+    ]
+    return tuple((name, text) for name, text in facts if text)
+
+
+def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
+    """What is in no uncertainty, and when a result is accepted."""
+    exact = ", ".join(_exact(c)) or "nothing"
+    return ("Taken as exact", exact), ("Decision rule", _decision_rule(c))
 
 
 def _next_due(c: Calibration) -> str:
@@ -150,8 +162,7 @@ def provenance(c: Calibration) -> Section:
         ("Software", f"{c.software.name} {c.software.version}"),
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
-        ("Taken as exact", ", ".join(_exact(c)) or "nothing"),
-        ("Decision rule", _decision_rule(c)),
+        *assumptions(c),
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
         inputs=c.inputs,
@@ -176,8 +187,11 @@ def _decision_rule(c: Calibration) -> str:
     rule = (
         f"accepted where every angle's standard uncertainty is at most "
         f"{1e3 * limits.angle_std:.3g} mrad, the scatter at most {limits.birge_max:.2g} times what "
-        f"is stated (Birge ratio), and at most {MOST_REJECTED:.0%} of the postures are rejected"
+        "is stated (Birge ratio)"
     )
+    if c.method != "tracker":
+        rule += f", and at most {MOST_REJECTED:.0%} of the postures are rejected"
+    rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
     if limits.contact is not None:
         rule += (
             "; contact wrench: simple acceptance behind a guard band of the expanded uncertainty, "

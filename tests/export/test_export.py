@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import ctypes
 import io
+import re
 import shlex
 import shutil
 import subprocess
@@ -107,7 +108,10 @@ def test_ros(c: Calibration) -> None:
                 else R @ (READING - np.array(support.zero)),
                 rtol=1e-12,
             )
-    assert ("sensitivity" in text) == (c is SCALED)
+    stated = re.findall(r"sensitivity (\[\[.*\]\]), not applied", text)
+    assert [yaml.safe_load(rows) for rows in stated] == [
+        np.array(s.sensitivity).tolist() for s in c.supports if s.sensitivity is not None
+    ]
 
 
 @BOTH

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from typing import Any
 
+from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Facts, Table
@@ -38,6 +40,20 @@ def test_papers_of_rig_and_sensors() -> None:
     assert "A. Muster" in render(calibration_report(c))
 
 
+def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
+    """With the dates' origin, the assumptions and the rule."""
+    papers = {"tracker": "LT-4711, D-K-20", "scale": "W-3, D-K-21", "date": "2026-11-21"}
+    c = stated(campaign=papers)
+    measured = {"begin": "2026-11-21T00:00:00Z", "end": "2026-11-22T00:00:00Z", "source": "file"}
+    c = changed(c, measured=measured)
+    found = facts(c)
+    assert (found["Tracker"], found["Scale"]) == (papers["tracker"], papers["scale"])
+    lines = [e.text for e in ET.fromstring(certificate(c)).iter(f"{{{SPACES['dcc']}}}content")]
+    names = ("Tracker", "Scale", "Measured", "Taken as exact", "Decision rule")
+    assert {f"{name}: {found[name]}" for name in names} <= set(lines)
+    assert found["Measured"].endswith("by the file's date")
+
+
 def test_a_rig_that_states_none_has_no_section() -> None:
     titles = [s.title for s in calibration_report(sample().calibration).sections]
     assert "Campaign and sensors" not in titles
@@ -66,5 +82,6 @@ def test_the_rule_states_the_limits_of_the_rig() -> None:
     rule = facts(stated(acceptance=limits))["Decision rule"]
     assert "at most 2 mrad" in rule
     assert "at most 1.5 times what is stated" in rule
-    assert "guard band" in rule
-    assert "guard band" not in facts(stated())["Decision rule"]
+    assert "guard band of the expanded uncertainty" in rule
+    assert "expanded uncertainty" not in facts(stated())["Decision rule"]
+    assert "postures" not in facts(surveyed()[0])["Decision rule"]

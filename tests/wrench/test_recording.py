@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any, cast
 
@@ -41,6 +42,28 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def table(folder: Path) -> dict[str, np.ndarray]:
     return {k: np.array(v) for k, v in pq.read_table(folder / "w.parquet").to_pydict().items()}
+
+
+def frames(path: Path) -> set[str]:
+    """Names in the headers of a recording."""
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return {decoded.header.frame_id for *_, decoded in reader.iter_decoded_messages()}
+
+
+def test_simulated_and_applied_wrenches_are_in_the_frames_of_the_exports(
+    applied: Path, tmp_path: Path
+) -> None:
+    tdfscal.simulate(tmp_path / "campaign", format="mcap", postures=3, rate=20.0)
+    text = tdfscal.export(applied / "c.yaml", to="ros").text
+    nodes = (node["ros__parameters"] for node in yaml.safe_load(text).values())
+    sensors = {node["frame_id"] for node in nodes if "frame_id" in node}
+    assert len(sensors) == 3
+    assert frames(tmp_path / "campaign" / "log.mcap") == {"bcs", *sensors}
+    urdf = ET.fromstring(tdfscal.export(applied / "c.yaml", to="urdf").text)
+    assert {link.get("name") for link in urdf.iter("link")} == {"bcs", *sensors}
+    (terminal,) = frames(applied / "w.mcap")
+    assert f"# Frame {terminal}," in text
 
 
 def six(wrench: Any) -> list[float]:

@@ -132,11 +132,13 @@ class Terminal(Strict):
 
 
 class Campaign(Strict):
-    """When, where and by whom the log was recorded; date in ISO 8601, as a day or a time."""
+    """When, where, by whom and with what data were recorded; date: ISO 8601, a day or a time."""
 
     date: Date | None = key("ISO 8601; where the log has no wall clock", None)
     operator: Text | None = key("who ran the campaign", None)
     site: Text | None = key("where it was run", None)
+    tracker: Label | None = key("serial and certificate of the laser tracker", None)
+    scale: Label | None = key("serial and certificate of what weighed the terminal", None)
     note: Text | None = key("anything else to keep with it", None)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray, IntArray, Log, Series
+from tdfscal.records import BCS_FRAME, FloatArray, IntArray, Log, Series, sensor_frame
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -73,12 +73,14 @@ def write_parquet(path: Path, log: Log) -> dict[str, Any]:
 def write_mcap(path: Path, log: Log) -> dict[str, Any]:
     """Topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
 
-    Messages come in order of time. Returns the rig file's `log` block that reads them.
+    Messages come in order of time, in the frames of the exports. Returns the rig file's `log`
+    block that reads them.
     """
     topics: list[tuple[str, str, str, int, Series]] = []
-    for i, (position, force) in enumerate(zip(log.position, log.force, strict=True), 1):
-        topics.append((f"/tdfs{i}/wrench", f"tdfs{i}", WRENCH, 6, force))
-        topics.append((f"/ncp{i}/position", "bcs", POINT, 3, position))
+    signals = zip(log.supports, log.position, log.force, strict=True)
+    for i, (name, position, force) in enumerate(signals, 1):
+        topics.append((f"/tdfs{i}/wrench", sensor_frame(name), WRENCH, 6, force))
+        topics.append((f"/ncp{i}/position", BCS_FRAME, POINT, 3, position))
     for series in log.temperature:
         warmth = Series(series.time, series.value[:, :1])
         topics.append(("/hall/temperature", "hall", TEMPERATURE, 2, warmth))

@@ -17,7 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.files import WRENCH_WRITER
 from tdfscal.files.outputs import check_suffix, replacing, writing
 from tdfscal.files.writers.logs import WRENCH, definition, recorder, stamped
-from tdfscal.records import FloatArray
+from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 
 SUFFIXES = (".csv", ".parquet", ".mcap")
@@ -46,7 +46,7 @@ def write_wrenches(
     path: Path,
     pieces: Iterable[Wrenches],
     about: Mapping[str, str],
-    frame: str = "lcs",
+    frame: str = LCS_FRAME,
 ) -> int:
     """Write the pieces as they come and return the number of rows.
 
