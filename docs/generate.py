@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import tdfscal
 from tdfscal.catalogue import CATALOGUE
-from tdfscal.cli.app import COMMANDS, described
+from tdfscal.cli.app import COMMANDS, described, summary
 from tdfscal.commands.options import Described
 from tdfscal.files.schema import schemas
 from tdfscal.findings import Severity
@@ -36,11 +36,11 @@ def commands() -> Iterator[str]:
     shared = sorted(line for line, times in told.items() if times >= _SEVERAL)
     yield "\nOptions of several commands:\n\n"
     yield from shared
-    for name, (_, text) in COMMANDS.items():
+    for name in COMMANDS:
         given = "".join(f" {p.option.metavar}" for p in named[name] if p.positional)
         options = [p for p in named[name] if not p.positional]
         needed = "".join(f" {p.flags[-1]} {p.values}" for p in options if p.default is ...)
-        yield f"\n### tdfscal {name}\n\n{text}\n\n    tdfscal {name}{given}{needed}\n\n"
+        yield f"\n### tdfscal {name}\n\n{summary(name)}\n\n    tdfscal {name}{given}{needed}\n\n"
         yield from (line for p in options if (line := _option(p)) not in shared)
         also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
         yield f"- also {', '.join(also)}\n" if also else ""

@@ -32,7 +32,6 @@ __all__ = [
     "Progress",
     "TdfscalError",
     "__version__",
-    "angles_frame",
     "apply",
     "calibrate",
     "capability",

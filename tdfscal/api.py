@@ -13,7 +13,6 @@ from tdfscal.commands.arguments import PathLike, PathLikes, listed
 from tdfscal.commands.arguments import Progress as Progress
 from tdfscal.commands.calibrate import calibrate as calibrate
 from tdfscal.commands.calibration import Calibration as Calibration
-from tdfscal.commands.calibration import angles_frame as angles_frame
 from tdfscal.commands.calibration import load_calibration as load_calibration
 from tdfscal.commands.capability import capability as capability
 from tdfscal.commands.compare import compare as compare

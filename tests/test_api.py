@@ -27,7 +27,7 @@ def test_step_by_step(tmp_path: Path) -> None:
     tdfscal.save_calibration(result, tmp_path / "c.json")
     again = tdfscal.load_calibration(tmp_path / "c.json")
     assert np.array_equal(again.rpy, result.rpy)
-    assert np.allclose(tdfscal.angles_frame(again)["value"], result.rpy.ravel(), rtol=0, atol=0)
+    assert np.allclose(again.to_frame()["value"], result.rpy.ravel(), rtol=0, atol=0)
 
 
 def test_errors_are_the_projects_own() -> None:

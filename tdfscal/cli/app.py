@@ -24,61 +24,14 @@ from tdfscal.errors import TdfscalError, UsageError
 if TYPE_CHECKING:
     from tdfscal.commands.options import Command, Described
 
-#: Purposes of commands, in the order of the help.
-PURPOSES = CALIBRATE, CHECK, USE, PLAN = "Calibrate", "Check", "Put to work", "Plan and try"
-#: Every command: its purpose, and what it does, so that the help need not load it.
-COMMANDS = {
-    "apply": (USE, "Work out the contact force and torque over a whole log."),
-    "calibrate": (CALIBRATE, "Calibrate the sensors of a rig from a recorded campaign."),
-    "capability": (
-        USE,
-        "Find thresholds for a machine, and the smallest contact it then notices, along a free "
-        "path.",
-    ),
-    "compare": (
-        CHECK,
-        "Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.",
-    ),
-    "export": (
-        USE,
-        "Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.",
-    ),
-    "info": (
-        CALIBRATE,
-        "Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.",
-    ),
-    "init": (
-        CALIBRATE,
-        "Write a complete, commented rig.yaml from a log; what to confirm is marked in it.",
-    ),
-    "monitor": (
-        CHECK,
-        "Watch a rig over time: control chart, alarms (status 1), when to calibrate next.",
-    ),
-    "plan": (
-        PLAN,
-        "Choose the postures and squeezes, or the motion, to drive, and say what to expect of "
-        "them.",
-    ),
-    "register": (
-        CALIBRATE,
-        "Fit the rigid transform from reference points to measured ones, with its uncertainty.",
-    ),
-    "report": (
-        CALIBRATE,
-        "Summarise a calibration file, or several side by side and over time.",
-    ),
-    "schema": (USE, "Write the JSON Schemas of the rig, calibration and point files."),
-    "simulate": (PLAN, "Write a synthetic campaign with its truth.yaml."),
-    "update": (
-        CALIBRATE,
-        "Bring a calibration up to date with a new campaign: zeros, load, angles.",
-    ),
-    "validate": (
-        CHECK,
-        "Check a calibration on postures or on a motion without contact: valid, or what changed.",
-    ),
+#: Commands by purpose, in the order of the help.
+PURPOSES = {
+    "Calibrate": ("calibrate", "info", "init", "register", "report", "update"),
+    "Check": ("compare", "monitor", "validate"),
+    "Put to work": ("apply", "capability", "export", "schema"),
+    "Plan and try": ("plan", "simulate"),
 }
+COMMANDS = tuple(sorted(name for names in PURPOSES.values() for name in names))
 #: What the printing takes, of every command; `verbose` where there is a summary.
 _PRINTED = {
     "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
@@ -128,10 +81,8 @@ class Commands(typer.core.TyperGroup):
         """Write a section per purpose, each command with its whole first sentence."""
         widest = max(map(len, COMMANDS))
         with formatter.section("Commands"):
-            for purpose in PURPOSES:
-                rows = [
-                    (n.ljust(widest), text) for n, (p, text) in COMMANDS.items() if p == purpose
-                ]
+            for purpose, names in PURPOSES.items():
+                rows = [(name.ljust(widest), summary(name)) for name in names]
                 with formatter.section(purpose):
                     formatter.write_dl(rows)
 
@@ -163,6 +114,12 @@ def _common(
     del version
 
 
+def summary(name: str) -> str:
+    """Return what a command does: its function's first sentence, without loading it."""
+    text = Path(__file__).parents[1].joinpath("commands", f"{name}.py").read_text(encoding="utf-8")
+    return text.partition(f"\ndef {name}(")[2].partition('"""')[2].partition("\n")[0].strip('"')
+
+
 def described(name: str) -> Command:
     """Return a command with what its function says of itself."""
     import_module(f"tdfscal.commands.{name}")
@@ -179,7 +136,7 @@ def made(name: str) -> Any:
     def call(**asked: Any) -> int:
         return perform(command, asked)
 
-    call.__doc__ = COMMANDS[name][1]
+    call.__doc__ = summary(name)
     parameters = [_parameter(each) for each in command.parameters]
     parameters += [
         Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
@@ -209,9 +166,7 @@ def _parameter(one: Described) -> Parameter:
         more["case_sensitive"] = False
     if isinstance(default, Path):
         more["show_default"] = False
-    told = typer.Option(
-        default, *one.flags, metavar=option.metavar, help=text, min=option.least, **more
-    )
+    told = typer.Option(default, *one.flags, metavar=option.metavar, help=text, **more)
     return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=kind, default=told)
 
 

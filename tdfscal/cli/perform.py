@@ -51,7 +51,14 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
                 hand_over(getattr(result, carried))
         if words:
             # Made before: of what goes wrong here, only the writing is forgiven.
-            text = _in_words(result, _places(result, asked, written=written), whole=verbose)
+            places = [
+                str(asked[p.name])
+                for p in command.parameters
+                if p.option.writes is not None
+                and p.name in asked
+                and (written or p.option.holds == "html")
+            ]
+            text = _in_words(result, places, whole=verbose)
             with reporting():
                 sys.stdout.write(text)
     except (KeyboardInterrupt, Signalled):
@@ -65,16 +72,6 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         what = "it was written as rejected" if written else nothing
         say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status
-
-
-def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[str]:
-    """Files that a command wrote, or their folder; page and figures whatever the verdict."""
-    places = []
-    if "output" in asked and written:
-        files = getattr(result, "files", None)
-        output = asked["output"]
-        places.append(str(output) if files is None else f"{len(files)} files to {output}")
-    return [*places, *(str(asked[option]) for option in ("html",) if option in asked)]
 
 
 def _in_words(result: Result, places: list[str], *, whole: bool) -> str:

@@ -11,15 +11,11 @@ import numpy as np
 
 from tdfscal.catalogue import documents, told_of
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, listed, one, triple, window
-from tdfscal.commands.calibration import paths_of
-from tdfscal.commands.calibration_in_use import InUse, take, zeros_since
-from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.arguments import SILENT, PathLike, one, triple, window
+from tdfscal.commands.calibration_in_use import InUse, WrenchPass, take, zeros_since
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
-from tdfscal.commands.wrench_pass import WrenchPass
-from tdfscal.files.outputs import check_outputs
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
     SUFFIXES,
@@ -116,7 +112,9 @@ def apply(
         PathLike | None,
         options.written(
             "result: .csv, .parquet or .mcap, written as the log passes",
+            *SUFFIXES,
             python="without it the samples stay in memory",
+            holds="",
         ),
     ] = None,
     rig: options.RigFile = None,
@@ -134,13 +132,11 @@ def apply(
     ------
     UsageError, RigError, DataError
     """
-    target, files = one(output), listed(paths)
-    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
-    check_outputs({"--output": (target, SUFFIXES)}, reads)
+    target = one(output)
     walk = None if filter == "none" else WALK
     point = np.array(triple("--at", at))
     settings = Settings(progress, window(from_, to))
-    use = take(calibration, files, one(rig))
+    use = take(calibration, paths, rig)
     passing = WrenchPass.of(use, settings, point)
     log, given, moving = passing.log, passing.given, passing.moving
     progress.stage("reading the log and working out the contact wrench")

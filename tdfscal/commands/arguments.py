@@ -63,12 +63,6 @@ def one(path: PathLike | None) -> Path | None:
     return None if path is None else Path(path)
 
 
-def check_trials(trials: int | None) -> None:
-    """Raise UsageError for a number of Monte Carlo trials that gives no standard uncertainty."""
-    if trials == 1:
-        raise UsageError("one trial has no spread", where="--trials", hint="give 0, or 2 or more")
-
-
 def numbers(option: str, value: Numbers) -> tuple[float, ...]:
     """Return finite numbers, of a sequence or of text such as `0.1,0.1,0.2`. Raises UsageError."""
     try:

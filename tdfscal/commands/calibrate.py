@@ -12,17 +12,15 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, check_trials, listed, one, window
+from tdfscal.commands.arguments import SILENT, PathLike, listed, window
 from tdfscal.commands.calibration import Calibration, Records, as_calibration
-from tdfscal.commands.campaign import Campaign, campaign_folders, inputs_read, resolve
-from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
+from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
-from tdfscal.commands.recordings import measured
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
-from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
+from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
@@ -56,6 +54,7 @@ def calibrate(
         PathLike | None,
         options.written(
             "file to write; default calibration.yaml here; - for stdout",
+            *CALIBRATION_SUFFIXES,
             default=Path("calibration.yaml"),
             python="by default none",
         ),
@@ -73,37 +72,25 @@ def calibrate(
     ------
     UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError
     """
-    target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
-    groups = campaign_folders(files, rig_file)
+    groups = campaign_folders(paths, rig)
     _check(method, samples, estimator, several=len(groups) > 1)
-    check_trials(trials)
-    check_outputs(
-        {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
-        inputs_read(files, rig_file),
-    )
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
-    campaign = resolve(groups[-1], rig_file)
+    campaign = resolve(groups[-1], rig)
     # A joint result has intervals of its own; trials of its parts would be thrown away.
     log = LogPass(campaign, replace(settings, trials=0) if method == "joint" else settings)
     try:
         if len(groups) > 1:
             from tdfscal.commands.several_campaigns import calibrate_several
 
-            result = calibrate_several(groups, settings)
-        else:
-            method = method or ("self" if campaign.logs else "tracker")
-            result = _calibrated(log, method, samples, estimator)
+            return calibrate_several(groups, settings)
+        method = method or ("self" if campaign.logs else "tracker")
+        return _calibrated(log, method, samples, estimator)
     except (NotIdentifiableError, NotConvergedError) as error:
-        if page is None or error.exit_status != 4:
+        if html is None or error.exit_status != 4:
             raise
-        _write_attempt(error, log, files, page)
-        look = f"{page} shows what is weak and what the log holds"
+        _write_attempt(error, log, listed(paths), Path(html))
+        look = f"{html} shows what is weak and what the log holds"
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
-    if target is not None and (result.accepted or allow_rejected):
-        save_calibration(result, target)
-    # Whatever the verdict: its advice is to look at the postures.
-    result.save_page(page, progress)
-    return result
 
 
 def _check(

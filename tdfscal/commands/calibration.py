@@ -31,16 +31,12 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.result import SelfCalibration
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.comparison.joint import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 
 #: What a command takes as a calibration: a file, `-` for standard input, or one in memory.
 CalibrationSource = str | PathLike[str] | CalibrationFile
-Named = tuple[str, CalibrationFile]
-
 
 ANGLE_COLUMNS = "support angle value std low high"
 #: What a calibration goes by that no file holds.
@@ -116,6 +112,13 @@ class Calibration(Result, CalibrationFile):
     def save(self, path: str | PathLike[str]) -> None:
         """Write the file, .json, .yaml or .yml, whole or not at all. Raises UsageError."""
         save_calibration(self, Path(path))
+
+    def write(self, path: Path, holds: str) -> None:
+        """Write its page, or its file by the name's ending. Raises UsageError."""
+        if holds == "content":
+            self.save(path)
+        else:
+            super().write(path, holds)
 
     @property
     def content(self) -> str:
@@ -224,11 +227,6 @@ def sources_of(*given: CalibrationSource | Iterable[CalibrationSource]) -> list[
 def paths_of(sources: Iterable[CalibrationSource]) -> list[Path]:
     """Return those that are files."""
     return [Path(s) for s in sources if not isinstance(s, CalibrationFile)]
-
-
-def angles_frame(calibration: CalibrationFile) -> pd.DataFrame:
-    """One row per angle: support, angle, value, std, low, high, in rad."""
-    return Calibration.of(calibration).to_frame()
 
 
 def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[str | float, ...]]:

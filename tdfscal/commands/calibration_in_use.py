@@ -1,14 +1,16 @@
-"""From a calibration file, and the rig of a log, to a calibration in use; how old its zeros are."""
+"""A calibration in use: by which rig, how old its zeros are, the wrenches as a log passes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions
+from tdfscal.commands.arguments import PathLike, PathLikes, listed
 from tdfscal.commands.calibration import (
     Calibration,
     CalibrationSource,
@@ -17,16 +19,19 @@ from tdfscal.commands.calibration import (
     unsealed,
 )
 from tdfscal.commands.campaign import Campaign, resolve
-from tdfscal.commands.recordings import by_wall_clock, stated_date
+from tdfscal.commands.log_pass import LogPass, Settings, by_wall_clock, stated_date
 from tdfscal.dwells.temperature import Thermometer
-from tdfscal.errors import UsageError
+from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.findings import Finding, Value
-from tdfscal.model.calibrated import Calibrated, independent
+from tdfscal.model.calibrated import Calibrated, about_point, independent
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.wrench.sample_noise import LogHead
+from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
+from tdfscal.wrench.observable import observable_text
+from tdfscal.wrench.resampling import Samples, Tally, aligned
+from tdfscal.wrench.sample_noise import LogHead, take_head
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 
 
@@ -92,7 +97,7 @@ def _std(values: Sequence[float | None]) -> FloatArray:
     return np.array([np.inf if value is None else value for value in values])
 
 
-def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None = None) -> InUse:
+def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None = None) -> InUse:
     """Load a calibration and find the logs to use it on, with their rig.
 
     The rig is that of the campaign folder, or `rig`, else the one that the calibration embeds.
@@ -105,7 +110,7 @@ def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None
     if not campaign.logs:
         raise UsageError(
             "there is no log here",
-            where=", ".join(map(str, paths)),
+            where=", ".join(map(str, listed(paths))),
             hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
         )
     given = calibrated(loaded, name)
@@ -230,3 +235,61 @@ def temperatures(use: InUse, thermometer: Thermometer, time: FloatArray) -> Floa
     """Temperature (N, n), °C, at times (N,), s, where zeros move with it; None without a record."""
     rig = use.campaign.rig.rig
     return thermometer.at(time, time, rig.n) if rig.drift.temperature > 0 else None
+
+
+@dataclass(slots=True)
+class WrenchPass:
+    """What one reading of a log under a calibration needs, and leaves behind.
+
+    given : about the point that moments are about.
+    """
+
+    use: InUse
+    given: Calibrated
+    log: LogPass
+    inspection: Inspection
+    tally: Tally = field(default_factory=Tally)
+    thermometer: Thermometer = field(default_factory=Thermometer)
+
+    @classmethod
+    def of(cls, use: InUse, settings: Settings, point: FloatArray) -> WrenchPass:
+        """Start with a point (3,), m, LCS."""
+        given = about_point(use.given, point)
+        return cls(use, given, LogPass(use.campaign, settings), Inspection(use.given))
+
+    @property
+    def moving(self) -> bool:
+        """The wrench has its inertial terms."""
+        return self.given.rig.inertia is not None
+
+    def samples(self) -> tuple[LogHead | None, Iterator[Samples]]:
+        """Begin to read: the beginning, and the samples from their first on."""
+        pieces = aligned(self.thermometer.passing(self.log.pieces()), self.tally)
+        averaged = self.use.campaign.averaged
+        return take_head(self.inspection.watch(pieces), self.log.rig.supports, averaged=averaged)
+
+    def wrenches(self, samples: Iterable[Samples]) -> Iterator[Wrenches]:
+        """Work out the contact wrenches."""
+        return (in_motion if self.moving else at_rest)(self.given, samples)
+
+    def nothing(self) -> DataError:
+        """Say that no instant holds a position and a force of every NCP."""
+        return DataError(
+            "there is no instant at which every NCP's position and force are known",
+            where=", ".join(map(str, self.use.campaign.logs)),
+            hint="check that all streams were recorded at the same time",
+        )
+
+    def findings(self) -> list[Finding]:
+        """What a log that has passed says of itself, what was left out, what stays unknown."""
+        found = [*self.log.messages, *self.inspection.finish()]
+        if self.tally.uncovered:
+            found.append(Finding("samples-uncovered", size=self.tally.uncovered))
+        if self.tally.unreadable:
+            found.append(Finding("samples-unreadable", size=self.tally.unreadable))
+        if not self.use.given.rig.axes.all():
+            values: dict[str, Value] = {"components": observable_text(self.use.given)}
+            found.append(Finding("wrench-in-part", values=values))
+        if self.use.given.open.any():
+            found.append(Finding("calibration-open"))
+        return found

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tdfscal.commands.arguments import PathLike
+from tdfscal.commands.arguments import PathLike, PathLikes, listed, one
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
+from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.formats import NOWHERE, check_regular
@@ -60,18 +61,19 @@ class Campaign:
 
 
 def resolve(
-    paths: Sequence[Path], rig: Path | None = None, fallback: LoadedRig | None = None
+    where: PathLikes, rig: PathLike | None = None, fallback: LoadedRig | None = None
 ) -> Campaign:
     """Find rig and logs for a command's paths: campaign folders, log files, recordings.
 
-    rig : the file given with --rig, which goes before any rig.yaml. Else the rig.yaml of the
-    folder, or beside the files; else the fallback, such as the rig of a calibration file.
+    where : the paths. rig : the file given with --rig, which goes before any rig.yaml. Else the
+    rig.yaml of the folder, or beside the files; else the fallback, such as that of a calibration.
 
     Raises UsageError where a path is missing, no rig is found or two contradict, or there is
     neither a log nor a survey; RigError for a faulty rig file.
     """
+    paths = listed(where)
     _require(paths)
-    loaded = _rig_of(paths, rig, fallback)
+    loaded = _rig_of(paths, one(rig), fallback)
     surveyed = loaded.tracker is not None and all(p.is_file() for p in loaded.tracker.paths)
     surveys = loaded.tracker.paths if loaded.tracker else ()
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
@@ -85,7 +87,7 @@ def resolve(
 
 
 def find_logs(
-    paths: Sequence[Path], apart: Iterable[Path] = (), recorders: Sequence[LogMapping] = ()
+    where: PathLikes, apart: Iterable[Path] = (), recorders: Sequence[LogMapping] = ()
 ) -> tuple[Path, ...]:
     """Return the logs that the paths name or hold, each once; `apart` are files that are no logs.
 
@@ -94,6 +96,7 @@ def find_logs(
     Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
     holds recordings without the metadata that lists them, or may not be looked into.
     """
+    paths = listed(where)
     _require(paths)
     known = {_real(path) for path in apart}
     found: dict[Path, Path] = {}
@@ -142,9 +145,9 @@ def _is_recorded(entry: Path) -> bool:
 
 def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
     if given is not None:
-        return load_rig(given)
+        return _load(given)
     beside = {_real(home / RIG_NAME): home / RIG_NAME for home in map(_home, paths)}
-    rigs = [load_rig(path) for path in beside.values() if path.is_file()]
+    rigs = [_load(path) for path in beside.values() if path.is_file()]
     if not rigs and fallback is not None:
         return fallback
     if not rigs:
@@ -206,13 +209,14 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
     return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
 
 
-def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[list[Path]]:
+def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list[Path]]:
     """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
 
     Everything else, and everything where --rig names the rig, is one campaign. A folder without a
     rig.yaml stands for its subfolders that hold one.
     """
     found: list[list[Path]] = []
+    paths = listed(where)
     for path in paths:
         inside: list[Path] = []
         if rig is None and path.is_dir() and not is_log(path):
@@ -220,9 +224,9 @@ def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[lis
             folders = [path] if here else sorted(path.iterdir())
             inside = [folder for folder in folders if (folder / RIG_NAME).is_file()]
         if not inside:
-            return [list(paths)]
+            return [paths]
         found += [[folder] for folder in inside]
-    return found or [list(paths)]
+    return found or [paths]
 
 
 def rig_named(path: PathLike) -> LoadedRig:
@@ -234,7 +238,14 @@ def rig_named(path: PathLike) -> LoadedRig:
         raise UsageError(
             "there is no such rig file", where=str(file), hint="name a rig.yaml or its folder"
         )
-    return load_rig(file)
+    return _load(file)
+
+
+def _load(path: Path) -> LoadedRig:
+    """Load a rig file; no output replaces a point file that it names."""
+    loaded = load_rig(path)
+    protect(loaded.tracker.paths if loaded.tracker else ())
+    return loaded
 
 
 def is_own_result(path: Path) -> bool:
@@ -260,32 +271,19 @@ def is_other_result(path: Path) -> bool:
     return path.is_file() and is_own_result(path) and not _is_calibration(path)
 
 
-def inputs_read(
-    paths: Iterable[Path] = (), rig: Path | None = None, files: Iterable[Path] = ()
-) -> list[Path]:
+def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
     """Return the files behind a command's arguments, in whatever state they are.
 
-    paths : campaign folders, logs, recordings; each with its rig and its survey. rig : a rig file
-    that is named, or its folder. files : all others.
+    paths : campaign folders, logs, recordings, each with its rig; other files. rig : a rig file
+    that is named, or its folder. The point files that it names are protected when it is read.
     """
-    found = list(files)
-    for path in (*paths, *([rig] if rig is not None and rig.is_dir() else [])):
+    found = [] if rig is None else [rig]
+    for path in (*paths, *found):
         with contextlib.suppress(OSError):
             folder = path.is_dir() and not is_log(path)
             for log in (entry for entry in path.iterdir() if is_log(entry)) if folder else (path,):
                 found += [log, *log.rglob("*")]
                 with contextlib.suppress(TdfscalError):
                     found += read_bag(log).files if log.is_dir() else ()  # also named elsewhere
-            found += _of_rig((path if folder else path.absolute().parent) / RIG_NAME)
-    if rig is not None and not rig.is_dir():
-        found += _of_rig(rig)
+            found.append((path if folder else path.absolute().parent) / RIG_NAME)
     return found
-
-
-def _of_rig(path: Path) -> Iterator[Path]:
-    """A rig file, and the survey that it names."""
-    yield path
-    with contextlib.suppress(TdfscalError, OSError):
-        tracker = load_rig(path).tracker if path.is_file() else None
-        if tracker is not None:
-            yield from tracker.paths

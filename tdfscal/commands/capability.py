@@ -9,15 +9,13 @@ import numpy as np
 
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, listed, one, triple
-from tdfscal.commands.calibration import Calibration, paths_of
-from tdfscal.commands.calibration_in_use import take
-from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.arguments import SILENT, listed, triple
+from tdfscal.commands.calibration import Calibration
+from tdfscal.commands.calibration_in_use import WrenchPass, take
 from tdfscal.commands.free_path import FreePath, planned_path, read_path
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
-from tdfscal.commands.wrench_pass import WrenchPass
 from tdfscal.detection.capability import (
     Capability,
     Remedy,
@@ -26,8 +24,7 @@ from tdfscal.detection.capability import (
     beyond_contact_free,
     remedies,
 )
-from tdfscal.errors import DataError, UsageError
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
+from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
@@ -138,14 +135,22 @@ def capability(
     *,
     rig: options.RigFile = None,
     false_stops: Annotated[
-        float, Option("false stops an hour that are borne on each axis", metavar="PER_HOUR")
+        float,
+        Option("false stops an hour that are borne on each axis", metavar="PER_HOUR", least=1e-12),
     ] = 0.1,
     detect: Annotated[
-        float, Option("probability with which the smallest contact is seen", metavar="P")
+        float,
+        Option(
+            "probability with which the smallest contact is seen", metavar="P", least=0.5, below=1.0
+        ),
     ] = 0.95,
     filter: Annotated[
         float | None,
-        Option("cut-off of the controller's low-pass (Butterworth, 2nd order)", metavar="HZ"),
+        Option(
+            "cut-off of the controller's low-pass (Butterworth, 2nd order)",
+            metavar="HZ",
+            least=1e-9,
+        ),
     ] = None,
     at: options.LcsPoint = (0.0, 0.0, 0.0),
     html: options.Page = None,
@@ -157,14 +162,10 @@ def capability(
     ------
     UsageError, RigError, DataError
     """
-    files, page = listed(paths), one(html)
-    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
-    check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
-    request = _request(false_stops, detect, filter)
-    point = np.array(triple("--at", at))
-    path = planned_path(calibration, files, point)
+    request, point = Request(false_stops, detect, filter), np.array(triple("--at", at))
+    path = planned_path(calibration, listed(paths), point)
     if path is None:
-        use = take(calibration, files, one(rig))
+        use = take(calibration, paths, rig)
         progress.stage("reading the log and working out the contact wrench")
         path = read_path(WrenchPass.of(use, Settings(progress), point), request.cutoff)
     if not path.use.calibration.rotation_covariance.any():
@@ -174,24 +175,7 @@ def capability(
             hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
         )
     progress.stage("looking for thresholds")
-    result = _judged(path, request, point)
-    result.save_page(page, progress)
-    return result
-
-
-def _request(false_stops: float, detect: float, cutoff: float | None) -> Request:
-    """Check what is asked. Raises UsageError."""
-    if not 0.0 < false_stops < np.inf:
-        raise UsageError(
-            f"{false_stops:g} false stops an hour", where="--false-stops", hint="give one above 0"
-        )
-    if not 0.5 <= detect < 1.0:
-        raise UsageError(
-            f"a probability of {detect:g}", where="--detect", hint="give 0.5 or more, below 1"
-        )
-    if cutoff is not None and not 0.0 < cutoff < np.inf:
-        raise UsageError(f"a filter of {cutoff:g} Hz", where="--filter", hint="give hertz above 0")
-    return Request(false_stops, detect, cutoff)
+    return _judged(path, request, point)
 
 
 def _judged(path: FreePath, request: Request, point: FloatArray) -> CapabilityResult:

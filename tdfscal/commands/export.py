@@ -13,7 +13,6 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, one
 from tdfscal.commands.calibration import (
     Calibration,
-    paths_of,
     provisional,
     read_source,
     unsealed,
@@ -26,8 +25,6 @@ from tdfscal.detection.capability import Request, assess
 from tdfscal.errors import DataError, RejectedError
 from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.statements import ContactThresholds
-from tdfscal.files.outputs import check_outputs
-from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding
 from tdfscal.records import BCS_FRAME
@@ -79,7 +76,7 @@ def export(
     *,
     output: Annotated[
         PathLike | None,
-        options.written("default: stdout (-)", Path("-")),
+        options.written("default: stdout (-)", default=Path("-")),
     ] = None,
     parent: Annotated[
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
@@ -92,6 +89,7 @@ def export(
             Path | None,
             "FILE",
             python="or its result",
+            reads=True,
         ),
     ] = None,
     progress: options.Telling = SILENT,
@@ -106,10 +104,6 @@ def export(
         The calibration cannot be read, or the file not be written.
     """
     del progress
-    target = one(output)
-    source = None if isinstance(capability, CapabilityResult) else one(capability)
-    reads = [*paths_of([calibration]), *([] if source is None else [source])]
-    check_outputs({"--output": (target, ())}, reads)
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(
@@ -121,14 +115,13 @@ def export(
     if to in WITH_THRESHOLDS:
         if isinstance(capability, CapabilityResult):
             limits = _on_path(capability.to_dict(), loaded, "capability")
-        elif source is not None:
-            limits = _on_path(read_document(source, DataError).content, loaded, str(source))
+        elif capability is not None:
+            found = read_document(Path(capability), DataError)
+            limits = _on_path(found.content, loaded, found.source)
         else:
             limits = _at_assembly(loaded)
     text = FORMATS[to](loaded, parent, limits)
-    if target is not None:
-        write_text(target, text)
-    return ExportResult(to, text, loaded, target, tuple(map(told, _notes(name, loaded))))
+    return ExportResult(to, text, loaded, one(output), tuple(map(told, _notes(name, loaded))))
 
 
 def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:

@@ -11,9 +11,14 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import at_rest
 from tdfscal.commands.calibration import CalibrationSource, read_source
-from tdfscal.commands.calibration_in_use import InUse, calibrated, temperatures, zeros_at
+from tdfscal.commands.calibration_in_use import (
+    InUse,
+    WrenchPass,
+    calibrated,
+    temperatures,
+    zeros_at,
+)
 from tdfscal.commands.campaign import Campaign
-from tdfscal.commands.wrench_pass import WrenchPass
 from tdfscal.detection.capability import UNTIMED
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained

@@ -12,7 +12,6 @@ from tdfscal.commands.campaign import find_logs
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
-from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import LogInfo, as_document, describe_logs
@@ -74,12 +73,10 @@ def info(
     TdfscalError
         By cause: UsageError, RigError, DataError where a file cannot be read at all.
     """
-    files = listed(paths)
     part = window(from_, to)
-    loaded, fault = _rig(files, one(rig))
+    loaded, fault = _rig(listed(paths), one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
-    logs = find_logs(files, apart=apart)
-    protect(expand(logs))
+    logs = find_logs(paths, apart=apart)
     with progress.reading(expand(logs)) as share:
         found = describe_logs(logs, loaded, window=part, progress=share)
     return InfoResult(replace(found, problems=(*fault, *found.problems)))

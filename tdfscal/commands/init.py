@@ -8,16 +8,14 @@ from typing import Annotated, Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, listed, one, window
-from tdfscal.commands.campaign import find_logs, inputs_read
+from tdfscal.commands.arguments import SILENT, PathLike, window
+from tdfscal.commands.campaign import find_logs
 from tdfscal.commands.info import InfoResult
 from tdfscal.commands.result import Result
 from tdfscal.dwells import no_dwell
 from tdfscal.errors import DataError
-from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
-from tdfscal.files.saving import write_text
 from tdfscal.logs import expand
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
@@ -82,7 +80,7 @@ def init(
     *,
     output: Annotated[
         PathLike | None,
-        options.written("default: stdout (-)", Path("-")),
+        options.written("default: stdout (-)", ".yaml", ".yml", default=Path("-"), holds="yaml"),
     ] = None,
     from_: options.Begin = None,
     to: options.End = None,
@@ -97,9 +95,7 @@ def init(
         are positions and forces.
     """
     part = window(from_, to)
-    logs = find_logs(listed(paths))
-    target = one(output)
-    check_outputs({"--output": (target, (".yaml", ".yml"))}, inputs_read(listed(paths)))
+    logs = find_logs(paths)
     with progress.reading(expand(logs)) as share:
         info = describe_logs(logs, window=part, progress=share)
     first = info.contents[0]
@@ -118,9 +114,7 @@ def init(
         info.block(info.recorders),
         info.guess.notes,
     )
-    parse_rig(text.encode(), str(target or "rig.yaml"))
-    if target is not None:
-        write_text(target, text)
+    parse_rig(text.encode(), str(output or "rig.yaml"))
     return InitResult(text, info, sketch, unconfirmed(text))
 
 

@@ -1,11 +1,13 @@
-"""A log as it passes: its pieces go on to the work, what they say of their files stays here."""
+"""A campaign's log as it passes: what it says of itself and of its files, when it was recorded."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -15,10 +17,10 @@ from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_onc
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
 from tdfscal.dwells import find_dwells
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig
+from tdfscal.records import Dwells, InputFile, Log, Measured, RecorderClock, Rig
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3
@@ -35,6 +37,11 @@ _LOST = 2
 _AT_CAPACITY = 1e-6
 
 
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
+_DAY = 86400.0
+
+
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What holds for every campaign of a command.
@@ -48,6 +55,12 @@ class Settings:
     trials: int | None = None
     seed: int = 0
     command: str = ""
+
+    def __post_init__(self) -> None:
+        if self.trials == 1:
+            raise UsageError(
+                "one trial has no spread", where="--trials", hint="give 0, or 2 or more"
+            )
 
 
 @dataclass(slots=True)
@@ -160,3 +173,54 @@ def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:
             values |= {"axis": "xyz"[j], "capacity": float(rig.capacity[i, j])}
             return Finding("stops-over-capacity", (rig.supports[i],), lost, values=values)
     return Finding("stops-left-out", size=lost, values=values)
+
+
+def measured(log: LogPass) -> Measured:
+    """Tell when a campaign was recorded: by the log's clock, the rig file, or the file's date.
+
+    Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
+    """
+    if by_wall_clock(log.begin, log.end):
+        found = Measured(log.begin, log.end, "log")
+        if found.end > time.time() + _DAY:
+            raise DataError(
+                f"the log's clock says {day(found.end)}, which is in the future",
+                where=", ".join(map(str, log.campaign.logs)),
+                hint="set the recorder's clock; or let its time count from 0, and state "
+                "campaign.date in rig.yaml",
+            )
+        return found
+    for clock in log.clocks:  # where the first recorder's is none
+        begin, end = log.begin + clock.offset, log.end + clock.offset
+        if by_wall_clock(begin, end) and end < time.time() + _DAY:
+            return Measured(begin, end, "log")
+    rig, date = log.campaign.rig, log.rig.campaign.date
+    if date is not None:
+        found = stated_date(date)
+        if found.begin > time.time() + _DAY:
+            raise RigError(
+                f"the campaign's date, {date}, is in the future",
+                where=f"{rig.path}: campaign.date",
+                hint="write the day on which the log was recorded",
+            )
+        return found
+    times = [path.stat().st_mtime for path in log.campaign.logs or (rig.path,)]
+    return Measured(min(times), max(times), "file")
+
+
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether a log's times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
+def stated_date(date: str) -> Measured:
+    """Tell when a campaign was recorded by the date in its rig file."""
+    begin = datetime.fromisoformat(date)
+    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
+    end = begin + timedelta(days=1, seconds=-1) if len(date) == len("2026-01-01") else begin
+    return Measured(begin.timestamp(), end.timestamp(), "rig")
+
+
+def day(moment: float) -> str:
+    """Return the date of a moment in s since 1970."""
+    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"

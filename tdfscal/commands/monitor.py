@@ -13,29 +13,29 @@ import numpy as np
 from tdfscal.acceptance.conformity import conforming_months
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, one, window
-from tdfscal.commands.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.commands.arguments import SILENT, window
+from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.calibration_in_use import calibrated
-from tdfscal.commands.campaign import campaign_folders, inputs_read, is_other_result
-from tdfscal.commands.earlier import Earlier, read_earlier
-from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.campaign import campaign_folders, is_other_result
+from tdfscal.commands.log_pass import Settings, stated_date
 from tdfscal.commands.options import Option
-from tdfscal.commands.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.several_campaigns import (
     Read,
+    Recording,
     left_out,
     read_campaigns,
     recorded,
+    refuse_repeated,
     require_one_rig,
     unsound,
 )
+from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
@@ -105,7 +105,9 @@ class MonitorResult(Result):
 def monitor(
     *files: Annotated[
         CalibrationSource | Iterable[CalibrationSource],
-        Option("calibration files and campaign folders of one rig", list[Path], "FILE…"),
+        Option(
+            "calibration files and campaign folders of one rig", list[Path], "FILE…", reads=True
+        ),
     ],
     from_: options.Begin = None,
     to: options.End = None,
@@ -124,9 +126,8 @@ def monitor(
     DataError, RigError
         One cannot be read.
     """
-    sources, page, first = sources_of(*files), one(html), _date(since)
-    check_outputs({"--html": (page, PAGE_SUFFIXES)}, inputs_read(paths_of(sources)))
-    calibrations, folders = _sorted_out(sources)
+    first = _date(since)
+    calibrations, folders = _sorted_out(sources_of(*files))
     known = [read_earlier(source) for source in calibrations]
     like = (known[0].name, known[0].rig) if known else None
     for earlier in known[1:]:
@@ -147,14 +148,12 @@ def monitor(
     checks = [*known, *reads]
     progress.stage(f"going through {len(checks)} checks")
     life, noisy = life_of(rig, known, [recorded(read) for read in reads])
-    result = MonitorResult(
+    return MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         (*left_out(rejected), *noisy, *_findings(life, checks), *_contact(life, rig, known)),
     )
-    result.save_page(page, progress)
-    return result
 
 
 def _date(text: str | None) -> float:

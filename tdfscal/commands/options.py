@@ -1,21 +1,30 @@
-"""A command's parameters, told once: Python's help, the command line, the reference follow."""
+"""A command's parameters, told once: Python's help, the command line, the reference follow.
+
+So do its files: no output may replace what a parameter reads, and a command's function only returns
+the result from which the files are written.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, signature
+from math import inf
 from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
 from reprlib import repr as shortly
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from tdfscal.commands.arguments import Instant, Numbers, PathLike, PathLikes, Progress
+from tdfscal.commands import arguments
+from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, one
 from tdfscal.commands.calibration import CalibrationSource
+from tdfscal.commands.campaign import inputs_read
+from tdfscal.commands.result import Result
 from tdfscal.errors import UsageError, inaccessible
-from tdfscal.files.outputs import together
+from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -31,8 +40,10 @@ class Option:
     help : a clause that begins small and has no full stop. kind : its type on the command line,
     where that is not the annotation's; None there for what only Python has. metavar : what the
     help shows in its place. names : of the option, where they are not that of the parameter.
-    default : on the command line, where it is another; `...` must be given. least : smallest
-    number. python : what Python takes besides.
+    default : on the command line, where it is another; `...` must be given. least, below : smallest
+    number, and the first that is too large. python : what Python takes besides. reads : it names
+    files to read. writes : endings of a file to write, any where there is none. holds : the text of
+    the result that it gets; nothing where the function writes it while it works.
     """
 
     help: str
@@ -41,7 +52,11 @@ class Option:
     names: tuple[str, ...] = ()
     default: Any = None
     least: float | None = None
+    below: float = inf
     python: str = ""
+    reads: bool = False
+    writes: tuple[str, ...] | None = None
+    holds: str = ""
 
     @property
     def sentence(self) -> str:
@@ -92,7 +107,7 @@ class Described:
         return "|".join(words) or self.option.metavar or ("" if self.shown is bool else "N")
 
     def check(self, value: Any) -> None:
-        """Raise UsageError for what is not of the parameter's kind, or a number too small."""
+        """Raise UsageError for what is not of the parameter's kind, or a number out of bounds."""
         if self.default == () and not value:
             return
         each = value if self.repeated else (value,)
@@ -103,10 +118,11 @@ class Described:
                 where=self.flags[0],
                 hint=f"give {wanted}" if wanted else f"it means: {self.option.help}",
             )
-        least = self.option.least
-        if least is not None and value is not None and not value >= least:
+        least, below = self.option.least, self.option.below
+        if least is not None and value is not None and not least <= value < below:
+            what, end = ("small", "") if value < least else ("large", f", below {below:g}")
             raise UsageError(
-                f"{value} is too small", where=self.flags[0], hint=f"give {least:g} or more"
+                f"{value} is too {what}", where=self.flags[0], hint=f"give {least:g} or more{end}"
             )
 
 
@@ -171,11 +187,17 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
         def call(*positional: Any, **named: Any) -> Any:
             given = whole.bind(*positional, **named)
             given.apply_defaults()
-            for name, value in given.arguments.items():
-                each[name].check(value)
+            values = given.arguments
+            for name, parameter in each.items():
+                if parameter.option.reads:  # twice: an iterator would be empty then
+                    values[name] = _at_hand(values[name])
+                parameter.check(values[name])
             try:
                 with together():
-                    return function(*positional, **named)
+                    _check_files(each, values)
+                    result = function(*given.args, **given.kwargs)
+                    _write_files(each, values, result)
+                    return result
             except OSError as fault:
                 if is_short(fault):
                     raise
@@ -200,21 +222,78 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
     return make
 
 
-def written(help: str, default: Any = ..., metavar: str = "FILE", python: str = "") -> Option:
+def _check_files(parameters: Mapping[str, Described], values: Mapping[str, Any]) -> None:
+    """Refuse outputs that cannot be written, or that would replace what the command reads."""
+    reads, rig = list[Path](), None
+    outputs = dict[str, tuple[Path | None, tuple[str, ...]]]()
+    for name, parameter in parameters.items():
+        option, value = parameter.option, values[name]
+        if name == "rig":
+            rig = one(value)
+        elif option.reads:
+            reads += _paths_in(value)
+        elif option.writes is not None:
+            outputs[parameter.flags[0]] = one(value), option.writes
+    check_outputs(outputs, inputs_read(reads, rig))
+
+
+def _at_hand(value: Any) -> Any:
+    """Iterators as lists, also those in a tuple."""
+    if isinstance(value, tuple):
+        return tuple(map(_at_hand, value))
+    return list(value) if isinstance(value, Iterator) else value
+
+
+def _paths_in(value: Any) -> list[Path]:
+    """Paths, not what is in memory."""
+    if isinstance(value, list | tuple):
+        return [path for one in value for path in _paths_in(one)]
+    return [Path(value)] if isinstance(value, str | PathLike) else []
+
+
+def _write_files(
+    parameters: Mapping[str, Described], values: Mapping[str, Any], result: Result
+) -> None:
+    """Write what is asked for; a page whatever the verdict, what the gate rejects on request."""
+    written = result.exit_status == 0 or values.get("allow_rejected", True)
+    for name, parameter in parameters.items():
+        holds, path = parameter.option.holds, one(values[name]) if parameter.option.holds else None
+        if path is None or not (written or holds == "html"):
+            continue
+        if holds == "html":
+            values["progress"].stage("drawing the report")
+        result.write(path, holds)
+
+
+def written(
+    help: str,
+    *writes: str,
+    default: Any = ...,
+    metavar: str = "FILE",
+    python: str = "",
+    holds: str = "content",
+) -> Option:
     """Say what the file is that a command writes; by default it must be named."""
-    return Option(help, Path, metavar, ("--output", "-o"), default, python=python)
+    names = ("--output", "-o")
+    return Option(help, Path, metavar, names, default, python=python, writes=writes, holds=holds)
 
 
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"
 
-Paths = Annotated[PathLikes, Option("campaign folder, or log files", list[Path], "PATH")]
+Paths = Annotated[
+    PathLikes, Option("campaign folder, or log files", list[Path], "PATH", reads=True)
+]
 RigFile = Annotated[
-    PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
+    arguments.PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
 ]
 OneCalibration = Annotated[
     CalibrationSource,
     Option(
-        "calibration file; - for stdin", Path, "CALIBRATION", python="or a calibration in memory"
+        "calibration file; - for stdin",
+        Path,
+        "CALIBRATION",
+        python="or a calibration in memory",
+        reads=True,
     ),
 ]
 Begin = Annotated[
@@ -223,8 +302,14 @@ Begin = Annotated[
 ]
 End = Annotated[Instant | None, Option("use the log up to T", str | None, "T")]
 Page = Annotated[
-    PathLike | None,
-    Option("also write a report page, whatever the verdict", Path | None, "FILE"),
+    arguments.PathLike | None,
+    Option(
+        "also write a report page, whatever the verdict",
+        Path | None,
+        "FILE",
+        writes=PAGE_SUFFIXES,
+        holds="html",
+    ),
 ]
 Trials = Annotated[int | None, Option("Monte Carlo trials at most; 0 for none", least=0)]
 AllowRejected = Annotated[bool, Option("write the file even if the gate rejects it")]

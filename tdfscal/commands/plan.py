@@ -21,15 +21,13 @@ from tdfscal.commands.arguments import (
     one,
     triple,
 )
-from tdfscal.commands.campaign import inputs_read, resolve, rig_named
+from tdfscal.commands.campaign import resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
 from tdfscal.commands.samples import delay_of
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import check_outputs
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
 from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.limits import Limits, travel_limits
@@ -75,6 +73,12 @@ class PlanResult(Result):
             return time_table_csv(self.plan, self.command)
         return plan_csv(self.plan, self.command)
 
+    @property
+    def spline(self) -> str:
+        """Waypoints of a motion, CSV."""
+        assert isinstance(self.plan, MovingPlan)
+        return waypoints_csv(self.plan, self.command)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
         table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
@@ -108,7 +112,7 @@ def plan(
     *,
     output: Annotated[
         PathLike | None,
-        options.written("postures, or the time table, to drive", metavar="FILE.csv"),
+        options.written("postures, or the time table, to drive", ".csv", metavar="FILE.csv"),
     ] = None,
     postures: Annotated[
         int | None,
@@ -159,7 +163,9 @@ def plan(
     ] = None,
     given: Annotated[
         PathLikes,
-        Option("campaign or log recorded already; plan what is next", list[Path], "PATH"),
+        Option(
+            "campaign or log recorded already; plan what is next", list[Path], "PATH", reads=True
+        ),
     ] = (),
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
     duration: Annotated[float, Option("of the motion, s", metavar="S")] = 60.0,
@@ -168,7 +174,13 @@ def plan(
     ] = 0.02,
     waypoints: Annotated[
         PathLike | None,
-        Option("also write the motion's waypoints for a spline", Path | None, "FILE.csv"),
+        Option(
+            "also write the motion's waypoints for a spline",
+            Path | None,
+            "FILE.csv",
+            writes=(".csv",),
+            holds="spline",
+        ),
     ] = None,
     command: options.CommandLine = "tdfscal.plan",
     progress: options.Telling = SILENT,
@@ -179,7 +191,6 @@ def plan(
     ------
     UsageError, RigError, DataError, NotIdentifiableError
     """
-    file, spline = one(output), one(waypoints)
     postures_only = (postures, target, at) != (None, None, None) or bool(listed(given))
     if motion and (postures_only or objective != "angles"):
         raise UsageError(
@@ -187,14 +198,12 @@ def plan(
             where="--motion",
             hint="leave them out, or plan postures",
         )
-    if not motion and spline is not None:
+    if not motion and waypoints is not None:
         raise UsageError("only a motion has waypoints", where="--waypoints", hint="add --motion")
     if postures is not None and target is not None:
         raise UsageError(
             "--postures and --target ask for two different things", hint="give one of them"
         )
-    reads = inputs_read(listed(given), Path(rig))
-    check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),
@@ -211,8 +220,6 @@ def plan(
         density = DEFAULT_DENSITY if noise is None else noise
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, rng)
-        if spline is not None:
-            write_text(spline, waypoints_csv(found, command))
     else:
         before = _recorded(known, listed(given), noise or DEFAULT_NOISE, progress)
         usual = DEFAULT_NOISE if before is None else scatter_of(before)
@@ -229,10 +236,7 @@ def plan(
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
             found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
-    result = PlanResult(found, file, spline, command)
-    if file is not None:
-        write_text(file, result.content)
-    return result
+    return PlanResult(found, one(output), one(waypoints), command)
 
 
 def _recorded(rig: LoadedRig, paths: list[Path], noise: float, progress: Progress) -> Fit | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,14 +73,16 @@ def register(
         Option("measured group A is reference group B; repeatable", list[str], "A=B"),
     ] = (),
     range: Annotated[
-        float | None, Option("instrument: standard uncertainty of its range, m", metavar="M")
+        float | None,
+        Option("instrument: standard uncertainty of its range, m", metavar="M", least=0.0),
     ] = None,
     range_ppm: Annotated[
-        float | None, Option("instrument: what adds to it, ppm of the distance", metavar="P")
+        float | None,
+        Option("instrument: what adds to it, ppm of the distance", metavar="P", least=0.0),
     ] = None,
     angle_arcsec: Annotated[
         float | None,
-        Option("instrument: standard uncertainty of its angles, arcsec", metavar="A"),
+        Option("instrument: standard uncertainty of its angles, arcsec", metavar="A", least=0.0),
     ] = None,
     scale: Annotated[bool, Option("estimate a scale of the reference too")] = False,
     progress: options.Telling = SILENT,
@@ -110,15 +111,11 @@ def _instrument(*given: float | None) -> Instrument | None:
     """Return the instrument of range, range_ppm, angle_arcsec; None where none is stated."""
     if all(value is None for value in given):
         return None
-    names = ("--range", "--range-ppm", "--angle-arcsec")
     values = [0.0 if value is None else float(value) for value in given]
-    for name, value in zip(names, values, strict=True):
-        if not 0 <= value < math.inf:
-            raise UsageError(f"{value:g} is no standard uncertainty", where=name, hint="give ≥ 0")
     if not (values[0] or values[1]) or not values[2]:
         raise UsageError(
             "an instrument has an uncertainty of its range and one of its angles",
-            where=", ".join(names),
+            where="--range, --range-ppm, --angle-arcsec",
             hint="state both, as in --range 1e-5 --range-ppm 5 --angle-arcsec 2",
         )
     return Instrument(*values)

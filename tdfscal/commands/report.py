@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, one
+from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.calibration import (
     ANGLE_COLUMNS,
     Calibration,
     CalibrationSource,
     angle_rows,
-    paths_of,
     read_sources,
     sources_of,
 )
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, put_side_by_side, several_document, several_report
 
@@ -73,14 +72,26 @@ class ReportResult(Result):
 def report(
     *files: Annotated[
         CalibrationSource | Iterable[CalibrationSource],
-        Option("calibration files; - for stdin", list[Path], "FILE"),
+        Option("calibration files; - for stdin", list[Path], "FILE", reads=True),
     ],
     previous: Annotated[
         CalibrationSource | None,
-        Option("the calibration before: what was found, what is left", Path | None, "FILE"),
+        Option(
+            "the calibration before: what was found, what is left",
+            Path | None,
+            "FILE",
+            reads=True,
+        ),
     ] = None,
     html: Annotated[
-        PathLike | None, Option("also write one HTML page; - for stdout", Path | None, "FILE")
+        PathLike | None,
+        Option(
+            "also write one HTML page; - for stdout",
+            Path | None,
+            "FILE",
+            writes=PAGE_SUFFIXES,
+            holds="html",
+        ),
     ] = None,
     progress: options.Telling = SILENT,
 ) -> ReportResult:
@@ -91,15 +102,11 @@ def report(
     UsageError, DataError
         A file cannot be read, is no calibration, or they are of different supports.
     """
-    sources, page = sources_of(*files), one(html)
-    before = [] if previous is None else [previous]
-    check_outputs({"--html": (page, PAGE_SUFFIXES)}, paths_of([*sources, *before]))
+    sources, before = sources_of(*files), [] if previous is None else [previous]
     if before and len(sources) > 1:
         raise UsageError(
             "--previous goes with one calibration",
             hint="name one file besides, or leave --previous out: several are compared anyway",
         )
     named = read_sources([*sources, *before])
-    result = ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)
-    result.save_page(page, progress)
-    return result
+    return ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
 from tdfscal.records import ANGLES, FloatArray
@@ -89,19 +88,14 @@ class Result(ABC):
     @property
     def html(self) -> str:
         """The result as a page; empty where it has none."""
-        return self._rendered(self.drawings())
-
-    def _rendered(self, drawings: tuple[Drawing, ...]) -> str:
         from tdfscal.reporting.html import render
 
-        page = self._page(drawings)
+        page = self._page(self.drawings())
         return "" if page is None else render(page)
 
-    def save_page(self, page: Path | None, progress: Progress = SILENT) -> None:
-        """Write the result's page, where one is asked for. Raises UsageError."""
-        if page is not None:
-            progress.stage("drawing the report")
-            write_text(page, self._rendered(self.drawings()))
+    def write(self, path: Path, holds: str) -> None:
+        """Write one of its texts, such as `html`, to a file. Raises UsageError."""
+        write_text(path, getattr(self, holds))
 
     @property
     def notes(self) -> tuple[str, ...]:

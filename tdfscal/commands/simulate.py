@@ -9,17 +9,15 @@ from typing import Annotated, Any
 
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike
+from tdfscal.commands.campaign import rig_named
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import check_folder, protect
-from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.files.outputs import check_folder
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
-
-#: Samples per second that a recorder can have.
-RATES = (10.0, 20e3)
 
 #: What the help says of the scenarios.
 _SCENARIOS = (
@@ -76,7 +74,9 @@ def simulate(
     postures: Annotated[int, Option("number of postures", least=1)] = 24,
     tilt: Annotated[float, Option("largest tilt, degrees")] = 5.0,
     squeeze: Annotated[float, Option("commanded internal forces, N")] = 200.0,
-    rate: Annotated[float, Option("samples per second of all signals", least=10.0)] = 100.0,
+    rate: Annotated[
+        float, Option("samples per second of all signals", least=10.0, below=20_001.0)
+    ] = 100.0,
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
     seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
     force: Annotated[bool, Option("replace what is in the folder")] = False,
@@ -90,14 +90,7 @@ def simulate(
     """
     scenario = scenario.lower()
     check_folder(Path(folder))
-    if not RATES[0] <= rate <= RATES[1]:
-        raise UsageError(
-            f"{rate:g} Hz is no rate of a recorder",
-            where="--rate",
-            hint=f"give {RATES[0]:g} to {RATES[1]:g}",
-        )
-    protect([Path(rig)] if rig else [])
-    loaded = load_rig(Path(rig)) if rig else None
+    loaded = rig_named(rig) if rig else None
     progress.stage(f"simulating {postures} postures")
     played = simulate_to_folder(
         Path(folder),

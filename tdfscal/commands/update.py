@@ -1,45 +1,157 @@
-"""`update`: the last calibration, its walk since, and a new campaign."""
+"""`update`: the last calibration, as what is known before, its walk since, and a new campaign."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, check_trials, listed, one, window
+from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.calibration import Calibration, as_calibration, paths_of
-from tdfscal.commands.campaign import campaign_folders, inputs_read
-from tdfscal.commands.earlier import Earlier, read_earlier
-from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.recordings import day, refuse_repeated
+from tdfscal.commands.calibration import Calibration, CalibrationSource, as_calibration, read_source
+from tdfscal.commands.calibration_in_use import calibrated
+from tdfscal.commands.campaign import campaign_folders
+from tdfscal.commands.log_pass import Settings, day
 from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     Read,
+    Recording,
     calibrate_informed,
     left_out,
     misfit_finding,
     read_campaigns,
+    refuse_repeated,
     unsound,
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
+from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.errors import UsageError
 from tdfscal.estimation.observation import eliminate, of_estimate
-from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
+from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
+from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.calibration.statistics import campaign_document
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding, Value
-from tdfscal.model.earlier import information_of
+from tdfscal.model.calibrated import with_rotations
+from tdfscal.model.earlier import constants_known, information_of
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
-from tdfscal.records import Rig
+from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Earlier(EarlierCalibration):
+    """A calibration file as what is known before another campaign."""
+
+    file: Calibration
+
+    @property
+    def inputs(self) -> list[InputFile]:
+        """The files that it was calibrated from."""
+        return [entry.record() for entry in self.file.inputs]
+
+    def campaigns(self) -> tuple[dict[str, Any], ...]:
+        """The campaigns that it stands on, as a file lists them."""
+        if self.file.campaigns:
+            return tuple(c.model_dump(mode="json") for c in self.file.campaigns)
+        return (_alone(self),)
+
+    def recordings(self) -> list[Recording]:
+        """The recordings that it stands on."""
+        if not self.file.campaigns:
+            return [Recording(self.name, self.inputs, self.measured)]
+        return [
+            Recording(
+                c.name, [i.record() for i in c.inputs], c.measured.record() if c.measured else None
+            )
+            for c in self.file.campaigns
+        ]
+
+    def history(self) -> tuple[dict[str, Any], ...]:
+        """The calibrations that one which stands on this one stands on."""
+        own = {
+            "created": self.file.created,
+            "measured": measured_document(self.measured),
+            "method": self.file.method,
+            "sha256": self.sha256,
+        }
+        return (*(entry.model_dump(mode="json") for entry in self.file.history), own)
+
+
+def read_earlier(source: CalibrationSource) -> Earlier:
+    """Read a calibration as what is known before another campaign.
+
+    Raises DataError, UsageError where it is none, or cannot be read.
+    """
+    name, file = read_source(source)
+    known = calibrated(file, name)
+    covariance = known.covariance
+    if file.parameters is not None and file.parameters.unscaled is not None:
+        covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
+    # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
+    alone = () if file.fit is None or file.motion is not None else (file.fit,)
+    fits = file.campaigns or alone
+    in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
+    content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
+    last = file.history[-1] if file.history else None
+    return Earlier(
+        name=name,
+        file=file,
+        rig=known.rig,
+        state=known.state,
+        information=constants_known(known.rig, covariance),
+        determined=file.determined,
+        measured=_measured(file),
+        sha256=sha256(content).hexdigest(),
+        chi2=sum(fit.chi2 for fit in fits),
+        dof=sum(fit.dof for fit in fits),
+        base=None if last is None else (last.sha256, last.created),
+        pooled=bool(file.campaigns),
+    )
+
+
+def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
+    """Covariance (P, P) with that of the determined sensors' turns replaced by their own."""
+    stand = np.zeros(len(covariance), dtype=np.bool_)
+    stand[: 3 * len(determined)] = np.repeat(determined, 3)
+    order = np.argsort(~stand, kind="stable")  # with_rotations replaces the first block
+    back = np.argsort(order)
+    moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
+    return np.asarray(moved[np.ix_(back, back)])
+
+
+def _measured(file: CalibrationFile) -> Measured:
+    """When its data were recorded; a file of old says when it was computed."""
+    if file.measured is not None:
+        return file.measured.record()
+    moment = datetime.fromisoformat(file.created).timestamp()
+    return Measured(moment, moment, "file")
+
+
+def _alone(earlier: Earlier) -> dict[str, Any]:
+    """The one campaign of a calibration, as a file with several lists it."""
+    file = earlier.file
+    return {
+        "name": earlier.name,
+        "measured": measured_document(earlier.measured),
+        "inputs": file.inputs,
+        "zero": [support.zero for support in file.supports],
+        "zero_std": [support.zero_std for support in file.supports],
+        "terminal": file.terminal,
+        "postures": 0 if file.fit is None else file.fit.postures,
+        "chi2": earlier.chi2,
+        "dof": earlier.dof,
+    }
 
 
 @options.command("update calibration.yaml this-month -o updated.yaml", output="content")
@@ -52,7 +164,8 @@ def update(
     to: options.End = None,
     trials: options.Trials = None,
     output: Annotated[
-        PathLike | None, options.written("file to write, .yaml or .json; - for stdout")
+        PathLike | None,
+        options.written("file to write, .yaml or .json; - for stdout", *CALIBRATION_SUFFIXES),
     ] = None,
     html: options.Page = None,
     allow_rejected: options.AllowRejected = False,
@@ -70,24 +183,14 @@ def update(
         By cause: UsageError (another rig, a campaign older than the calibration), RigError,
         DataError, NotIdentifiableError, NotConvergedError.
     """
-    target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
-    check_trials(trials)
-    check_outputs(
-        {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
-        inputs_read(files, rig_file, files=paths_of([calibration])),
-    )
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
     earlier = read_earlier(calibration)
-    groups = campaign_folders(files, rig_file)
-    reads = read_campaigns(groups, settings, rig_file, like=(earlier.name, earlier.rig))
+    groups = campaign_folders(paths, rig)
+    reads = read_campaigns(groups, settings, rig, like=(earlier.name, earlier.rig))
     _check(earlier, reads)
     for read in reads[:-1]:
         earlier = read_earlier(_updated(earlier, read, 0))
-    result = _updated(earlier, reads[-1], trials)
-    if target is not None and (result.accepted or allow_rejected):
-        save_calibration(result, target)
-    result.save_page(page, progress)  # whatever the verdict
-    return result
+    return _updated(earlier, reads[-1], trials)
 
 
 def _check(earlier: Earlier, reads: Sequence[Read]) -> None:

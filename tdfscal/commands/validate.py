@@ -10,16 +10,14 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, listed, one, window
-from tdfscal.commands.calibration import Calibration, paths_of
+from tdfscal.commands.arguments import SILENT, window
+from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.calibration_in_use import InUse, take, zero_age
-from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.errors import TdfscalError
-from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs
 from tdfscal.findings import Finding
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
@@ -136,20 +134,14 @@ def validate(
     ------
     UsageError, RigError, DataError
     """
-    files, page = listed(paths), one(html)
-    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
-    check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
-    settings = Settings(progress, window(from_, to))
-    use = take(calibration, files, one(rig))
-    log = LogPass(use.campaign, settings)
+    use = take(calibration, paths, rig)
+    log = LogPass(use.campaign, Settings(progress, window(from_, to)))
     with log.explaining():
         result = _tested(use, log, samples)
     # What the log says of itself comes with its dwells.
     found = (*use.findings, *_used_before(use, log, result), *result.findings)
     asked, inputs = (use.name, command), tuple(log.inputs)
-    verdict = ValidateResult(result, use.calibration, found, inputs, asked)
-    verdict.save_page(page, progress)
-    return verdict
+    return ValidateResult(result, use.calibration, found, inputs, asked)
 
 
 def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:

@@ -32,14 +32,15 @@ class Outputs:
     """Files of one command, on their way.
 
     staged : by place, where the file is written until then. removed : files that go as these
-    appear. folders : made for them. protected : files that the command reads. appeared : they are
-    in their places, and stay there.
+    appear. folders : made for them. protected : files that the command reads. asked : places that
+    its options name. appeared : they are in their places, and stay there.
     """
 
     staged: dict[Path, Path] = field(default_factory=dict)
     removed: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
+    asked: list[Path] = field(default_factory=list)
     appeared: bool = False
 
     def stage(self, path: Path) -> Path:
@@ -147,10 +148,12 @@ def make_folder(path: Path) -> Path:
 
 
 def protect(inputs: Iterable[Path]) -> None:
-    """Let none of these files be replaced by the outputs that are under way."""
+    """Let none of these files be replaced by the outputs that are under way. Raises UsageError."""
     outputs = _current.get()
     if outputs is not None:
         outputs.protected |= _identities(inputs)
+        for path in outputs.asked:
+            checked_place(path, outputs.protected)
 
 
 def check_outputs(
@@ -166,6 +169,8 @@ def check_outputs(
     """
     protect(inputs)
     protected, options = _identities(inputs), dict[Path, str]()
+    if (current := _current.get()) is not None:
+        current.asked = [path for path, _ in outputs.values() if path is not None]
     for option, (path, suffixes) in outputs.items():
         if path is None:
             continue

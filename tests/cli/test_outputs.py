@@ -90,6 +90,8 @@ def test_no_output_replaces_an_input(
     line: str, suffix: str, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reads = [name for name in INPUTS if name.split("/")[0] in line]
+    if line.startswith("init"):  # of a survey it knows nothing
+        reads = [name for name in reads if "tracker" not in name]
     assert reads
     before = contents(home)
     for name in reads:

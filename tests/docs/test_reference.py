@@ -7,7 +7,7 @@ import re
 import pytest
 
 from docs.generate import generated
-from tdfscal.cli.app import COMMANDS, described, made
+from tdfscal.cli.app import COMMANDS, described, made, summary
 from tdfscal.dwells import DwellOptions
 from tdfscal.errors import (
     DataError,
@@ -34,7 +34,7 @@ def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
     """Its first sentence, and every parameter's help."""
     command = described(name)
     doc = str(command.function.__doc__)
-    assert doc.startswith(COMMANDS[name][1])
+    assert doc.startswith(summary(name))
     shown = {p.name: p.help for p in made(name).params}
     for p in command.parameters:
         assert shown[p.name] == p.option.sentence

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 
-from tdfscal.commands.calibration import angles_frame
+from tdfscal.commands.calibration import Calibration as InPython
 from tdfscal.exports.certificate import certificate
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.from_results import from_self
@@ -76,7 +76,7 @@ def test_frame_text_page_and_certificate_leave_it_out(
     upright: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sketch(monkeypatch)
-    frame = angles_frame(upright)
+    frame = InPython.of(upright).to_frame()
     own = frame["support"] == f"s{UPRIGHT}"
     assert frame.loc[own, ["low", "high"]].isna().all(axis=None)
     assert frame.loc[~own, ["low", "high"]].notna().all(axis=None)
