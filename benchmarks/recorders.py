@@ -15,6 +15,8 @@ uncertainties. d²/3n, inside : of the truth.
 from __future__ import annotations
 
 import argparse
+import resource
+import subprocess
 import tempfile
 import time
 from dataclasses import replace
@@ -28,6 +30,7 @@ from benchmarks.frame import heads, over, row
 from tdfscal import calibrate
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
+from tdfscal.files.writers.campaign import write_run
 from tdfscal.logs import concatenate
 from tdfscal.logs.recorders import on_one_clock
 from tdfscal.model.dynamics import DELAY, RATE
@@ -195,11 +198,9 @@ def wrong(seed: int, what: str) -> str:
     return "accepted" if found.accepted else "rejected"
 
 
-def cost(seed: int) -> tuple[float, float]:
-    """Processor time of one file with all samples, and of two recorders' files, s."""
-    from tdfscal.files.writers.campaign import write_run
-
-    of = played("self", seed, 250.0, 60)
+def cost(seed: int, postures: int) -> tuple[float, float]:
+    """Processor time of the command on one file with all samples, and on two recorders', s."""
+    of = played("self", seed, 250.0, postures)
     assert of.campaign is not None
     with tempfile.TemporaryDirectory() as place:
         folders = Path(place) / "one", Path(place) / "two"
@@ -211,9 +212,10 @@ def cost(seed: int) -> tuple[float, float]:
         )
         spent = []
         for folder in folders:
-            begin = time.process_time()
-            calibrate([folder], trials=0)
-            spent.append(time.process_time() - begin)
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run(["tdfscal", "calibrate", str(folder)], capture_output=True, check=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return spent[0], spent[1]
 
 
@@ -238,10 +240,11 @@ def main() -> None:
             told = ", ".join(f"{ends.count(end)} {end}" for end in sorted(set(ends)))
             print(row(what, len(ends), told))
     else:
-        print(heads("run", "one file, s", "two recorders, s", "ratio"))
-        for seed in seeds:
-            one, two = cost(seed)
-            print(row(seed, f"{one:.2f}", f"{two:.2f}", f"{two / one:.2f}"))
+        print(heads("postures", "run", "one file, s", "two recorders, s", "ratio"))
+        for postures in (12, 60):
+            for seed in seeds:
+                one, two = cost(seed, postures)
+                print(row(postures, seed, f"{one:.2f}", f"{two:.2f}", f"{two / one:.2f}"))
 
 
 if __name__ == "__main__":

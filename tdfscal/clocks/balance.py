@@ -116,11 +116,6 @@ class Balance:
         gram = rows.T @ rows / len(rows)
         return _search(gram, _linear_rotations(gram, self.n) if start is None else start)
 
-    def tangent(self, time: FloatArray, lag: FloatArray | float, model: Model) -> FloatArray:
-        """Slopes (N, 6, 6n + 11) of the residual by turns of the sensors and by what is linear."""
-        rows, k = self._features(time, lag)[0].rows(), 9 * self.n
-        return np.concatenate([rows[:, :, :k] @ _turns(model.rotation), rows[:, :, k:]], axis=2)
-
     def residual(
         self, time: FloatArray, lag: FloatArray | float, model: Model, ahead: float = 0.0
     ) -> FloatArray:
@@ -129,6 +124,15 @@ class Balance:
         left = features.residual(model)
         left[~known] = np.nan
         return left
+
+    def linearised(
+        self, time: FloatArray, lag: FloatArray, model: Model
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residuals as above, and their slopes (N, 6, 6n + 11) by turns and by what is linear."""
+        features, known = self._features(time, lag)
+        left, rows, k = features.residual(model), features.rows(), 9 * self.n
+        left[~known] = np.nan
+        return left, np.concatenate([rows[:, :, :k] @ _turns(model.rotation), rows[:, :, k:]], 2)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,12 @@ from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 _WIDTH = 0.1  # s, of a bin of activity
 _BINS = 1 << 16
 _OVERLAP = 0.25  # shortest, as a share of the shorter recording
-_CANDIDATES = 24
+_CANDIDATES, _LEAST = 24, 8  # lags looked at, at most and at least,
+_FAINT = 0.1  # by their share of the best one's evidence
 _REFINED = 5  # candidates whose lags are brought to the least misfit,
 _NEAR = 5.0  # where theirs is this many times the least, at most
 _INSTANTS = 240  # on which a candidate is judged
+_SPACING = 0.08  # s, of instants at the least
 _STEP = 0.3  # s, between the lags of which a parabola is the misfit
 _DENSE = 10_000  # instants on which offset and rate are refined
 _ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
@@ -105,6 +107,8 @@ class _Search:
         """Lags at which both are active together, the likeliest first."""
         longest, courses = max(self.spans), self.courses
         found = peaks(*courses, self.width, _OVERLAP * min(self.spans), _CANDIDATES)
+        faint = _FAINT * found[0].evidence if found else 0.0
+        found = [p for k, p in enumerate(found) if k < _LEAST or p.evidence > faint]
         if np.isfinite(self.std):
             reach = 5.0 * self.std + self.prior.rate_std * longest + _STEP
             found = [p for p in found if abs(p.lag - self.stated) <= reach]
@@ -179,7 +183,7 @@ class _Search:
         begin, end = max(0.0, -lag), min(self.spans[0], self.spans[1] - lag)
         if end <= begin:
             return np.empty(0)
-        return np.linspace(begin, end, min(most, max(int((end - begin) / 0.04), 2)))
+        return np.linspace(begin, end, min(most, max(int((end - begin) / _SPACING), 2)))
 
     def _nearer(self, candidate: _Candidate) -> _Candidate:
         """The same at the least misfit near it, by parabolas of its square."""

@@ -9,9 +9,9 @@ from tdfscal.numerics.distributions import widening
 from tdfscal.records import FloatArray
 
 _ROUNDS = 4
-_FITTED = 1500  # instants for the mounting
+_FITTED = 600  # instants for the mounting
 _FEWEST, _BLOCKS = 6, 24
-_SETTLED = 1e-5  # s
+_SETTLED = 0.05  # of the lag's standard uncertainty
 _LEAST = 0.02  # of the slowest stream's period, that no number of moves tells better
 
 
@@ -44,15 +44,15 @@ def refine(
         found = balance.fit(some, line[0] + line[1] * (some - middle), model.rotation)
         model = found or model
         course = line[0] + line[1] * (time - middle)
-        left = balance.residual(time, course, model)
+        left, others = balance.linearised(time, course, model)
         after = balance.residual(time, course, model, h)
         slope = (balance.residual(time, course, model, -h) - after) / (2 * h)
         known = np.isfinite(left).all(axis=1) & np.isfinite(slope).all(axis=1)
         columns = np.stack([left, slope, slope * (time - middle)[:, None]], axis=2)[known]
-        columns = _without(columns, balance.tangent(time[known], course[known], model))
+        columns = _without(columns, others[known])
         step, covariance = _step(columns, blocks, lost, line[1], rate_std)
         line = line + step
-        if abs(step[0]) < _SETTLED:
+        if step[0] ** 2 < _SETTLED**2 * covariance[0, 0]:
             break
     covariance[0, 0] += (_LEAST * slowest) ** 2
     return line, covariance

@@ -35,10 +35,12 @@ class Track:
 
     def at(self, time: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Values (N, 3) at times (N,), and where no hole of the stream is bridged (N,)."""
-        value = np.stack([np.interp(time, self.time, c) for c in self.value.T], axis=1)
         after = np.clip(np.searchsorted(self.time, time), 1, max(len(self.time) - 1, 1))
-        close = self.time[after] - self.time[after - 1] <= self.hole
-        return value, np.asarray(close & (time >= self.time[0]) & (time <= self.time[-1]))
+        before, width = self.time[after - 1], self.time[after] - self.time[after - 1]
+        share = np.clip((time - before) / np.maximum(width, 1e-12), 0.0, 1.0)[:, None]
+        value = (1.0 - share) * self.value[after - 1] + share * self.value[after]
+        known = (width <= self.hole) & (time >= self.time[0]) & (time <= self.time[-1])
+        return np.asarray(value), np.asarray(known)
 
 
 @dataclass(frozen=True, slots=True)
