@@ -3,6 +3,8 @@
 A quantity that the rig file states without uncertainty has no part in the budget, and tests hardly
 see its error: 1 mrad of level turns every sensor by 1 mrad and leaves no residual. The angles give
 way to an error a (true less stated) along whitened columns c by J⁺ c a, J of all that is estimated.
+A tare is named likewise where it is stated to be better than tares are: with the covariance C of
+the estimate an error a of what is stated to s moves it by −C a/s².
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from tdfscal.estimation.fit import Fitted, information
 from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY
-from tdfscal.model.parameters import layout
+from tdfscal.model.parameters import layout, prior_std
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
@@ -52,8 +54,11 @@ _TYPICAL = (
     ("hinge", "hinge drawing", 1e-4, "m"),
     ("datum", "servo datums", 1e-4, "m"),
     ("sensitivity", "gain, crosstalk", 1e-3, "relative"),
-    ("zero", "zeros", 0.5, "N"),
+    ("zero", "zeros", 1.0, "N"),
 )
+#: What is as good as exact where it is stated to less than this share of a typical error: under a
+#: load that hardly varies no residual shows a tare that was none.
+_TRUSTED = {"zero": 0.5}
 #: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
 _DELAY = 1e-3
 #: What of these is the terminal's, and the code of its finding.
@@ -75,7 +80,7 @@ def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
         out[free] = (parts.root @ known)[: len(free)]
         return out
 
-    found = []
+    stated, found = prior_std(of.rig), []
     for group, name, error, unit in _TYPICAL:
         index = np.arange(place[group].start, place[group].stop)
         mass = float(of.still.mass) if group == "mass" else 1.0
@@ -83,13 +88,27 @@ def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
         if group == "sensitivity":
             size[np.arange(len(index)) % 6 >= 3] *= _CROSSTALK
         exact = ~of.active[index]
-        if not exact.any():
+        trusted = ~exact & (stated[index] < _TRUSTED.get(group, 0.0) * size)
+        if not (exact | trusted).any():
             continue
         wrong = columns[:, index[exact]] * size[exact]
         known = left.T @ wrong
-        moves, shows = moved(known), np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
+        shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
+        # What is estimated moves with what is stated, and that is off by −a.
+        own = parts.root[np.searchsorted(free, index[trusted])].T
+        pull = size[trusted] / stated[index[trusted]] ** 2
+        moves = moved(np.concatenate([known, -own * pull], axis=1))
+        left_over = (size[trusted] / stated[index[trusted]]) ** 2
+        left_over -= np.sum((own * pull) ** 2, axis=0)
         found.append(
-            ExactQuantity(name, error, unit, moves[place["rotation"]], moves[place["zero"]], shows)
+            ExactQuantity(
+                name,
+                error,
+                unit,
+                moves[place["rotation"]],
+                moves[place["zero"]],
+                np.concatenate([shows, left_over]),
+            )
         )
     if len(of.active) > P and not of.active[P + DELAY]:
         moves = moved(left.T @ (_DELAY * columns[:, [P + DELAY]]))

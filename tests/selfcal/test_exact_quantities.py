@@ -79,6 +79,24 @@ def test_a_barycentre_taken_as_exact_moves_the_angles_as_predicted() -> None:
     np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
 
 
+@pytest.mark.parametrize("std", [0.1, 0.0])
+def test_a_tare_stated_as_too_good_moves_the_angles_as_predicted(std: float) -> None:
+    stated = make_rig(zero_std=std, declared=QUIET)
+    off = np.array([1.0, -0.5, 0.0])
+    real = replace(stated, zero=UncertainValue(stated.zero.value.copy(), stated.zero.std))
+    real.zero.value[1] += off
+    right, _ = calibrated(stated, stated)
+    wrong, _ = calibrated(stated, real)
+    predicted = quantity(right, "zeros").reshape(9, 3, 3)[:, 1] @ off
+    assert np.abs(predicted).max() > 1e-4
+    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
+
+
+def test_a_tare_that_is_stated_as_tares_are_is_not_taken_as_exact() -> None:
+    right, _ = calibrated(make_rig(zero_std=0.5), make_rig(zero_std=0.5))
+    assert "zeros" not in {quantity.name for quantity in exact_quantities(right.fit)}
+
+
 def test_what_is_declared_is_not_taken_as_exact() -> None:
     right, _ = calibrated(RIG, RIG)
     names = {q.name for q in exact_quantities(right.fit)}
