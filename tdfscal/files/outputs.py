@@ -9,7 +9,6 @@ import contextlib
 import os
 import secrets
 import shutil
-import signal
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -21,8 +20,6 @@ from tdfscal.files.yaml import shorten
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")
-#: What ends a run from outside; it waits while files are moved into their places.
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Device and inode of a file, whatever its name.
 Identity = tuple[int, int]
 
@@ -44,36 +41,34 @@ class Outputs:
     appeared: bool = False
 
     def stage(self, path: Path) -> Path:
-        """Return where to write what shall appear at `path`. Raises UsageError."""
-        with writing(path):
-            place = checked_place(path, self.protected)
-            if place in self.staged:
-                raise UsageError(
-                    "two outputs go to one file", where=str(path), hint="choose another name"
-                )
-            self.staged[place] = beside = _beside(place)
+        """Return where to write what shall appear at `path`. Raises UsageError, OSError."""
+        place = checked_place(path, self.protected)
+        if place in self.staged:
+            raise UsageError(
+                "two outputs go to one file", where=str(path), hint="choose another name"
+            )
+        self.staged[place] = beside = _beside(place)
         return beside
 
     def appear(self) -> None:
-        """Put everything in its place. Raises UsageError; then nothing has changed."""
-        files = {p: beside for p, beside in self.staged.items() if not _is_device(p)}
+        """Put everything in its place. Raises UsageError before anything has changed."""
         for place, beside in self.staged.items():
             with writing(place):
                 checked_place(place, self.protected)
-                if place not in files:
+                if place.is_file():
+                    beside.chmod(place.stat().st_mode & 0o7777)
+                elif _is_device(place):
                     with place.open("wb") as sink, beside.open("rb") as source:
                         shutil.copyfileobj(source, sink)
-                elif place.exists():
-                    beside.chmod(place.stat().st_mode & 0o7777)
-        with _undisturbed():
-            for place, beside in files.items():
-                with writing(place):
+        for place, beside in self.staged.items():
+            with writing(place):
+                if not _is_device(place):
                     beside.replace(place)
-            for path in self.removed:
-                path.unlink(missing_ok=True)
-            self.appeared = bool(self.staged)
-            self.folders.clear()
-            self.vanish()
+        for path in self.removed:
+            path.unlink(missing_ok=True)
+        self.appeared = bool(self.staged)
+        self.folders.clear()
+        self.vanish()
 
     def vanish(self) -> None:
         """Remove what has not appeared."""
@@ -123,7 +118,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Inside `together` that is the end of all outputs. At an exception an existing file stays as it
     was and no trace is left. Raises UsageError where the folder is missing or cannot be written.
     """
-    with together() as outputs:
+    with together() as outputs, writing(path):
         beside = outputs.stage(path)
         try:
             yield beside
@@ -138,11 +133,9 @@ def make_folder(path: Path) -> Path:
 
     Raises UsageError.
     """
-    outputs = _current.get()
-    with writing(path):
+    with together() as outputs, writing(path):
         missing = [p for p in (path, *path.parents) if not p.exists()]
         path.mkdir(parents=True, exist_ok=True)
-    if outputs is not None:
         outputs.folders += missing
     return path
 
@@ -275,17 +268,3 @@ def _beside(place: Path) -> Path:
         handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     os.close(handle)
     return beside
-
-
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Let signals that end a run wait."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    ours = {getattr(signal, name) for name in _SIGNALS}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ours)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

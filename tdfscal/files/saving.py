@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from tdfscal.files.outputs import replacing, writing
+from tdfscal.files.outputs import replacing
 from tdfscal.files.yaml import plain_scalar
 
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, whole or not at all. Raises UsageError where that is not possible."""
-    with replacing(path) as beside, writing(path):
+    with replacing(path) as beside:
         beside.write_text(text, encoding="utf-8", newline="\n")
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.evidence_model import MotionResult
-from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.numerics.distributions import student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise, half_widths, headline
+from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import campaign, exact_tables, overdue, provenance
 from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE

@@ -21,9 +21,9 @@ from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.evidence_model import LeftOutStretch
-    from tdfscal.files.calibration.log_time import Clock
     from tdfscal.files.calibration.parts import ClockResult, Input, RejectedPosture, ResidualWrench
     from tdfscal.motioncal.blocks import Stretch
+    from tdfscal.reporting.figures.log_time import Clock
 
 Row = tuple[str, ...]
 #: The text of a table's column for the angle j of the sensor i.

@@ -11,11 +11,11 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.catalogue import cure, documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.log_time import clock_from
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting import layout
+from tdfscal.reporting.figures.log_time import clock_from
 from tdfscal.reporting.layout import Drawing, Report, Section, Table, chi_squared
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import NOISE, Cause

@@ -13,10 +13,10 @@ from rich.console import Console
 
 from tdfscal.catalogue import document
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.log_time import clock
 from tdfscal.findings import Finding, Value
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.history import short
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files import WRENCH_WRITER
-from tdfscal.files.outputs import check_suffix, replacing, writing
+from tdfscal.files.outputs import check_suffix, replacing
 from tdfscal.files.writers.logs import WRENCH, definition, recorder, stamped
 from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
@@ -59,7 +59,7 @@ def write_wrenches(
     check_suffix(path, SUFFIXES)
     rows = 0
     text, mcap = path.suffix.lower() == ".csv", path.suffix.lower() == ".mcap"
-    with replacing(path) as beside, writing(path):
+    with replacing(path) as beside:
         sink = recording(beside, about, frame) if mcap else _table(beside, about, text=text)
         with sink as append:
             for piece in numbers_only(pieces):

@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.log_time import Clock, clock_from, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray
 from tdfscal.reporting.figures import ink, style
+from tdfscal.reporting.figures.log_time import Clock, clock_from, log_clock
 from tdfscal.reporting.figures.style import Drawing, figure, legend_above, legend_outside
 
 #: Height of a panel of forces, inches.
