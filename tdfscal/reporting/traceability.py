@@ -27,7 +27,7 @@ _CAPTION = (
 _UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
           "of it": (100.0, "%")}  # fmt: skip
 #: Quantities named in one sentence, and the share of the half width from which on they are.
-_NAMED, _NOTABLE = 2, 0.1
+_NAMED, _NOTABLE = 3, 0.1
 #: Standard uncertainties of the rig file's block, by the words for what they are of.
 _DECLARED = {
     "positioner": "NCP repeatability",
@@ -120,9 +120,9 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
     named = [q for q in found if worst[q.name] > _NOTABLE * half_width][:_NAMED]
     parts = [
         f"{q.name} ({_typical_error(q)}{by} by {1e3 * worst[q.name]:.2g} mrad)"
-        for q, by in zip(named, (" would move an angle", ""), strict=False)
+        for q, by in zip(named, (" would move an angle", "", ""), strict=False)
     ]
-    return f"Taken as exact: {' and '.join(parts)}." if parts else ""
+    return f"Taken as exact: {'; '.join(parts)}." if parts else ""
 
 
 def exact_tables(c: Calibration) -> tuple[Table, ...]:
