@@ -179,9 +179,10 @@ def table_contents(
     for name, kind, unit in columns:
         found = numbers.get(name)
         fields.append(Field(name, kind, unit, *(extremes(found.value) if found else (None, None))))
-        step = float(np.median(np.diff(found.first))) if found and found.first.size > 1 else 0.0
-        if found and found.value.size > 1 and (np.diff(found.value) >= 0).all() and step > 0:
-            times.append(Column(name, unit, found.value, step))
+        if found and found.value.size > 1 and np.isfinite(found.value).all():
+            step = float(np.median(np.diff(found.first)))
+            if step > 0 and (np.diff(found.value) >= 0).all():
+                times.append(Column(name, unit, found.value, step))
     stated = {name: unit for name, _, unit in columns}
     vectors = []
     by_letter = axes_of(list(numbers))

@@ -89,12 +89,17 @@ class ParquetLog(LogFile):
                 for f in leaves
                 if is_text(f) and f.path not in twice and (first := _dates(file, f.path))
             }
-            elements = [name for column in lists_of(file) for name in _elements(file, column)]
             small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
-            small += [*dated, *elements]
-            for begin in range(0, len(small), _TOGETHER):
-                portion = small[begin : begin + _TOGETHER]
-                looked_at = _looked_at(file, portion)
+            small += dated
+            lists = [_elements(file, column) for column in lists_of(file)]
+            portions = [small[k : k + _TOGETHER] for k in range(0, len(small), _TOGETHER)]
+            elements: list[str] = []
+            for portion in (*portions, *lists):
+                try:
+                    looked_at = _looked_at(file, portion)
+                except DataError:  # rows of a list that have fewer numbers than the first
+                    continue
+                elements += portion if portion in lists else []
                 most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
                 for name in portion if looked_at else ():
                     parts = [(row, table.column(name)) for row, table in looked_at]
