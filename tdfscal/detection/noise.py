@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.detection.threshold import Noise
-from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
+from tdfscal.dwells.noise_spectrum import SlowNoise, slow_noise
 from tdfscal.records import FloatArray
 
 #: Windows where nothing rests, s; what scatters this many times as much as usual is a touch.

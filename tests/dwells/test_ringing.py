@@ -10,8 +10,7 @@ import pytest
 
 from benchmarks.dwell_stops import KINDS, Score, score, scored, together
 from tdfscal.dwells import DwellOptions, find_dwells, reduce_to_bins
-from tdfscal.dwells.common_drift import common_drift
-from tdfscal.dwells.field import prepare
+from tdfscal.dwells.field import common_drift, prepare
 from tdfscal.dwells.ringing import Ringing
 from tests.words import in_words
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
+from tdfscal.dwells.noise_spectrum import SlowNoise, slow_noise
 from tdfscal.records import Dwells
 from tests.words import in_words
 
