@@ -165,6 +165,20 @@ class MovingPlan:
         return self.random.mean / self.expected.mean
 
     @property
+    def used(self) -> dict[str, FloatArray]:
+        """What the motion uses of its limits: rad, m/s, m per axis, N."""
+        course, home = self.trajectory.at(self.time), self.request.limits.home + self.rig.hinge
+        way = np.linalg.norm(np.diff(course.place, axis=0), axis=2)
+        used = {
+            "tilt": np.arccos(np.clip(course.rotation[:, 2, 2], -1, 1)).max(),
+            "speed": way.max() / (self.time[1] - self.time[0]),
+            "travel": np.abs(course.place - home).max(axis=(0, 1)),
+            "squeeze": np.linalg.norm(course.squeeze, axis=2).max(),
+            "force": np.linalg.norm(course.force, axis=2).max(),
+        }
+        return {name: np.asarray(value) for name, value in used.items()}
+
+    @property
     def time(self) -> FloatArray:
         """Instants (N,) of the time table, s."""
         return np.asarray(np.arange(round(self.request.duration / TABLE) + 1) * TABLE)

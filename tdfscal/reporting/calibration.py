@@ -56,7 +56,6 @@ def calibration_report(
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
-            *layout.not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
         warnings=(
             *overdue(c),
@@ -249,29 +248,3 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
         ("Halves", f"of the log compared: {layout.p_value(m.halves_p_value)}"),
     ]
-
-
-def _absent(c: Calibration, drawn: set[str]) -> list[str]:
-    """What a page does not show, and why."""
-    notes = []
-    if c.method == "tracker":
-        notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
-    elif c.motion is not None:
-        notes.append(
-            "Samples in motion are no postures: residuals are shown over time and as a spectrum."
-        )
-    elif "residuals" not in drawn:
-        notes.append(
-            "This file holds no single postures: neither residuals nor timeline; calibrate again."
-        )
-    if "trials" not in drawn:
-        notes.append(
-            "A joint result has no Monte Carlo of its own; see each method alone."
-            if c.method == "joint"
-            else "No Monte Carlo: in motion the halves of the log are compared instead."
-            if c.motion is not None
-            else "No Monte Carlo histogram: the trials were switched off, or not kept."
-        )
-    if "survey" not in drawn and c.method != "self":
-        notes.append("This file holds no residuals of single points; calibrate again to have them.")
-    return notes

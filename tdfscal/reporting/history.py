@@ -13,7 +13,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, probability
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
 from tdfscal.significance import COVERAGE_FACTOR
 
@@ -87,7 +87,6 @@ def history_report(
             Section("State", (facts,)),
             *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
-            Section("Checks", (_checks(life),), page_only=True),
         ),
         advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
     )
@@ -149,21 +148,6 @@ def _angles(life: Life) -> Table:
     caption = "Smoothed angles at the last check, mrad; expanded uncertainty, "
     caption += f"k = {COVERAGE_FACTOR:g}"
     return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
-
-
-def _checks(life: Life) -> Table:
-    rows = []
-    for k, name in enumerate(short(life.names)):
-        worst = int(np.argmin(life.smallest[k]))
-        least = (life.supports[worst], probability(float(life.smallest[k, worst])))
-        raised = [
-            f"{a.kind} {'all' if a.sensor is None else life.supports[a.sensor]}"
-            for a in life.alarms
-            if a.raised == k
-        ]
-        rows.append((day(life.month[k]), name, *(least if k else ("", "")), "; ".join(raised)))
-    header = ("date", "check", "most surprising", "p", "alarm")
-    return Table("Every check; p of its least probable test", header, tuple(rows), left=3)
 
 
 def history_document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:

@@ -245,12 +245,6 @@ def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:
     return (Items(caption, found),) if found else ()
 
 
-def not_shown(notes: Iterable[str]) -> tuple[Section, ...]:
-    """What a page does not show, and why."""
-    said = listed("", notes)
-    return (Section("What this page does not show", said, page_only=True),) if said else ()
-
-
 def chi_squared(chi2: float, dof: int, p: float) -> str:
     """A test in words."""
     return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_value(p)}"

@@ -9,12 +9,11 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.dwells.clock_offset import Offset
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
-from tdfscal.reporting.layout import told_clock
+from tdfscal.reporting.layout import begun, told_clock
 from tdfscal.reporting.text import table, width, wrapped
 
 _LONGEST_NAME = 200
@@ -32,14 +31,8 @@ def as_text(info: LogInfo) -> str:
     return "\n".join(map(visible, lines)).rstrip("\n") + "\n"
 
 
-def _sentence(offset: Offset) -> str:
-    said = sentence(offset.finding)
-    return f"{said[0].upper()}{said[1:]}"
-
-
 def _problems(info: LogInfo) -> Iterator[str]:
-    if info.problems:
-        yield "Problems"
+    yield from ["Problems"] if info.problems else ()
     for problem in info.problems:
         yield from wrapped(f"- {problem}", "")
 
@@ -120,7 +113,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
             hanging="",
         )
     if info.offset is not None:
-        yield from wrapped(f"{_sentence(info.offset)}.", hanging="")
+        yield from wrapped(begun(sentence(info.offset.finding), "."), hanging="")
 
 
 def _dwells(info: LogInfo) -> Iterator[str]:

@@ -1,10 +1,8 @@
-"""Results that a table and some sentences tell: a contact wrench over a log, the smallest contact
-that is seen, a plan, a registration.
-"""
+"""Results that a table and some sentences tell: contact wrench, capability, plan, registration."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,10 +37,9 @@ _DO = {
     "calibrate": "calibrate twice as well: four times the postures, or a harder squeeze",
     "filter": "filter at {:.3g} Hz",
 }
-_POINTS = "measured = rotation · reference + translation"
 
 
-def _by_component(columns: dict[str, Sequence[str]]) -> Table:
+def _by_component(columns: Mapping[str, Sequence[str]]) -> Table:
     """Rows fx … mz with their units, and a column of text each."""
     rows = tuple(
         (axis, unit, *cells)
@@ -61,42 +58,50 @@ def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") ->
 
 def wrench_report(summary: dict[str, Any]) -> Report:
     """Lay out the size of the wrench over all samples, with and without the calibration."""
-    stops, largest = summary["stops"], summary["largest"]
+    stops = summary["stops"]
     columns = {"rms": summary["rms"], "at stops": stops and stops["rms"],
                "uncalibrated": summary["rms_uncalibrated"], "std. unc.": summary["std"],
                "of it calibration": summary["std_calibration"]}  # fmt: skip
-    table = _by_component(
-        {
-            name: [_number(of[component]) for component in COMPONENTS]
-            for name, of in columns.items()
-            if of is not None
-        }
-    )
-    sentences = (
-        _at_stops(summary),
-        _noise(summary["noise"]),
-        _zeros(summary["zeros"]),
-        f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
-    )
+    shown = {
+        name: [_number(of[component]) for component in COMPONENTS]
+        for name, of in columns.items()
+        if of is not None
+    }
     way = "quasi-static" if summary["quasi_static"] else "with inertia"
     return Report(
         f"Contact wrench of {summary['rows']} samples",
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about "
         f"{_place(summary['about'])}",
         claim=_filter(summary["filter"]),
-        sections=(Section("", (table, *filter(None, sentences))),),
+        sections=(Section("", (_by_component(shown), *_about_samples(summary))),),
     )
 
 
-def _at_stops(summary: dict[str, Any]) -> str:
-    """What part of a free wrench is motion."""
-    if summary["stops"] is None:
-        return ""
-    return (
-        f"{summary['stops']['rows'] / summary['rows']:.0%} of the samples lie at stops (hinges "
-        "below 0.2 mm/s). Where nothing touches, what the wrench has more between them is the "
-        "motion's."
-    )
+def _about_samples(summary: dict[str, Any]) -> Iterator[str]:
+    """What part of a free wrench is motion; where its uncertainty is from; the largest."""
+    if summary["stops"] is not None:
+        yield (
+            f"{summary['stops']['rows'] / summary['rows']:.0%} of the samples lie at stops (hinges "
+            "below 0.2 mm/s). Where nothing touches, what the wrench has more between them is the "
+            "motion's."
+        )
+    noise = summary["noise"] or {"dwells": 0, "windows": 0}
+    measured = "as declared; the log shows none"
+    if noise["dwells"]:
+        measured = f"measured in {noise['dwells']} static dwells of the log"
+    elif noise["windows"]:
+        measured = f"measured in {noise['windows']} short windows; slower noise is not in it"
+    yield f"noise of a sample: {measured}"
+    moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
+    if moved != 0.0:
+        size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
+        since = "are of unknown age, here as if the log followed the calibration's,"
+        if summary["zeros"]["age_known"]:
+            one, unit = next((each for each in _TIMES if abs(age) >= each[0]), (1.0, "s"))
+            when = "before" if age >= 0 else "after"
+            since = f"held {abs(age) / one:.2g} {unit} {when} the log began,"
+        yield f"the calibration's zeros {since} and may have moved {size} by its end"
+    yield "largest: force {force:.3g} N, torque {torque:.3g} N·m".format(**summary["largest"])
 
 
 def _filter(f: dict[str, Any] | None) -> str:
@@ -106,36 +111,9 @@ def _filter(f: dict[str, Any] | None) -> str:
     if left is None:
         return f"filter {f['kind']}: the sensors show no noise, and nothing is taken off"
     late = f"{1e3 * f['delay']:.3g} ms late" if f["delay"] else "without delay"
-    said = f"filter {f['kind']}: {late}; leaves {100 * left:.0f} % of the sensors' noise of "
-    said += f"{f['noise']:.3g} N"
-    if left < _IDLE:
-        return said
-    return f"{said}: noise as slow as a force that walks by {f['walk']:g} N in 1 s stays"
-
-
-def _noise(noise: dict[str, Any] | None) -> str:
-    if noise is None or not (noise["dwells"] or noise["windows"]):
-        return "noise of a sample: as declared; the log shows none"
-    if noise["dwells"]:
-        return f"noise of a sample: measured in {noise['dwells']} static dwells of the log"
-    return (
-        f"noise of a sample: measured in {noise['windows']} short windows, for the beginning of "
-        "the log holds no static dwell; slower noise is not in it"
-    )
-
-
-def _zeros(zeros: dict[str, Any]) -> str:
-    moved, age = zeros["moved"], zeros["age"]
-    if moved == 0.0:
-        return ""
-    size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
-    since = "are of unknown age, here as if the log followed the calibration's,"
-    if zeros["age_known"]:
-        one, unit = next((each for each in _TIMES if abs(age) >= each[0]), (1.0, "s"))
-        since = (
-            f"held {abs(age) / one:.2g} {unit} {'before' if age >= 0 else 'after'} the log began,"
-        )
-    return f"the calibration's zeros {since} and may have moved {size} by its end"
+    stays = f": noise as slow as a force that walks by {f['walk']:g} N in 1 s stays"
+    said = f"leaves {100 * left:.0f} % of the sensors' noise of {f['noise']:.3g} N"
+    return f"filter {f['kind']}: {late}; {said}{stays if left >= _IDLE else ''}"
 
 
 def capability_report(
@@ -146,16 +124,13 @@ def capability_report(
     bad = rejecting(findings)
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
     length = f"{found.duration:.4g} s" if timed else "postures, as if an hour long"
-    shares = {name: [_number(v, ".0%", "–") for v in of] for name, of in found.shares.items()}
-    table = _by_component(
-        {
-            "threshold": [_number(v) for v in found.threshold],
-            "smallest contact": [_number(v) for v in found.smallest_contact],
-            **shares,
-        }
-    )
+    sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
+    columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
+    for name, share in found.shares.items():
+        columns[name] = [_number(v, ".0%", "–") for v in share]
     better = (_remedy(one, found) for one in remedies[:_TOLD])
     lowers = layout.listed("What lowers the smallest contact", better)
+    blocks: tuple[Block, ...] = (_by_component(columns), *lowers)
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
@@ -165,7 +140,7 @@ def capability_report(
         f"exceeds its threshold with {request.detect:.4g} probability.",
         reasons=tuple(told(one) for one in bad),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
-        sections=(Section("", (table, *lowers)), *layout.illustrated(drawings, {})),
+        sections=(Section("", blocks), *layout.illustrated(drawings, {})),
     )
 
 
@@ -185,47 +160,46 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
     """Lay out what to drive, and what to expect of it."""
     from tdfscal.planning.moving_plan import MovingPlan
 
-    head, blocks = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
     rows = tuple(
         (name, *(_number(1e3 * v, ".3f", "–") for v in row))
         for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True)
     )
     caption = "Standard uncertainty to expect of the installation angles, mrad"
-    angles = Table(caption, ("sensor", *ANGLES), rows)
-    return Report(*head, sections=(Section("What to expect", (angles, *blocks)),))
+    table = Table(caption, ("sensor", *ANGLES), rows)
+    return _motion(plan, table) if isinstance(plan, MovingPlan) else _postures(plan, table)
 
 
-def _postures(plan: Plan) -> tuple[tuple[str, str], Iterator[Block]]:
-    limits, request = plan.request.limits, plan.request
+def _expected(title: str, subtitle: str, *blocks: Block) -> Report:
+    return Report(title, subtitle, sections=(Section("What to expect", blocks),))
+
+
+def _postures(plan: Plan, table: Table) -> Report:
+    limits, request, expected = plan.request.limits, plan.request, plan.expected
     more = f", on top of {plan.given} postures recorded before" if plan.given else ""
     again = {0: "never", 1: "once"}.get(len(plan.returns), f"{len(plan.returns)} times")
-    head = (
-        f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
-        f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
-    )
-    return head, _of_postures(plan)
-
-
-def _of_postures(plan: Plan) -> Iterator[Block]:
-    expected, request = plan.expected, plan.request
+    contact: list[Block] = []
     if expected.contact_force is not None and expected.contact_torque is not None:
         at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
         stds = {"force, N": expected.contact_force, "torque, N·m": expected.contact_torque}
         rows = tuple((name, *(f"{v:.3f}" for v in std)) for name, std in stds.items())
         caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
-        yield Table(caption, ("", "x", "y", "z"), rows)
+        contact.append(Table(caption, ("", "x", "y", "z"), rows))
         if plan.rig.acceptance.states_contact:
-            yield _contact(plan)
+            contact.append(_contact(plan))
     before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
     what = "contact wrench" if request.objective == "wrench" else "angles"
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
-    yield (
+    return _expected(
+        f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
+        f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
+        f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
+        table,
+        *contact,
         f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
         f"{1e3 * plan.random.mean:.3g} mrad{before}; for the {what} the plan is "
         f"{plan.improvement:.2f} times better. Travel used about the middle: "
         f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z; way of the slowest axis "
-        f"{plan.tour:.2f} m."
+        f"{plan.tour:.2f} m.",
     )
 
 
@@ -247,38 +221,22 @@ def _contact(plan: Plan) -> str:
     return f"Contact wrench, {expanded} against its limit: {', '.join(parts)}: {end}."
 
 
-def _motion(plan: MovingPlan) -> tuple[tuple[str, str], tuple[Block, ...]]:
-    request, limits, used = plan.request, plan.request.limits, extremes(plan)
+def _motion(plan: MovingPlan, table: Table) -> Report:
+    request, limits, used = plan.request, plan.request.limits, plan.used
     mean, random = (1e3 * f.mean for f in (plan.expected, plan.random))
-    way = ", ".join(f"±{v:.3f}" for v in used["travel"])
-    head = (
+    return _expected(
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
         f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
         "a second",
-    )
-    return head, (
+        table,
         f"Mean {mean:.3g} mrad; random ones within the same limits {random:.3g} mrad: the plan "
         f"is {plan.improvement:.2f} times better.",
         f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
-        f"{1e3 * used['speed']:.1f} mm/s, way of a hinge {way} m along x, y, z, internal force "
+        f"{1e3 * used['speed']:.1f} mm/s, way of a hinge "
+        f"{', '.join(f'±{v:.3f}' for v in used['travel'])} m along x, y, z, internal force "
         f"{used['squeeze']:.0f} N, force in all {used['force']:.0f} N.",
     )
-
-
-def extremes(plan: MovingPlan) -> dict[str, Any]:
-    """What the motion uses of its limits: rad, m/s, m per axis, N."""
-    time = plan.time
-    course = plan.trajectory.at(time)
-    home = plan.request.limits.home + plan.rig.hinge
-    speed = np.linalg.norm(np.diff(course.place, axis=0), axis=2).max() / (time[1] - time[0])
-    return {
-        "tilt": np.arccos(np.clip(course.rotation[:, 2, 2], -1, 1)).max(),
-        "speed": speed,
-        "travel": np.abs(course.place - home).max(axis=(0, 1)),
-        "squeeze": np.linalg.norm(course.squeeze, axis=2).max(),
-        "force": np.linalg.norm(course.force, axis=2).max(),
-    }
 
 
 def plan_document(
@@ -288,14 +246,13 @@ def plan_document(
     from tdfscal.planning.moving_plan import MovingPlan
 
     limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
-    more: dict[str, Any]
     if isinstance(plan, MovingPlan):
         course = plan.trajectory.at(plan.waypoints)
         limits["speed"] = plan.request.speed
-        more = {
+        more: dict[str, Any] = {
             "waypoints_output": waypoints,
             "duration": plan.request.duration,
-            "used": extremes(plan),
+            "used": plan.used,
             "frequency": plan.trajectory.lines.line / plan.request.duration,
             "waypoints": {
                 "time": plan.waypoints,
@@ -339,20 +296,19 @@ def _forecast(rig: Rig, of: Forecast) -> dict[str, Any]:
 
 def registration_report(r: PointRegistration) -> Report:
     """Lay out the transform with its standard uncertainties, and the residual of each point."""
-    names = [*((name, "mrad") for name in ANGLES), *((f"translation {x}", "mm") for x in "xyz")]
+    names = (*ANGLES, "translation x", "translation y", "translation z")
+    stds, units = (*r.rpy_std, *r.translation_std), ("mrad",) * 3 + ("mm",) * 3
     values = tuple(
         (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", unit)
-        for (name, unit), value, std in zip(
-            names, (*r.rpy, *r.translation), (*r.rpy_std, *r.translation_std), strict=True
-        )
+        for name, value, std, unit in zip(names, (*r.rpy, *r.translation), stds, units, strict=True)
     )
     residuals = tuple(
         (name, *(f"{1e3 * v:.4f}" for v in (*d, np.linalg.norm(d))))
         for name, d in zip(r.names, r.residual, strict=True)
     )
     rotation = tuple(tuple(f"{v:+.12f}" for v in row) for row in r.rotation)
-    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm"
-    scale += "" if r.scaled else " (not applied)"
+    applied = "" if r.scaled else " (not applied)"
+    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm{applied}"
     if r.chi2 is None or r.p_value is None:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
         fit = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
@@ -373,7 +329,7 @@ def registration_report(r: PointRegistration) -> Report:
 
 
 def _convention(r: PointRegistration) -> str:
-    return _POINTS.replace("rotation", "scale · rotation") if r.scaled else _POINTS
+    return f"measured = {'scale · ' * r.scaled}rotation · reference + translation"
 
 
 def registration_document(r: PointRegistration, found: Sequence[Finding] = ()) -> dict[str, Any]:

@@ -111,7 +111,6 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
             *layout.illustrated(drawings, blocks),
             Section("Statistics", (Facts(_statistics(seen)),) if seen is not None else ()),
             origin,
-            *layout.not_shown(_absent(seen, {drawing.name for drawing in drawings})),
         ),
         warnings=attempt.messages,
         advice=tuple(_advice(attempt)),
@@ -194,14 +193,3 @@ def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     if close:
         facts.append(("Correlation", "; ".join(close)))
     return tuple(facts)
-
-
-def _absent(seen: Seen | None, drawn: set[str]) -> tuple[str, ...]:
-    """What a page does not show, and why."""
-    if seen is None:
-        said = "The calibration ended before there was a fit; so nothing of the log can be drawn."
-    elif "residuals" not in drawn and isinstance(seen, Undetermined):
-        said = "There are as many unknowns as readings: all residuals are zero, and say nothing."
-    else:
-        return ()
-    return (said,)

@@ -20,7 +20,6 @@ from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, forecast, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
 from tdfscal.records import FloatArray
-from tdfscal.reporting.summaries import extremes
 from tdfscal.simulation import reference_rig, rotations
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
@@ -92,7 +91,7 @@ def test_every_limit_is_held_and_one_of_them_used() -> None:
         total = (course.carried + course.squeeze).sum(axis=1)
         weight = [0.0, 0.0, float(rig.mass.value) * rig.gravity]
         assert total == pytest.approx(np.broadcast_to(weight, total.shape), abs=1e-6)
-    used = extremes(plan())
+    used = plan().used
     assert used["tilt"] <= LIMITS.tilt * 1.001
     assert used["speed"] <= REQUEST.speed * 1.001
     assert max(used["travel"]) <= 0.06 * 1.001

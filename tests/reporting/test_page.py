@@ -162,16 +162,6 @@ def test_page_of_a_file_is_that_of_the_calibration(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("plain")
-def test_a_page_says_what_it_cannot_show() -> None:
-    content = sample().calibration.model_dump()
-    content["postures"] = content["monte_carlo"] = None
-    said = " ".join(read(render_page(Calibration.model_validate(content))).words)
-    assert "What this page does not show" in said
-    assert "holds no single postures" in said
-    assert "No Monte Carlo histogram" in said
-
-
-@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("which", [0, 1])
 def test_tracker_and_joint(which: int) -> None:
     said = " ".join(read(render_page(surveyed()[which])).words)

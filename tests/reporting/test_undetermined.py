@@ -109,7 +109,6 @@ def test_where_no_residual_is_left_the_page_says_so() -> None:
     assert [d.name for d in drawings] == ["determined", "timeline"]
     report = undetermined_report(bare, drawings)
     assert report.verdict == "NOT CONVERGED"
-    assert "all residuals are zero" in words(render(replace(report, tiles=())))
 
 
 def test_an_error_without_evidence_has_a_page_of_words() -> None:
@@ -117,7 +116,6 @@ def test_an_error_without_evidence_has_a_page_of_words() -> None:
     assert undetermined_drawings(bare) == ()
     said = words(render(undetermined_report(bare)))
     assert "points: three points on a line" in said
-    assert "ended before there was a fit" in said
 
 
 def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
