@@ -61,7 +61,7 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert rig.inertia.std.tolist() == [[6.0] * 3] * 3
     assert rig.axes.tolist() == [[True] * 3, [True, False, True], [True] * 3]
     assert rig.serial == "RH-02"
-    assert rig.campaign == CampaignInfo("2026-11-21", "A. Smith", "Hall 3", "after service")
+    assert rig.campaign == CampaignInfo("2026-11-21", "A. Smith", "Hall 3", note="after service")
     assert rig.sensors == (SensorInfo(), SensorInfo("4711", "C-12", "2027-03-01"), SensorInfo())
     assert rig.drift == Drift(0.5 / 3600, 0.2, 0.01, 1e-4)
     assert rig.hinge.tolist() == [[0.6, 0, 0], [-0.3, 0.5, 0], [-0.3, -0.5, 0]]
@@ -206,15 +206,12 @@ FAULTS = [
     ("  mass: {value: 500.0, std: 0.2}\n", "", "terminal", "lacks `mass`"),
     ("500.0, std: 0.2", "500.0, std: -0.2", "terminal.mass.std", "0 or above"),
     ("500.0, std: 0.2", "500.0, std: .nan", "terminal.mass.std", "0 or above"),
-    ("500.0, std: 0.2", "500.0, std: -.inf", "terminal.mass.std", "0 or above"),
     ("500.0, std: 0.2", "500.0, std: unknwon", "terminal.mass.std", "`unknown`"),
-    ("500.0, std: 0.2", "500.0, std: [1, 2, 3]", "terminal.mass.std", "a number"),
     ("500.0, std: 0.2", "500.0, stdev: 0.2", "terminal.mass.stdev", "`std`"),
     ("value: [0.01, -0.015, 0.25]", "value: [0.01, -0.015]", "terminal.barycenter", "three"),
     ("value: [0.01, -0.015, 0.25]", "value: 0.25", "terminal.barycenter.value", "three"),
     ("value: [0.01, -0.015, 0.25]", "value: [10, -15, 250]", "terminal.barycenter", "in m"),
     ("[0.001, 0.001, 0.001]", "[0.001, 0.001]", "terminal.barycenter.std", "three"),
-    ("[0.001, 0.001, 0.001]", "[0.001, -1, 0.001]", "terminal.barycenter.std[1]", "0 or above"),
     ("[z, x]", "[z, z]", "supports[1].axes", "twice"),
     ("[z, x]", "[z, w]", "supports[1].axes", "x"),
     ("[T1, T2, T3]", "[T1, T2]", "log.temperature", "2 fields"),
@@ -225,73 +222,31 @@ FAULTS = [
     ("[40.0, 1.0, 0.0]", "[40.0, 1.0]", "terminal.inertia.value[0]", "three"),
     ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, -30.0]]", "terminal.inertia", "positive definite"),
     ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, 300.0]]", "terminal.inertia", "no body"),
-    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, .nan]]", "terminal.inertia.value[2][2]", "finite"),
-    ("magnitude: 9.80665", "magnitude: 0", "gravity.magnitude", "greater than 0"),
-    ("magnitude: 9.80665", "magnitude: -9.8", "gravity.magnitude", "greater than 0"),
     ("tilt_std: 0.0", "tilt_std: -1e-3", "gravity.tilt_std", "greater than or equal"),
     ("tilt_std", "tilt_sdt", "gravity.tilt_sdt", "`tilt_std`"),
     ("name: ncp2", "name: ncp1", "supports[1].name", "taken by supports[0]"),
     ("name: ncp2", 'name: ""', "supports[1].name", "not allowed"),
     ("name: ncp2", "name: NCP 2", "supports[1].name", "letters, digits"),
-    ("name: ncp2", "name: ncp.2", "supports[1].name", "letters, digits"),
     ("name: ncp2", "name: 2", "supports[1].name", "in quotes"),
     ("hinge: [0.6, 0.0, 0.0]", "hinj: [0.6, 0.0, 0.0]", "supports[0].hinj", "`hinge`"),
-    ("    hinge: [0.6, 0.0, 0.0]\n", "", "supports[0]", "lacks `hinge`"),
-    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, 0.0]", "supports[0].hinge", "three"),
-    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, 0, 0, 0]", "supports[0].hinge", "three"),
-    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, x, 0]", "supports[0].hinge[1]", "a number"),
-    ("hinge: [0.6, 0.0, 0.0]", "hinge: [600, 0, 0]", "supports[0].hinge", "in m"),
     ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.5, 0]", "supports[1].hinge", "coincide"),
     ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.1, 0]", "supports", "one line"),
-    ("value: [0, 0, 0], std: [0.5", "value: [0, 0], std: [0.5", "supports[0].zero.value", "three"),
     ("nominal_rpy: [0, 0, 0]", "nominal_rpy: [0, 0, 90]", "supports[0].nominal_rpy", "degrees"),
-    ("nominal_rpy: [0, 0, 0]", "nominal_rpy: 0", "supports[0].nominal_rpy", "three"),
-    ("rpy_std: 0.1", "rpy_std: -0.1", "supports[1].rpy_std", "0 or above"),
     ("rpy_std: 0.1", "rpy_std: 0", "supports[1].rpy_std", "above 0"),
-    ("rpy_std: 0.1", "rpy_std: [0.1, 0.1]", "supports[1].rpy_std", "three"),
-    ("[3000, 3000, 5000]", "[3000, 0, 5000]", "supports[0].capacity[1]", "greater than 0"),
-    ("[3000, 3000, 5000]", "5000", "supports[0].capacity", "three"),
     ("positioner: 1.0e-5", "positioner: -1.0e-5", "uncertainty.positioner", "or equal to 0"),
-    ("positioner: 1.0e-5", "positioner: .inf", "uncertainty.positioner", "finite"),
     ("positioner: 1.0e-5", "posisioner: 1.0e-5", "uncertainty.posisioner", "`positioner`"),
     ("length_unit: mm\n  force", "length_unit: furlong\n  force", "log.length_unit", "'mm'"),
     ("force_unit: kN", "force_unit: lbf", "log.force_unit", "'kN'"),
-    ("force_on: sensor", "force_on: table", "log.force_on", "'terminal'"),
-    ('decimal: ","', 'decimal: ";"', "log.decimal", "'.'"),
-    ("rows: timeseries", "rows: dwells", "log.rows", "'postures'"),
-    ("unit: ms}", "unit: min}", "log.time.unit", "'ms'"),
-    ("field: t,", "feild: t,", "log.time.feild", "`field`"),
-    ("    ncp2: {pos", "    ncp4: {pos", "log.supports.ncp4", "`ncp2`"),
-    ("    ncp3: {position: [X3, Y3, Z3], force: [Fx3, Fy3, Fz3]}\n", "", "log.supports", "`ncp3`"),
     ("[X1, Y1, Z1]", "[X1, Y1]", "log.supports.ncp1.position", "three fields or one"),
-    ("[X1, Y1, Z1]", "[X1, Y1, Z1, W1]", "log.supports.ncp1.position", "three fields or one"),
     ("[X1, Y1, Z1]", "[X1, Y1, 3.5]", "log.supports.ncp1.position[2]", "must be text"),
-    ("[X1, Y1, Z1]", "[X1, Y1, Y1]", "log.supports.ncp1.position", "`Y1`"),
-    ("[X1, Y1, Z1]", "[X3, Y1, Z1]", "log.supports.ncp3.position", "`X3`"),
-    ("[X1, Y1, Z1], force", "[X1, Y1, Z1], forces", "log.supports.ncp1.forces", "`force`"),
-    ("range: 1.0e-5", "range: -1.0e-5", "tracker.instrument.range", "or equal to 0"),
-    ("range: 1.0e-5, ", "", "tracker.instrument", "lacks `range`"),
     (
         "{range: 1.0e-5, range_ppm: 5.0, angle_arcsec: 2.0}",
         "{range: 0, range_ppm: 0, angle_arcsec: 0}",
         "tracker.instrument",
         "uncertainty",
     ),
-    ("drawing: 1.0e-5", "drawing: .nan", "tracker.drawing", "finite"),
-    ("misalignment: 2.0e-4", "misalignement: 2.0e-4", "tracker.misalignement", "`misalignment`"),
-    ("length_unit: mm\n  targets", "length_unit: yd\n  targets", "tracker.length_unit", "'mm'"),
-    ("nominal: tracker/nominal.csv", "nominal: [1]", "tracker.targets.nominal", "must be text"),
-    ("servo: tracker/servo.csv, ", "", "tracker.moves", "lacks `servo`"),
-    ("angle_std: 5.0e-3", "angle_std: 0", "acceptance.angle_std", "greater than 0"),
-    ("birge_max: 1.5", "birge_max: -1", "acceptance.birge_max", "greater than 0"),
-    ("birge_max: 1.5", "berge_max: 1.5", "acceptance.berge_max", "`birge_max`"),
     ("{force: 5.0, torque: 3.0, ", "{", "acceptance.contact", "neither force nor torque"),
-    ("{force: 5.0,", "{force: -5.0,", "acceptance.contact.force", "greater than 0"),
-    ("rpy: [0, 0, 0.1]", "rpy: [0, 0, 45]", "acceptance.contact.rpy", "degrees"),
     ("name: Rotor-hub rig", 'name: ""', "name", "empty"),
-    ("name: Rotor-hub rig", "name: [a]", "name", "must be text"),
-    ("name: Rotor-hub rig", "nom: Rotor-hub rig", "nom", "`name`"),
-    ("tracker:\n", "trakker:\n", "trakker", "`tracker`"),
 ]
 
 
@@ -381,17 +336,6 @@ def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
         load_rig(tmp_path)
     with pytest.raises(UsageError, match="cannot be read"):
         load_rig("rig\0.yaml")
-
-
-def test_nearly_straight_hinges() -> None:
-    """A bow of 1e-3 of the extent stands, one of 1e-5 does not."""
-    for bow, stands in ((2e-3, True), (1e-5, False)):
-        text = MINIMAL.replace("[0, 1, 0]", f"[0, {bow}, 0]")
-        if stands:
-            parse(text)
-        else:
-            with pytest.raises(RigError, match="one line"):
-                parse(text)
 
 
 def test_order_of_the_mapping_does_not_matter() -> None:

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tdfscal.errors import DataError, RigError, TdfscalError
+from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.calibration.document import parse_calibration
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import to_json, to_yaml
@@ -178,21 +178,12 @@ def test_what_is_written_reads_back_to_the_bit(content: dict[str, Any]) -> None:
     assert same(json.loads(to_json(content)), content)
 
 
-def test_ambiguous_words_are_quoted() -> None:
+def test_ambiguous_words_are_quoted_and_matrices_are_rows() -> None:
     for word in ("1e5", "0x1F", "0o7", ".inf", "null", "1e999", "yes", "1:30", "\x85", "\u2028"):
         text = to_yaml({"a": word})
         assert read(text) == yaml.safe_load(text) == {"a": word}
-
-
-def test_matrices_are_rows() -> None:
-    text = to_yaml({"matrix": np.eye(3).tolist(), "names": ["a", "b"]})
-    assert text.splitlines() == [
-        "matrix:",
-        "- [1.0, 0.0, 0.0]",
-        "- [0.0, 1.0, 0.0]",
-        "- [0.0, 0.0, 1.0]",
-        "names: [a, b]",
-    ]
+    text = to_yaml({"matrix": np.eye(2), "names": ["a", "b"]})
+    assert text.splitlines() == ["matrix:", "- [1.0, 0.0]", "- [0.0, 1.0]", "names: [a, b]"]
 
 
 def no_surprise(raw: bytes) -> None:
@@ -205,12 +196,6 @@ def no_surprise(raw: bytes) -> None:
         if fault is not None:
             assert "\n" not in str(fault)
             assert fault.exit_status == (2 if reader is parse_rig else 3)
-
-
-@given(st.binary(max_size=300))
-@settings(max_examples=40, deadline=None)
-def test_fuzz_bytes(raw: bytes) -> None:
-    no_surprise(raw)
 
 
 @given(st.text("[]{}:,-?&*!|>'\"%@`#\n\t ab01.e~<=\\\u2028\x85", max_size=60))
@@ -266,8 +251,3 @@ def test_plain_scalar_never_fails_otherwise(text: str) -> None:
     except OverflowError:
         return
     assert value is None or isinstance(value, (str, float, int))
-
-
-def test_errors_are_of_the_class_asked_for() -> None:
-    with pytest.raises(RigError):
-        parse_document(b"a: [", "file", RigError)
