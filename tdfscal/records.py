@@ -391,7 +391,7 @@ class Dwells:
     start, end : (K,), s, the stretch that was averaged.
     position : (K, n, 3), m, BCS; mean. position_cov : (K, n, 3, 3), m², of the mean.
     force : (K, n, 3), N, sensor frames; mean. force_cov : (K, n, 3, 3), N², of the mean,
-        by the effective sample size; zeros with rows == "postures".
+    by the effective sample size; zeros with rows == "postures".
     force_min, force_max : (K, n, 3), N, extremes within the dwell.
     count : (K, n), force samples averaged. effective : (K, n), effective sample size.
     temperature : (K, n), °C at each sensor; None where the log has none.

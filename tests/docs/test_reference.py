@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+import tdfscal
+import tdfscal.errors
 from docs.generate import generated
 from tdfscal.cli.app import COMMANDS, described, made, summary
 from tdfscal.dwells import DwellOptions
@@ -27,6 +29,16 @@ def test_generated_tables_are_those_of_the_program() -> None:
     assert generated(text("reference")) == text("reference")
     for option in OF_THE_PROGRAM:
         assert f"`{option}`" in section("reference", "## Commands")
+
+
+def test_python_s_pages_name_all_that_is_public() -> None:
+    """api.md every name, of the errors by their module; python.md every function of a command."""
+    listed = re.findall(r"auto(?:function|class):: (\w+)", text("api"))
+    errors = {name for name in tdfscal.__all__ if name in dir(tdfscal.errors)}
+    assert sorted(listed) == sorted(set(tdfscal.__all__) - errors - {"__version__"})
+    assert "automodule:: tdfscal.errors" in text("api")
+    functions = section("python", "## Functions")
+    assert set(COMMANDS) <= set(re.findall(r"`(\w+)\(", functions))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
