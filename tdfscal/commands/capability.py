@@ -119,9 +119,9 @@ class CapabilityResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of thresholds and contacts over the path."""
-        from tdfscal.reporting.figures.capability import over_path
+        from tdfscal.reporting.figures.timeline import detection
 
-        return (over_path(self.capability, timed=self.timed),)
+        return (detection(self.capability, timed=self.timed),)
 
 
 def _plain(value: float) -> float | None:

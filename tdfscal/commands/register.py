@@ -53,7 +53,7 @@ class RegisterResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residuals."""
-        from tdfscal.reporting.figures.survey import registered
+        from tdfscal.reporting.figures.residuals import registered
 
         return (registered(self.registration),)
 

@@ -17,7 +17,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.errors import visible
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES, InputFile, RecorderClock
-from tdfscal.reporting.figures.drawing import Drawing as Drawing
+from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.evidence_model import LeftOutStretch

@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tdfscal.reporting.figures.drawing import Drawing
-
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from tdfscal.files.calibration.document import Calibration
+
+
+@dataclass(frozen=True, slots=True, weakref_slot=True)
+class Drawing:
+    """A figure that is not drawn yet, with what it says.
+
+    name : of its file. title : what is drawn. reading : its message, one sentence.
+    paint : draws it; called once per rendering, since a Figure carries state.
+    """
+
+    name: str
+    title: str
+    reading: str
+    paint: Callable[[], Figure]
 
 
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
-    from tdfscal.reporting.figures import (
-        angles,
-        clocks,
-        observability,
-        residuals,
-        rig,
-        survey,
-        timeline,
-        uncertainty,
-    )
+    from tdfscal.reporting.figures import angles, observability, residuals, rig, timeline
 
     found = (
         angles.draw(calibration),
         angles.methods(calibration),
         residuals.at_postures(calibration.postures),
         residuals.components(calibration.postures),
-        uncertainty.draw(calibration),
+        angles.budget(calibration),
         timeline.draw(calibration),
-        clocks.draw(calibration),
+        timeline.clocks(calibration),
         observability.draw(calibration),
         rig.draw(calibration),
         residuals.over_motion(calibration),
         residuals.spectrum(calibration),
-        uncertainty.trials(calibration),
-        survey.draw(calibration),
+        angles.trials(calibration),
+        residuals.survey(calibration),
     )
     return tuple(drawing for drawing in found if drawing is not None)

@@ -20,7 +20,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, signed
+from tdfscal.reporting.figures.style import Drawing, figure, panels, signed
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
@@ -81,8 +81,8 @@ def _said(life: Life, alarm: Alarm) -> str:
 
 
 def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
-    fig = figure(5.6)
-    axes = fig.subplots(4, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 3, 2]})
+    labels = (*(f"{angle}, mrad" for angle in ANGLES), "surprise,\n−log₁₀ p")
+    fig, axes = panels(5.6, labels, gridspec_kw={"height_ratios": [3, 3, 3, 2]})
     dates = np.array([date_of(month) for month in life.month])
     for j, ax in enumerate(axes[:3]):
         ax.sharey(axes[0])
@@ -125,7 +125,6 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
             dates[shown], points[shown], yerr=half[shown], fmt="o", color=ink.BLUE, markersize=3.5,
             elinewidth=0.8, capsize=2,
         )  # fmt: skip
-    ax.set_ylabel(f"{ANGLES[j]}, mrad")
     now = f"now {signed(1e3 * float(life.path[-1, i, j]), '+.3f')} ± {band[-1]:.3f} mrad"
     ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
 
@@ -137,7 +136,6 @@ def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     width = 0.5 * float(np.median(np.diff(life.month))) * _DAYS if len(dates) > 2 else 10.0
     ax.bar(dates[1:], -np.log10(p), width=max(width, 1.0), color=colours)
     ax.plot(dates[1:], -np.log10(life.level[1:]), color=ink.GREY, linestyle="--", linewidth=0.9)
-    ax.set_ylabel("surprise,\n−log₁₀ p")
     ax.set_ylim(0, 12.5)
     locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)

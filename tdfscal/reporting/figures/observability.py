@@ -14,7 +14,7 @@ from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, projection, tip
+from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, projection
 
 _COLUMNS = 3
 #: Size of a sensor's place in lengths of the axes of the BCS; those are of round length.
@@ -93,7 +93,6 @@ def _paint(c: Calibration) -> Figure:
         )  # fmt: skip
         ax.add_collection(wires)
         sizes = " · ".join(f"{1e3 * s:.2g}" for s in std[i])
-        tip(wires, f"{support.name}: {sizes} mrad along its principal axes")
         weak = 1e3 * std[i, 2] * axes[i, :, 2]
         ax.plot(*_seen(weak, place), "o-", color=ink.ORANGE, linewidth=2.2, markersize=4)
         if loads:
@@ -170,10 +169,8 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     place = [k + 0.5 * sensors.index(angle.support) for k, angle in enumerate(angles)]
     for y, width, angle in zip(place, shown, angles, strict=True):
         look = {"facecolor": ink.BLUE, **ink.EDGE} if angle.identified else ink.REJECTED
-        (bar,) = ax.barh([y], [width - left], left=left, height=0.72, **look)
-        said = words(angle.std)
-        tip(bar, f"{angle.name}: {said}")
-        beside(ax, said, width, y, 4)
+        ax.barh(y, width - left, left=left, height=0.72, **look)
+        beside(ax, words(angle.std), width, y, 4)
     ax.axvline(1e3 * limit, color=ink.BLACK, linewidth=1.2, linestyle="--")
     ax.annotate(
         f"limit {1e3 * limit:.3g} mrad", (1e3 * limit, 1.0), xycoords=("data", "axes fraction"),

@@ -1,14 +1,16 @@
-"""The residual contact wrench: at each posture, over a motion, over frequency, of each axis."""
+"""What is left: of the contact wrench at each posture, over a motion and frequency; of points."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from pydantic import JsonValue
 
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.document import Calibration
@@ -16,16 +18,18 @@ from tdfscal.files.calibration.evidence_model import LeftOutStretch, PostureTabl
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import ink, style
-from tdfscal.reporting.figures.style import Drawing, figure, legend_above, logarithmic, raster
+from tdfscal.reporting.figures.style import Drawing, legend_above, logarithmic, raster
+from tdfscal.trackercal import PointRegistration
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 
-_UNITS = ("N", "N·m")
 _BAND = 2.0
 #: Share of a normal distribution within ±2 standard deviations.
 _EXPECTED = 0.9545
 #: Means further apart than this, s, are of different stretches.
 _GAP = 2.5
+#: Inches that a letter of a tick label takes, at most.
+_CHARACTER = 0.075
 Stretches = Sequence[Stretch] | Sequence[LeftOutStretch]
 
 
@@ -84,13 +88,6 @@ def _paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -
     mark = {"linestyle": "", "markersize": 2.0 if pixels else 4.5, "rasterized": pixels}
     square = {"marker": "s", "markerfacecolor": "white", **mark}
     fig, axes = _before_and_after(3.3, number, before, after, said, square, mark | {"marker": "o"})
-    for ax, unit, old, new in zip(axes, _UNITS, before.T, after.T, strict=True):
-        if not pixels:
-            words = [
-                f"posture {k}: {b:.3g} {unit} before, {a:.3g} {unit} after"
-                for k, b, a in zip(number, old, new, strict=True)
-            ]
-            style.Tips(ax, number, new, words)
     _numbered(axes[1], "posture")
     return fig
 
@@ -110,9 +107,8 @@ def _before_and_after(
     *looks: dict[str, Any],
 ) -> tuple[Figure, list[Axes]]:
     """Force above moment, of lengths (K, 2); said : what `after` is. looks : of both."""
-    fig = figure(height)
-    axes = list(fig.subplots(2, 1, sharex=True))
-    for k, (ax, label) in enumerate(zip(axes, ("force, N", "moment, N·m"), strict=True)):
+    fig, axes = style.panels(height, ("force, N", "moment, N·m"))
+    for k, ax in enumerate(axes):
         ax.plot(
             x, before[:, k], color=ink.ORANGE, label="before: nominal mounting, stated zeros",
             **looks[0],
@@ -120,7 +116,6 @@ def _before_and_after(
         ax.plot(x, after[:, k], color=ink.BLUE, label=f"after: {said}", **looks[1])
         if min(np.nanmin(before[:, k]), np.nanmin(after[:, k])) > 0:
             logarithmic(ax)
-        ax.set_ylabel(label)
     legend_above(axes[0], 2)
     return fig, axes
 
@@ -164,18 +159,12 @@ def components(table: PostureTable | None) -> Drawing | None:
     number = np.array(table.index) + 1
 
     def paint() -> Figure:
-        fig = figure(3.1)
-        axes = fig.subplots(2, 1, sharex=True, sharey=True)
-        for k, (ax, what, unit) in enumerate(zip(axes, ("force", "moment"), _UNITS, strict=True)):
-            rows, sizes = score[:, 3 * k : 3 * k + 3], value[:, 3 * k : 3 * k + 3]
+        labels = ("force, std. unc.", "moment, std. unc.")
+        fig, axes = style.panels(3.1, labels, sharey=True)
+        for ax, rows in zip(axes, np.split(score, 2, axis=1), strict=True):
             ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
             ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
             style.marks(ax, number, rows)
-            if not raster(rows.size):
-                words = [_words(*of, unit) for of in zip(number, sizes, rows, strict=True)]
-                largest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)]
-                style.Tips(ax, number, largest, words, radius=5)
-            ax.set_ylabel(f"{what}, std. unc.")
             ax.margins(y=0.1)
         _numbered(axes[1], "posture; pale: ±2 standard uncertainties")
         legend_above(axes[0], 3)
@@ -191,13 +180,6 @@ def components(table: PostureTable | None) -> Drawing | None:
     )
 
 
-def _words(posture: int, sizes: FloatArray, scores: FloatArray, unit: str) -> str:
-    axes = zip("xyz", sizes, scores, strict=True)
-    return f"posture {posture}: " + ", ".join(
-        f"{a} {v:.2g} {unit} ({s:+.1f} σ)" for a, v, s in axes
-    )
-
-
 def spectrum(c: Calibration) -> Drawing | None:
     """Residual force over frequency, and the noise that the estimate weighed by."""
     if c.motion is None:
@@ -207,15 +189,13 @@ def spectrum(c: Calibration) -> Drawing | None:
     noise = np.sqrt(3.0 * len(c.supports)) * np.array(s.force_noise)
 
     def paint() -> Figure:
-        fig = figure(3.2)
-        ax = fig.subplots()
+        fig, (ax,) = style.panels(3.2, ("residual force, N/√Hz",))
         ax.plot(s.frequency, s.before, "s", markersize=4, color=ink.ORANGE, markerfacecolor="white",
                 label="before: nominal mounting, stated values")  # fmt: skip
         ax.plot(s.frequency, s.after, "o", markersize=4, color=ink.BLUE, label="after: calibrated")
         ax.plot(s.frequency, noise, "-", color=ink.BLUE, linewidth=1, label="noise as estimated")
         logarithmic(ax, "xy")
         ax.set_xlabel("frequency, Hz")
-        ax.set_ylabel("residual force, N/√Hz")
         legend_above(ax, 3)
         return fig
 
@@ -226,3 +206,84 @@ def spectrum(c: Calibration) -> Drawing | None:
         "the sensors' noise; the estimate weighs every frequency by the noise that it has there.",
         paint,
     )
+
+
+def survey(c: Calibration) -> Drawing | None:
+    """Residual of each point in µm and in its standard uncertainties."""
+    found = _read(c.tracker)
+    if found is None:
+        return None
+    names, residual, normalised = found
+    worst = int(np.abs(normalised).max(axis=1).argmax())
+    rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
+
+    def paint() -> Figure:
+        labels = ("residual, µm", "residual / its\nstd. uncertainty")
+        fig, (top, bottom) = style.panels(3.9, labels)
+        for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
+            style.marks(ax, np.arange(len(names)), table)
+            ax.axhline(0, color=ink.GREY, linewidth=0.8)
+        for limit in (-2, 2):
+            bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
+        _groups(bottom, top, names)
+        legend_above(top, 3)
+        return fig
+
+    return Drawing(
+        "survey",
+        "Residuals of the tracker's points",
+        f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
+        f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
+        paint,
+    )
+
+
+def _read(
+    tracker: Mapping[str, JsonValue] | None,
+) -> tuple[list[str], FloatArray, FloatArray] | None:
+    """Names (N), residuals (N, 3) in m and in standard uncertainties, where the file has them."""
+    kept = tracker.get("residuals") if tracker else None
+    if not isinstance(kept, dict) or not isinstance(names := kept.get("points"), list) or not names:
+        return None
+    try:
+        tables = [np.array(kept[key], dtype=float) for key in ("residual", "normalised")]
+    except (KeyError, TypeError, ValueError):
+        return None
+    if any(table.shape != (len(names), 3) for table in tables):
+        return None
+    return [str(name) for name in names], tables[0], tables[1]
+
+
+def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
+    """Name the supports once each along the axis, with a line between them."""
+    start, ticks, labels, upright = 0, [], [], True
+    for group, members in groupby(name.split("/")[0] for name in names):
+        size = len(list(members))
+        ticks.append(start + (size - 1) / 2)
+        labels.append(f"{group} ({size})")
+        upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
+        start += size
+        for ax in (bottom, top):
+            ax.axvline(start - 0.5, color=ink.GREY, linewidth=0.5, linestyle=":")
+    bottom.set_xticks(ticks, labels, rotation=0 if upright else 90)
+    bottom.set_xlabel("points: moves of each NCP first, then targets on each sensor")
+    for ax in (bottom, top):
+        ax.grid(axis="x", visible=False)
+        ax.set_xlim(-0.7, len(names) - 0.3)
+
+
+def registered(r: PointRegistration) -> Drawing:
+    """Residual of each point in µm, by coordinate."""
+
+    def paint() -> Figure:
+        fig, (ax,) = style.panels(2.6, ("residual, µm",))
+        place = np.arange(len(r.names))
+        for j, (axis, residual) in enumerate(zip("xyz", 1e6 * r.residual.T, strict=True)):
+            ax.bar(place + 0.27 * (j - 1), residual, width=0.25, color=ink.FILLS[j], label=axis)
+        ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
+        ax.grid(axis="x", visible=False)
+        legend_above(ax, 3)
+        return fig
+
+    said = f"The points fit within {1e6 * r.rms:.3g} µm rms."
+    return Drawing("residuals", "Residuals of the points", said, paint)

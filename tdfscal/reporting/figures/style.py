@@ -19,15 +19,13 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter
-from matplotlib.transforms import Affine2D
 
 from tdfscal.errors import visible
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.figures import Drawing as Drawing
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 WIDTH = 7.3
 """Inches: the text width of an A4 page."""
@@ -35,7 +33,6 @@ _DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
 _TIP = "tip: "
 _DRAWN: WeakKeyDictionary[Drawing, str] = WeakKeyDictionary()
-_SPOT = Outline([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -71,6 +68,15 @@ class Sheet(Figure):
 def figure(height: float, *, arranged: bool = True) -> Figure:
     """Return an empty figure, `height` inches high; arranged: its parts make room for others."""
     return Sheet(figsize=(WIDTH, height), layout="constrained" if arranged else None)
+
+
+def panels(height: float, labels: Sequence[str], **share: Any) -> tuple[Figure, list[Axes]]:
+    """A figure of empty panels one above the other over a common axis, each with its label."""
+    fig = figure(height)
+    axes = list(fig.subplots(len(labels), 1, sharex=True, squeeze=False, **share)[:, 0])
+    for ax, label in zip(axes, labels, strict=True):
+        ax.set_ylabel(label)
+    return fig, axes
 
 
 def raster(count: int) -> bool:
@@ -110,31 +116,6 @@ def logarithmic(ax: Axes, which: str = "y") -> None:
 def tip(artist: Artist, text: str) -> None:
     """Give a mark words that a page shows where the pointer rests on it, without a script."""
     artist.set_gid(f"{_TIP}{visible(text)}")
-
-
-class Tips(Artist):
-    """Unseen marks on axes, each with words for the pointer; far cheaper than a line each."""
-
-    def __init__(
-        self, ax: Axes, x: npt.ArrayLike, y: npt.ArrayLike, words: Sequence[str], radius: float = 4
-    ) -> None:
-        super().__init__()
-        self._at, self._words, self._radius = np.column_stack([x, y]), words, radius
-        self.set_in_layout(False)
-        ax.add_artist(self)
-
-    def draw(self, renderer: Any) -> None:
-        """Draw nothing that is seen. radius : points."""
-        assert self.axes is not None
-        gc = renderer.new_gc()
-        gc.set_alpha(0.0)
-        gc.set_linewidth(0.0)
-        size = renderer.points_to_pixels(self._radius)
-        for (x, y), words in zip(self.axes.transData.transform(self._at), self._words, strict=True):
-            renderer.open_group("tip", gid=f"{_TIP}{visible(words)}")
-            renderer.draw_path(gc, _SPOT, Affine2D().scale(size).translate(x, y), (0.0, 0.0, 0.0))
-            renderer.close_group("tip")
-        gc.restore()
 
 
 def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> None:

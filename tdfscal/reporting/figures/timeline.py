@@ -1,4 +1,4 @@
-"""The log over its time: dwells in use and rejected, what was left out, forces, contact wrench."""
+"""Over the time of a log: dwells, what was left out, forces, clocks, contact, its detection."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
+from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.parts import ActivityResult, RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray
 from tdfscal.reporting.figures import ink, style
 from tdfscal.reporting.figures.log_time import Clock, clock_from, log_clock
-from tdfscal.reporting.figures.style import Drawing, figure, legend_above, legend_outside
+from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
+from tdfscal.significance import COVERAGE_FACTOR
 
+#: Labels of panels: of each axis of the sensors, and of the contact wrench.
+_FORCES, _WRENCH = ("Fx, N", "Fy, N", "Fz, N"), ("force, N", "torque, N·m")
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
 _MARKERS = "osD^vPX*"
@@ -83,10 +87,8 @@ def _paint(log: DwellLog) -> Figure:
     gone = [(*ends(r.start, r.end), f"posture {r.index + 1}: {r.reason}") for r in rejected]
     pieces = [(*ends(s.start, s.end), s.reason) for s in table.left_out or ()]
     heights = [0.34 * (3 if pieces else 2)] + ([_PANEL] * 3 if dwells is not None else [])
-    fig = figure(0.75 + sum(heights))
-    axes = fig.subplots(
-        len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
-    )[:, 0]
+    labels = ("", *_FORCES)[: len(heights)]
+    fig, axes = panels(0.75 + sum(heights), labels, gridspec_kw={"height_ratios": heights})
     _lanes(axes[0], used, gone, pieces)
     for r, (_, end, _) in zip(rejected, gone, strict=True):
         style.beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
@@ -136,7 +138,7 @@ def _forces(
     **line: Any,
 ) -> None:
     """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
-    for k, (axis, ax) in enumerate(zip("xyz", axes, strict=True)):
+    for k, ax in enumerate(axes):
         for begin, end, why in gone:
             style.tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), why)
         for i, name in enumerate(supports):
@@ -146,8 +148,8 @@ def _forces(
                     time, y, color=ink.LINES[i % len(ink.LINES)], label=name,
                     marker=markers[i % len(markers)], **line,
                 )  # fmt: skip
-                style.tip(drawn, f"{name} F{axis}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
-        ax.set_ylabel(f"F{axis}, N")
+                said = f"{name} {_FORCES[k][:2]}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N"
+                style.tip(drawn, said)
 
 
 def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
@@ -155,8 +157,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
 
     def paint() -> Figure:
         time = clock_from(float(slow.time[0]))
-        fig = figure(3.4)
-        axes = fig.subplots(3, 1, sharex=True)
+        fig, axes = panels(3.4, _FORCES)
         every = max(1, len(slow.time) // _INSTANTS)
         x, force = slow.time[::every] - time.origin, slow.force[::every]
         gone = [(s.begin - time.origin, s.end - time.origin, sentence(s.reason)) for s in rejected]
@@ -177,15 +178,13 @@ def found(dwells: Dwells) -> Drawing:
     def paint() -> Figure:
         start = dwells.start - dwells.start[0]
         end = start + np.maximum(dwells.end - dwells.start, 0.0)
-        fig = figure(2.6)
-        ax = fig.subplots()
+        fig, (ax,) = panels(2.6, _WRENCH[:1])
         for i, name in enumerate(dwells.supports):
             force = np.linalg.norm(dwells.force[:, i], axis=1)
             colour = ink.FILLS[i % len(ink.FILLS)]
             ax.hlines(force, start, end, color=colour, linewidth=3, label=name)
             ax.plot(start, force, "|", color=colour, markersize=4)
         ax.set_xlabel("time since the first dwell, s")
-        ax.set_ylabel("force, N")
         legend_above(ax, 4)
         return fig
 
@@ -201,21 +200,89 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
     def paint() -> Figure:
         time = columns["time"] - columns["time"][0]
         pixels = style.raster(len(time))
-        fig = figure(4.6)
-        axes = fig.subplots(2, 1, sharex=True)
-        for ax, letter, label in zip(axes, "fm", ("force, N", "torque, N·m"), strict=True):
+        fig, axes = panels(4.6, _WRENCH)
+        for ax, letter in zip(axes, "fm", strict=True):
             names = [letter + axis for axis in "xyz"]
             for name in names:
                 raw = columns[f"raw_{name}"]
                 ax.plot(time, raw, color=ink.PALE, linewidth=0.6, rasterized=pixels)
             for name, (_, _, colour), line in zip(names, ink.AXES, _LINES, strict=True):
-                look = {"color": colour, "linewidth": 0.9, "rasterized": pixels}
+                look: dict[str, Any] = {"color": colour, "linewidth": 0.9, "rasterized": pixels}
                 ax.plot(time, columns[name], line, label=name, **look)
             ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
-            ax.set_ylabel(label)
             legend_above(ax, 3)
         axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
         return fig
 
     said = f"The largest contact force of the log is {largest:.3g} N."
     return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
+
+
+def clocks(c: Calibration) -> Drawing | None:
+    """What each recorder saw of the moves, by its own stamps and on the first one's clock."""
+    kept = [(clock, clock.activity) for clock in c.clocks if clock.activity is not None]
+    if not kept:
+        return None
+
+    def paint() -> Figure:
+        fig, axes = panels(0.6 + 2.6 * len(kept), ["activity"] * (2 * len(kept)))
+        for k, (clock, both) in enumerate(kept):
+            (time, first), (own, second) = _courses(both)
+            for ax, shift, how in (
+                (axes[2 * k], 0.0, "each from its own first stamp"),
+                (axes[2 * k + 1], both.lag, "on the first recorder's clock"),
+            ):
+                ax.plot(time, first, color=ink.BLUE, linewidth=1.0, label="first recorder")
+                ax.plot(own - shift, second, color=ink.ORANGE, linewidth=1.0, linestyle="--",
+                        label=clock.recorder)  # fmt: skip
+                ax.set_yticks([])
+                ax.set_title(how, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
+            axes[2 * k + 1].set_xlabel("time, s")
+            legend_above(axes[2 * k], 2)
+        return fig
+
+    known = " and ".join(f"± {1e3 * clock.offset_std:.2g} ms" for clock, _ in kept)
+    said = f"The moves that each recorder saw: as stamped, and brought together to {known}."
+    return Drawing("clocks", "Clocks of the recorders", said, paint)
+
+
+def _courses(both: ActivityResult) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Times (B,), s, and activity (B,) of each recorder, from its least to its largest."""
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for start, values in ((both.start, both.first), (both.second_start, both.second)):
+        course: FloatArray = np.array(values, dtype=np.float64)
+        time = np.asarray(start + both.width * (np.arange(len(course)) + 0.5), np.float64)
+        if np.isfinite(course).any():
+            course = (course - np.nanmin(course)) / max(
+                float(np.nanmax(course) - np.nanmin(course)), 1e-9
+            )
+        found.append((time, course))
+    return tuple(found)
+
+
+def detection(found: Capability, *, timed: bool) -> Drawing:
+    """Draw a panel of forces and one of torques."""
+
+    def paint() -> Figure:
+        time = found.time - found.time[0]
+        fig, axes = panels(5.0, _WRENCH)
+        for ax, letter, first in zip(axes, "fm", (0, 3), strict=True):
+            for k, ((axis, _, colour), line) in enumerate(zip(ink.AXES, _LINES, strict=True)):
+                c = first + k
+                look: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": line}
+                ax.plot(time, found.seen_from[:, c], label=f"{letter}{axis}", **look)
+                ax.axhline(found.threshold[c], color=colour, linewidth=0.7, linestyle=line)
+                fake = COVERAGE_FACTOR * found.calibration_std[:, c]
+                ax.fill_between(time, 0.0, fake, color=colour, alpha=0.15, linewidth=0)
+            ax.set_ylim(bottom=0.0)
+            legend_above(ax, 3)
+        axes[1].set_xlabel("time since the first sample, s" if timed else "posture")
+        return fig
+
+    return Drawing(
+        "capability",
+        "Smallest contact along the path",
+        "Thick: the smallest contact seen; thin: its threshold; shaded: what calibration, zeros "
+        "and postures may fake (k = 2).",
+        paint,
+    )
