@@ -39,7 +39,7 @@ def commands() -> Iterator[str]:
     for name in COMMANDS:
         given = "".join(f" {p.option.metavar}" for p in named[name] if p.positional)
         options = [p for p in named[name] if not p.positional]
-        needed = "".join(f" {p.flags[-1]} {p.values}" for p in options if p.default is ...)
+        needed = "".join(f" {p.flags[-1]} {_values(p)}" for p in options if p.default is ...)
         yield f"\n### tdfscal {name}\n\n{summary(name)}\n\n    tdfscal {name}{given}{needed}\n\n"
         yield from (line for p in options if (line := _option(p)) not in shared)
         also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
@@ -47,9 +47,14 @@ def commands() -> Iterator[str]:
     yield "\n"
 
 
+def _values(p: Described) -> str:
+    """What an option takes, in a word; nothing where it is on or off."""
+    return "|".join(p.words) or p.option.metavar or ("" if p.shown is bool else "N")
+
+
 def _option(p: Described) -> str:
     flags = ", ".join(f"`{flag}`" for flag in p.flags)
-    value = f" `{p.values}`" if p.values else ""
+    value = f" `{_values(p)}`" if _values(p) else ""
     plain = isinstance(p.default, str | int | float) and not isinstance(p.default, bool)
     default = f" ({p.default})" if plain else ""
     return f"- {flags}{value}{default}: {p.option.sentence}\n"

@@ -17,8 +17,7 @@ import typer.core
 import typer.main
 
 from tdfscal import __version__, memory
-from tdfscal.cli.perform import perform
-from tdfscal.cli.process import say
+from tdfscal.cli.process import perform, say
 from tdfscal.errors import TdfscalError, UsageError
 
 if TYPE_CHECKING:
@@ -161,12 +160,14 @@ def _parameter(one: Described) -> Parameter:
         return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=one.shown, default=told)
     default = None if one.default == () else one.default
     kind = one.shown | None if default is None and get_origin(one.shown) is list else one.shown
-    more: dict[str, Any] = {}
-    if "|" in one.values:
-        more["case_sensitive"] = False
-    if isinstance(default, Path):
-        more["show_default"] = False
-    told = typer.Option(default, *one.flags, metavar=option.metavar, help=text, **more)
+    told = typer.Option(
+        default,
+        *one.flags,
+        metavar=option.metavar,
+        help=text,
+        case_sensitive=not one.words,
+        show_default=not isinstance(default, Path),
+    )
     return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=kind, default=told)
 
 

@@ -83,16 +83,11 @@ class LogPass:
     samples: RepeatedSamples | None = None
     repeats: tuple[Repeat, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
+    rig: Rig = field(init=False)
+    progress: Progress = field(init=False)
 
-    @property
-    def rig(self) -> Rig:
-        """The rig of the campaign."""
-        return self.campaign.rig.rig
-
-    @property
-    def progress(self) -> Progress:
-        """Called as the work goes on."""
-        return self.settings.progress
+    def __post_init__(self) -> None:
+        self.rig, self.progress = self.campaign.rig.rig, self.settings.progress
 
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""

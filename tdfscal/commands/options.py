@@ -68,18 +68,21 @@ class Option:
 class Described:
     """A parameter of a command.
 
-    kind : its type in Python. default : on the command line; `...` where it must be given.
-    positional : it stands without a name. flags : names of the option. repeated : it takes all
-    that stands without a name.
+    kind, shown : its types in Python and on the command line; shown None where only Python has it.
+    default : on the command line; `...` where it must be given. positional : it stands without a
+    name. flags : names of the option. words : among which it chooses. repeated : it takes all that
+    stands without a name.
     """
 
     name: str
     kind: Any
+    shown: Any
     default: Any
     positional: bool
     flags: tuple[str, ...]
-    option: Option
+    words: tuple[str, ...]
     repeated: bool
+    option: Option
 
     @classmethod
     def of(cls, parameter: Parameter, annotation: Any) -> Described:
@@ -92,19 +95,12 @@ class Described:
         if option.default is not None:
             default = option.default
         flags = option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
+        shown = kind if option.kind is ... else option.kind
+        choices = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
+        words = get_args(choices[0]) if choices else ()
         repeated = parameter.kind is Parameter.VAR_POSITIONAL
-        return cls(name, kind, default, given, (name,) if given else flags, option, repeated)
-
-    @property
-    def shown(self) -> Any:
-        """Its type on the command line; None where only Python has it."""
-        return self.kind if self.option.kind is ... else self.option.kind
-
-    @property
-    def values(self) -> str:
-        """What it takes, in a word; nothing where it is on or off."""
-        words = _words(self.shown)
-        return "|".join(words) or self.option.metavar or ("" if self.shown is bool else "N")
+        flags = (name,) if given else flags
+        return cls(name, kind, shown, default, given, flags, words, repeated, option)
 
     def check(self, value: Any) -> None:
         """Raise UsageError for what is not of the parameter's kind, or a number out of bounds."""
@@ -112,7 +108,7 @@ class Described:
             return
         each = value if self.repeated else (value,)
         if not each or not all(_fits(one, self.kind) for one in each):
-            wanted = ", ".join(_words(self.kind)) or _SAID.get(_members(self.kind)[0])
+            wanted = ", ".join(self.words) or _SAID.get((*get_args(self.kind), self.kind)[0])
             raise UsageError(
                 f"{shortly(value)} is none of what this takes",
                 where=self.flags[0],
@@ -141,16 +137,6 @@ def _fits(value: Any, kind: Any) -> bool:
             return bool(value) and all(_fits(one, inside[0]) for one in value)
         return isinstance(value, Iterable) and not isinstance(value, str)
     return isinstance(value, origin or kind) and value != ""
-
-
-def _members(kind: Any) -> tuple[Any, ...]:
-    """Types of a union, or the one."""
-    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
-
-
-def _words(kind: Any) -> tuple[str, ...]:
-    """Words among which a parameter chooses."""
-    return next((get_args(one) for one in _members(kind) if get_origin(one) is Literal), ())
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.acceptance.turns import prior_turn_std, turn_names, turn_std
+from tdfscal.acceptance.gate import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from tdfscal.acceptance.turns import turn_std
+from tdfscal.acceptance.gate import turn_std
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.files.calibration.parameters import (
     Parameters,
