@@ -1,6 +1,21 @@
-"""One thread of linear algebra for each worker: more would wait for each other."""
+"""One thread of linear algebra for each worker; the sample campaign, calibrated once."""
 
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from tdfscal import Calibration
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+
+@pytest.fixture(scope="session")
+def sample() -> "Calibration":
+    """The calibration of the sample campaign in Parquet, without trials."""
+    from tdfscal import calibrate
+
+    return calibrate(Path(__file__).parents[1] / "sample_data" / "parquet", trials=0)

@@ -207,19 +207,8 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
                 "limit": float(limit[worst]),
                 "time": float(largest.when[worst] - path.places.time[0]),
             }
-            size, unit = float(largest.size[worst]), UNITS[worst]
-            out.append(
-                Finding(
-                    code,
-                    _axes(contact),
-                    size,
-                    unit,
-                    None,
-                    None,
-                    values,
-                    rejects=True,
-                )
-            )
+            axes, size = _axes(contact), float(largest.size[worst])
+            out.append(Finding(code, axes, size, UNITS[worst], values=values, rejects=True))
     if path.errors.open.any():
         out.append(Finding("threshold-unbounded", _axes(path.errors.open), rejects=True))
     use, drift = path.use, path.use.campaign.rig.rig.drift
@@ -255,5 +244,5 @@ def _stated_contact(path: FreePath, found: Capability) -> list[Finding]:
         worst = float(np.max(found.smallest_contact[rows]))
         if limit is not None and worst > limit:
             values: dict[str, Value] = {"limit": limit}
-            out.append(Finding("contact-unseen", (name,), worst, unit, None, None, values, True))
+            out.append(Finding("contact-unseen", (name,), worst, unit, values=values, rejects=True))
     return out

@@ -146,16 +146,12 @@ class _Streams:
 def _static(
     log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator
 ) -> SelfCalibration:
-    log.progress.stage(f"calibrating from {len(dwells)} dwells")
+    stage, trials = log.progress.stage, log.settings.trials
+    stage(f"calibrating from {len(dwells)} dwells")
     return self_calibrate(
-        log.rig,
-        dwells,
-        rng=rng,
-        estimator=estimator,
-        max_trials=log.settings.trials,
-        inputs=tuple(log.inputs),
-        progress=log.progress.stage,
-    )
+        log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials,
+        inputs=tuple(log.inputs), progress=stage,
+    )  # fmt: skip
 
 
 def _moving(

@@ -7,7 +7,22 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli import world
 from tests.cli.running import SAMPLES
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files for every outcome of every command; see `world`."""
+    folder = tmp_path_factory.mktemp("world")
+    world.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def home(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of these files, to write into."""
+    return Path(shutil.copytree(built, tmp_path_factory.mktemp("home") / "world"))
 
 
 @pytest.fixture

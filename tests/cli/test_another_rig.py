@@ -22,10 +22,10 @@ def renamed(folder: Path, name: str) -> Path:
 
 
 def test_apply_and_compare_say_that_a_rig_has_another_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sample: tdfscal.Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, other = tmp_path / "first.yaml", tmp_path / "other.yaml"
-    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=first)
+    sample.save(first)
     stand = renamed(tmp_path, "Stand B")
     done = run(capsys, "apply", first, stand, "-o", tmp_path / "w.csv", "-q")
     assert done.status == 0

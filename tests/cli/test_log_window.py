@@ -70,9 +70,9 @@ def test_a_part_is_what_a_log_cut_by_hand_is(campaign: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(sample: tdfscal.Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("whole") / "whole.yaml"
-    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=output)
+    sample.save(output)
     return output
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.running import Run, run
+from tests.cli.running import run
 from tests.files.logs.test_log_text_kinds import FRAME, scope, turns
 
 HEAD = """format: tdfscal-rig/1
@@ -21,27 +21,6 @@ supports:
   - {name: ncp3, hinge: [-0.3, -0.5, 0]}
 """
 IN_MS = "log: {time: {field: time, unit: ms}}\n"
-
-
-def check(done: Run) -> None:
-    assert (done.status, done.out) == (3, ""), done.err
-    assert len(done.err.splitlines()) == 1, done.err
-    assert done.err.startswith("tdfscal: ")
-    assert not re.search(r"Traceback|Warning|\.py\b|internal error", done.err)
-
-
-def check_log(
-    log: Path, block: str, spoil: Callable[[], object], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The sound file is read, though its random numbers are no rig's; the spoilt one is not."""
-    rig = log.parent / "foreign.yaml"
-    rig.write_text(HEAD + block)
-    asked = ("calibrate", log, "--rig", rig, "-o", rig.with_name("out.yaml"), "-q")
-    assert "log positions" in run(capsys, *asked).err
-    spoil()
-    done = run(capsys, *asked)
-    check(done)
-    assert "log positions" not in done.err
 
 
 def cell(number: int, text: str) -> Callable[[str], str]:
@@ -74,29 +53,33 @@ TEXT_FAULTS: dict[str, Callable[[str], str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", TEXT_FAULTS)
-def test_streams_that_take_turns(
-    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "log.csv"
-    turns(path)
-    spoilt = TEXT_FAULTS[fault](path.read_text())
-    check_log(path, "", lambda: path.write_text(spoilt), capsys)
-
-
-@pytest.mark.parametrize("fault", TEXT_FAULTS)
-def test_scope_exports(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "log.csv"
-    scope(path)
-    spoilt = TEXT_FAULTS[fault](path.read_text())
-    check_log(path, IN_MS, lambda: path.write_text(spoilt), capsys)
-
-
-@pytest.mark.parametrize("fault", TEXT_FAULTS)
-def test_tables_apart_by_tabs(
-    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "log.dat"
+def tabs(path: Path) -> None:
     np.savetxt(path, FRAME.to_numpy(), header="\t".join(FRAME.columns), delimiter="\t")
-    spoilt = TEXT_FAULTS[fault](path.read_text())
-    check_log(path, "", lambda: path.write_text(spoilt), capsys)
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "block"),
+    [(turns, "log.csv", ""), (scope, "log.csv", IN_MS), (tabs, "log.dat", "")],
+    ids=["streams in turns", "scope", "tabs"],
+)
+@pytest.mark.parametrize("fault", TEXT_FAULTS)
+def test_a_spoilt_table_is_refused(
+    write: Callable[[Path], None],
+    name: str,
+    block: str,
+    fault: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The sound file is read, though its random numbers are no rig's; the spoilt one is not."""
+    path, rig = tmp_path / name, tmp_path / "foreign.yaml"
+    write(path)
+    rig.write_text(HEAD + block)
+    asked = ("calibrate", path, "--rig", rig, "-o", tmp_path / "out.yaml", "-q")
+    assert "log positions" in run(capsys, *asked).err
+    path.write_text(TEXT_FAULTS[fault](path.read_text()))
+    done = run(capsys, *asked)
+    assert (done.status, done.out) == (3, ""), done.err
+    assert len(done.err.splitlines()) == 1, done.err
+    assert done.err.startswith("tdfscal: ")
+    assert not re.search(r"Traceback|Warning|\.py\b|internal error|log positions", done.err)

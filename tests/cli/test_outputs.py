@@ -18,7 +18,6 @@ import yaml
 
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures.style import Drawing
-from tests.cli import world
 from tests.cli.running import SAMPLES, run
 
 FAST = "--postures 4"
@@ -44,9 +43,8 @@ INPUTS = (*CAMPAIGN, "own.yaml")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    home = tmp_path_factory.mktemp("outputs")
-    world.build(home)
+def made(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = Path(shutil.copytree(built, tmp_path_factory.mktemp("outputs") / "world"))
     (home / "campaign").rename(home / "C")
     return home
 

@@ -19,7 +19,6 @@ import tdfscal
 from tdfscal.cli import app
 from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
 from tdfscal.files.calibration.document import file_content
-from tests.cli import world
 from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
@@ -95,13 +94,6 @@ BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
      lambda: tdfscal.simulate("out/odd", scenario="odd"), UsageError),
     ("schema empty.csv", lambda: tdfscal.schema("empty.csv"), UsageError),
 ]  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("api")
-    world.build(folder)
-    return folder
 
 
 @pytest.fixture
@@ -231,8 +223,10 @@ def test_one_value_that_is_wrong(name: str, value: object) -> None:
 
 
 @pytest.mark.usefixtures("here")
-def test_a_calibration_in_memory_is_as_good_as_its_file(tmp_path: Path) -> None:
-    made = tdfscal.calibrate("campaign", trials=0)
+def test_a_calibration_in_memory_is_as_good_as_its_file(
+    sample: tdfscal.Calibration, tmp_path: Path
+) -> None:
+    made = sample
     made.save(tmp_path / "c.json")
     read = tdfscal.load_calibration(tmp_path / "c.json")
     assert read == made
@@ -247,9 +241,8 @@ def test_a_calibration_in_memory_is_as_good_as_its_file(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.usefixtures("here")
-def test_no_name_of_a_calibration_is_pydantics_older_one() -> None:
-    made = tdfscal.load_calibration("own.yaml")
+def test_no_name_of_a_calibration_is_pydantics_older_one(sample: tdfscal.Calibration) -> None:
+    made = sample
     for name in ("validate", "json", "dict", "copy", "schema", "construct", "parse_obj"):
         assert not hasattr(made, name)
     assert made.validation is not None
@@ -265,8 +258,10 @@ def test_progress_is_reported(tmp_path: Path) -> None:
     assert (tmp_path / "page.html").is_file()
 
 
-def test_a_file_that_cannot_tell_its_edits_is_used_with_a_warning(tmp_path: Path) -> None:
-    made = tdfscal.calibrate(SAMPLES / "parquet", trials=0)
+def test_a_file_that_cannot_tell_its_edits_is_used_with_a_warning(
+    sample: tdfscal.Calibration, tmp_path: Path
+) -> None:
+    made = sample
     document = file_content(made)
     whole, bare = tmp_path / "whole.json", tmp_path / "bare.json"
     whole.write_text(json.dumps(document), encoding="utf-8")
@@ -276,7 +271,6 @@ def test_a_file_that_cannot_tell_its_edits_is_used_with_a_warning(tmp_path: Path
     for source, expected in ((made, 0), (whole, 0), (bare, 1)):
         for result in (
             tdfscal.export(source, "csv"),
-            tdfscal.apply(source, SAMPLES / "parquet"),
-            tdfscal.validate(source, SAMPLES / "parquet"),
+            tdfscal.apply(source, SAMPLES / "parquet", to="+1"),
         ):
             assert sum("has no `content_sha256`" in text for text in result.notes) == expected
