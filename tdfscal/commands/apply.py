@@ -138,7 +138,8 @@ def apply(
     settings = Settings(progress, window(from_, to))
     use = take(calibration, paths, rig)
     passing = WrenchPass.of(use, settings, point)
-    log, given, moving = passing.log, passing.given, passing.moving
+    log, given = passing.log, passing.given
+    moving = given.rig.inertia is not None
     progress.stage("reading the log and working out the contact wrench")
     noises, totals = list[SampleNoise](), Totals()
     head, samples = passing.samples()

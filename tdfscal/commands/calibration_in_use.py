@@ -257,11 +257,6 @@ class WrenchPass:
         given = about_point(use.given, point)
         return cls(use, given, LogPass(use.campaign, settings), Inspection(use.given))
 
-    @property
-    def moving(self) -> bool:
-        """The wrench has its inertial terms."""
-        return self.given.rig.inertia is not None
-
     def samples(self) -> tuple[LogHead | None, Iterator[Samples]]:
         """Begin to read: the beginning, and the samples from their first on."""
         pieces = aligned(self.thermometer.passing(self.log.pieces()), self.tally)
@@ -270,7 +265,7 @@ class WrenchPass:
 
     def wrenches(self, samples: Iterable[Samples]) -> Iterator[Wrenches]:
         """Work out the contact wrenches."""
-        return (in_motion if self.moving else at_rest)(self.given, samples)
+        return (at_rest if self.given.rig.inertia is None else in_motion)(self.given, samples)
 
     def nothing(self) -> DataError:
         """Say that no instant holds a position and a force of every NCP."""

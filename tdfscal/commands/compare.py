@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 from tdfscal.checks.same_rig import other_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import CalibrationSource, read_sources, sources_of
+from tdfscal.commands.calibration import read_sources, sources_of
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison, compare_pair
@@ -82,7 +81,7 @@ class CompareResult(Result):
 @options.command("compare last-month.yaml calibration.yaml")
 def compare(
     *files: Annotated[
-        CalibrationSource | Iterable[CalibrationSource],
+        options.Several,
         Option(
             "calibration files of one rig, two or more; the first is compared with each other",
             list[Path],

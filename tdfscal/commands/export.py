@@ -18,15 +18,12 @@ from tdfscal.commands.calibration import (
     unsealed,
 )
 from tdfscal.commands.capability import CapabilityResult
-from tdfscal.commands.free_path import assembly_posture
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
-from tdfscal.detection.capability import Request, assess
-from tdfscal.errors import DataError, RejectedError
+from tdfscal.errors import DataError, RejectedError, UsageError
 from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.statements import ContactThresholds
 from tdfscal.files.yaml import read_document
-from tdfscal.findings import Finding
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
 
@@ -112,16 +109,18 @@ def export(
             hint="use --allow-rejected to export it all the same",
         )
     limits = None
-    if to in WITH_THRESHOLDS:
-        if isinstance(capability, CapabilityResult):
-            limits = _on_path(capability.to_dict(), loaded, "capability")
-        elif capability is not None:
-            found = read_document(Path(capability), DataError)
-            limits = _on_path(found.content, loaded, found.source)
-        else:
-            limits = _at_assembly(loaded)
+    if capability is not None and to not in WITH_THRESHOLDS:
+        raise UsageError(
+            f"{to} holds no thresholds", where="--capability", hint="leave it out, or take ros or c"
+        )
+    if isinstance(capability, CapabilityResult):
+        limits = _on_path(capability.to_dict(), loaded, "capability")
+    elif capability is not None:
+        found = read_document(Path(capability), DataError)
+        limits = _on_path(found.content, loaded, found.source)
+    notes = tuple(map(told, (*provisional(name, loaded), *unsealed(loaded, name))))
     text = FORMATS[to](loaded, parent, limits)
-    return ExportResult(to, text, loaded, one(output), tuple(map(told, _notes(name, loaded))))
+    return ExportResult(to, text, loaded, one(output), notes)
 
 
 def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:
@@ -150,22 +149,3 @@ def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:
             hint="run capability with the calibration that is exported",
         )
     return limits
-
-
-def _at_assembly(loaded: Calibration) -> ContactThresholds:
-    """Thresholds at the assembly posture, by the calibration alone."""
-    posture, request = assembly_posture(loaded), Request()
-    found = assess(
-        posture.given, posture.errors, posture.noise(None), posture.places.time, posture.duration,
-        request,
-    )  # fmt: skip
-    at = ", ".join(f"{v:g}" for v in posture.given.rig.acceptance.contact_rpy)
-    return ContactThresholds(
-        found.threshold, (0.0, 0.0, 0.0), request.false_stops,
-        f"in an hour at roll, pitch, yaw ({at}) rad, with the zeros as calibrated and without the "
-        "noise of samples, which come on top: tdfscal capability",
-    )  # fmt: skip
-
-
-def _notes(name: str, calibration: Calibration) -> tuple[Finding, ...]:
-    return (*provisional(name, calibration), *unsealed(calibration, name))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import at_rest
 from tdfscal.commands.calibration import CalibrationSource, read_source
 from tdfscal.commands.calibration_in_use import (
     InUse,
@@ -162,20 +161,7 @@ def planned_path(
         )  # fmt: skip
     use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
     places = Places(driven.time, driven.position, _readings(given, driven), driven.averaged)
-    return _unrecorded(use, given, places)
-
-
-def assembly_posture(calibration: CalibrationSource) -> FreePath:
-    """Take the posture of the rig file's `acceptance.contact`, for an hour."""
-    name, loaded = read_source(calibration)
-    rig, given = loaded.loaded_rig(name), calibrated(loaded, name)
-    use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
-    position, force = at_rest(given, rig.rig.acceptance.contact_rpy)
-    return _unrecorded(use, given, Places(np.zeros(1), position, force, averaged=True))
-
-
-def _unrecorded(use: InUse, given: Calibrated, places: Places) -> FreePath:
-    """Take a path that nothing was recorded of: its zeros hold, and its samples have no noise."""
+    # Nothing was recorded: its zeros hold, and its samples have no noise.
     stand = errors(given, places, None, _scatter(use, given))
 
     def none(cutoff: float | None) -> MeasuredNoise:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -104,7 +104,7 @@ class MonitorResult(Result):
 @options.command("monitor 2026-*.yaml --html history.html")
 def monitor(
     *files: Annotated[
-        CalibrationSource | Iterable[CalibrationSource],
+        options.Several,
         Option(
             "calibration files and campaign folders of one rig", list[Path], "FILE…", reads=True
         ),

@@ -282,6 +282,7 @@ OneCalibration = Annotated[
         reads=True,
     ),
 ]
+Several = CalibrationSource | Iterable[CalibrationSource]
 Begin = Annotated[
     Instant | None,
     Option(f"use the log from T on: {_MOMENT}", str | None, "T", ("--from",)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -71,7 +70,7 @@ class ReportResult(Result):
 @options.command("report calibration.yaml --html report.html", html="html")
 def report(
     *files: Annotated[
-        CalibrationSource | Iterable[CalibrationSource],
+        options.Several,
         Option("calibration files; - for stdin", list[Path], "FILE", reads=True),
     ],
     previous: Annotated[

@@ -119,8 +119,7 @@ class _Streams:
         log.progress.stage("reading the log")
         # An axis that is not measured has no full scale.
         self._decimator = Decimator(np.where(log.rig.axes, log.rig.capacity, np.inf))
-        self._thermometer = Thermometer()
-        self._log, self._averaged = log, False
+        self._log, self._averaged, self._thermometer = log, False, Thermometer()
 
     def pieces(self) -> Iterator[Log]:
         for piece in self._thermometer.passing(self._log.watched()):

@@ -66,6 +66,7 @@ CASES = [
     Case("export rejected.yaml --to ros --allow-rejected", 0, "REJECTED"),
     Case("export rejected.yaml --to ros -o out/kept.yaml", 1, "--allow-rejected"),
     Case("export own.yaml", 2, "--to"),
+    Case("export own.yaml --to csv --capability own.yaml", 2, "holds no thresholds"),
     Case("export own.yaml --to ros -o own.yaml", 2, "replace an input"),
     Case("export broken.yaml --to csv -o out/kept.csv", 3, "broken.yaml"),
     Case("info campaign", 0, "Mapping"),
