@@ -1,61 +1,63 @@
-"""The catalogue holds every code of the source, and no other."""
+"""The catalogue holds every code of the source, and no other; every entry can be said."""
 
 from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import get_args
 
-import pytest
-
-from tdfscal.catalogue import CATALOGUE, document, severity
-from tdfscal.findings import Finding
+from tdfscal.catalogue import CATALOGUE, document
+from tdfscal.catalogue.entry import entries
+from tdfscal.findings import Finding, Severity
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
 
 
-def strings() -> set[str]:
-    """Every text constant of the source outside the catalogue."""
-    found: set[str] = set()
+def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
+    """Those of misfits and changes are made of the cause's name."""
+    strings, codes = set[str](), set[str]()
     for path in PACKAGE.rglob("*.py"):
         if "catalogue" in path.parts:
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                found.add(node.value)
-    return found
-
-
-def codes() -> set[str]:
-    """Codes that findings are made with, where they stand as a constant."""
-    found: set[str] = set()
-    for path in PACKAGE.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        if "from tdfscal.findings import" not in text:  # another record of that name
-            continue
         for node in ast.walk(ast.parse(text)):
-            if (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Name)
-                and node.func.id == "Finding"
-                and node.args
-                and isinstance(node.args[0], ast.Constant)
-            ):
-                found.add(str(node.args[0].value))
-    return found
+            match node:
+                case ast.Constant(value=str(said)):
+                    strings.add(said)
+                case ast.Call(func=ast.Name("Finding"), args=[ast.Constant(value=code), *_]) if (
+                    "from tdfscal.findings import" in text  # and no record of that name
+                ):
+                    codes.add(str(code))
+    assert codes <= set(CATALOGUE)
+    made = {code for code in CATALOGUE if code.startswith(("misfit-", "change-"))}
+    assert set(CATALOGUE) - made <= strings
 
 
-def test_every_code_of_the_source_is_in_the_catalogue() -> None:
-    assert codes() <= set(CATALOGUE)
+def test_every_entry_can_be_said() -> None:
+    for code, entry in CATALOGUE.items():
+        assert entry.severity in get_args(Severity), code
+        said = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3, {"mrad": 1.0}))
+        assert said["text"], code
+        assert said["severity"] == entry.severity
+        rejecting = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3, {"mrad": 1.0}, True))
+        assert rejecting["severity"] == "rejects"
 
 
-def test_every_code_of_the_catalogue_is_in_the_source() -> None:
-    """Those of misfits are made of the cause's name."""
-    listed = {code for code in CATALOGUE if not code.startswith("misfit-")}
-    assert listed <= strings() | codes()
-
-
-@pytest.mark.parametrize("code", CATALOGUE)
-def test_every_entry_can_be_said(code: str) -> None:
-    said = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3))
-    assert said["text"]
-    assert severity(Finding(code, rejects=True)) == "rejects"
+def test_a_row_of_the_table_is_read_as_it_is_written() -> None:
+    rows = """
+one warns
+  {subject} is off by
+  {size}
+  ? why , for {why}
+  -> look
+    again
+two notes
+  nothing
+"""
+    found = entries(rows, "it seems that %s", "? more and {more}", "a-%s")
+    given = Finding("a-one", ("ncp1", "ncp2"), 2.6e-3, "m", values={"why": "this", "more": 3.0})
+    assert found["a-one"].words(given) == (
+        "it seems that ncp1, ncp2 is off by 2.6 mm, for this and 3.0"
+    )
+    assert found["a-one"].advice(given) == "look again"
+    assert (found["a-two"].severity, found["a-two"].advice(given)) == ("notes", "")

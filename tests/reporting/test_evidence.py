@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
-from tests.reporting.samples import Sample, changed, sample, surveyed
+from tdfscal.files.calibration.document import Calibration
+from tests.reporting.samples import Sample, sample, surveyed
 
 
 @pytest.fixture(scope="module")
@@ -103,12 +103,6 @@ def test_survey_residuals_and_methods() -> None:
     assert survey.rpy_std == tuple(s.rpy_std for s in tracker.supports)
 
 
-@pytest.mark.parametrize("form", ["yaml", "json"])
-def test_round_trip(made: Sample, form: Any) -> None:
-    text = dump_calibration(made.calibration, form)
-    assert parse_calibration(text.encode(), "x") == made.calibration
-
-
 def test_files_without_evidence_are_still_read(made: Sample) -> None:
     content = made.calibration.model_dump(mode="json", exclude_none=True)
     del content["postures"], content["monte_carlo"]["histogram"], content["observability"]["loads"]
@@ -134,8 +128,3 @@ def test_evidence_that_does_not_fit_is_refused(
     part[place[-1]] = part[place[-1]][:-1]
     with pytest.raises(ValueError, match=message):
         Calibration.model_validate(content)
-
-
-def test_changed_checks_again(made: Sample) -> None:
-    with pytest.raises(ValueError, match="against"):
-        changed(made.calibration, status="rejected")

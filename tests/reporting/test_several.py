@@ -83,18 +83,14 @@ def test_oldest_first_and_e_n_by_hand() -> None:
 def test_text_has_eighty_columns_and_the_verdict_first() -> None:
     text = render(several([("j" * 60, JANUARY), ("f", FEBRUARY), ("m", MARCH)]))
     assert text.startswith("Test rig: NOT COMPATIBLE\n")
-    assert max(map(len, text.splitlines())) <= 80
     assert "! 2.65" in text
-    assert render(several([("j", JANUARY), ("f", FEBRUARY)])).startswith("Test rig: COMPATIBLE")
-
-
-def test_many_calibrations_still_fit() -> None:
     many = [
         (f"{day}.yaml", changed(JANUARY, created=f"2026-01-{day:02}T00:00:00Z"))
         for day in range(1, 29)
     ]
-    text = render(several(many))
-    assert max(map(len, text.splitlines())) <= 80
+    long = render(several(many))
+    assert long.startswith("Test rig: COMPATIBLE")
+    assert max(map(len, (text + long).splitlines())) <= 80
     assert [letter(i) for i in (0, 25, 26, 51, 52)] == ["A", "Z", "A2", "Z2", "A3"]
 
 

@@ -20,8 +20,7 @@ from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.history import short
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table
-from tests.reporting.pages import render_page
-from tests.reporting.samples import NASTY, changed, fit_with, sample, surveyed
+from tests.reporting.samples import NASTY, by_hand, changed, fit_with, sample, surveyed
 from tests.words import found
 
 
@@ -29,7 +28,7 @@ def render(c: Calibration) -> str:
     return as_text(calibration_report(c))
 
 
-EPOCH = 1_750_000_000.25
+EPOCH = 1_750_000_000.0
 
 
 def shifted(c: Calibration, by: float) -> Calibration:
@@ -78,6 +77,25 @@ def test_a_summary_fits_a_terminal() -> None:
     assert "Warnings: 9; see `tdfscal report` or the page" in lines
 
 
+def test_the_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
+    """As many as `init` leaves: runs of lines by their block, and still a terminal's 24 lines."""
+    keys = ("gravity", "terminal.mass", *(f"supports.ncp{i}.zero" for i in range(9)))
+    lines = [f"{key} (line {8 + 3 * (k > 0) + k})" for k, key in enumerate(keys)]
+    draft = document(Finding("draft-unconfirmed", tuple(lines), len(lines)))
+    c = changed(sample().calibration, status="provisional", findings=[draft])
+    text = as_text(calibration_report(c), whole=False)
+    assert "gravity (8), terminal (12), supports (13–21)" in " ".join(text.split("\n\n")[0].split())
+    assert len(text.splitlines()) <= 22
+
+
+def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
+    """Half widths of two standard uncertainties: Student's t of 60 degrees of freedom (tables)."""
+    c = sample().calibration
+    assert "95 % intervals, k = 1.96\n" in render(c)
+    wide = render(by_hand(c.model_dump()))
+    assert "95 % intervals, k = 2.00 for 60 degrees of freedom\n" in wide
+
+
 def test_forecasts_are_of_the_number_that_is_told() -> None:
     """Five more postures of 12 count their information 17/12 times."""
     c = sample().calibration
@@ -89,31 +107,14 @@ def test_forecasts_are_of_the_number_that_is_told() -> None:
     assert not any("such postures" in text for text in advise(rejected))
 
 
-def test_every_angle_in_mrad() -> None:
-    c = sample().calibration
-    text = render(c)
-    for support in c.mounted:
-        for value, std in zip(support.rpy, support.rpy_std, strict=True):
-            assert re.search(rf" {1e3 * value:.3f} +{1e3 * std:.3f} ", text)
-
-
-def test_dates_in_the_log_are_counted_from_its_start() -> None:
-    """Simulated logs start at 0, so that the words do not change when epoch seconds are added."""
+@pytest.mark.parametrize(("by", "origin"), [(EPOCH, EPOCH), (3600.0, 0.0)])
+def test_dates_in_the_log_are_counted_from_its_start(by: float, origin: float) -> None:
+    """Simulated logs start at 0: epoch seconds change no word; an hour is no date."""
     c = sample(touched=True).calibration
-    assert c.postures is not None
-    first = c.postures.start[0]
-    assert 0 <= first < 1
-    later = shifted(c, EPOCH - 0.25)
-    assert clock(later).origin == EPOCH - 0.25
-    assert [line for line in render(later).splitlines() if "posture 5" in line] == [
-        line for line in render(c).splitlines() if "posture 5" in line
-    ]
-
-
-def test_small_times_stay_as_the_log_has_them() -> None:
-    c = shifted(sample(touched=True).calibration, 3600.0)
-    assert clock(c).origin == 0.0
-    assert "posture 5 (36" in render(c)
+    later = shifted(c, by)
+    assert clock(later).origin == origin
+    told, shown = (re.findall(r"posture 5 \(([\d.]+)", render(each)) for each in (c, later))
+    assert float(shown[0]) == pytest.approx(float(told[0]) + by - origin, abs=0.051)
 
 
 def test_advice_follows_the_cause() -> None:
@@ -158,17 +159,11 @@ def test_terminal_shows_the_same_as_plain_text(monkeypatch: pytest.MonkeyPatch) 
     for token in render(c).replace("largest before", "").split():
         if re.fullmatch(r"-?\d+\.\d{2,}", token):
             assert token in plain
-
-
-def test_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
-    said = on_terminal(sample().calibration, monkeypatch, NO_COLOR="1")
+    marked = changed(sample(n=6, name=NASTY).calibration, findings=(found("[red]no markup[/red]"),))
+    said = on_terminal(marked, monkeypatch, NO_COLOR="1")
     assert not re.search(r"\x1b\[[0-9;]*3[0-9]", said)
     assert "✓ ACCEPTED" in said
-
-
-def test_markup_in_names_is_only_text(monkeypatch: pytest.MonkeyPatch) -> None:
-    c = changed(sample(n=6, name=NASTY).calibration, findings=(found("[red]not markup[/red]"),))
-    assert "[red]not markup[/red]" in on_terminal(c, monkeypatch)
+    assert "[red]no markup[/red]" in said
 
 
 def test_a_pipe_gets_plain_text_and_a_terminal_a_frame(
@@ -194,7 +189,6 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
         assert "turn from the nominal mounting" in plain
         assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
         assert max(map(len, plain.splitlines())) <= 80
-    assert "+20.000" in render_page(changed(c, rig=rig))
 
 
 def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,22 +100,17 @@ def test_the_log_is_shown_with_what_was_rejected(page: str) -> None:
     ]
 
 
-def test_where_no_residual_is_left_the_page_says_so() -> None:
+def test_what_there_is_to_be_seen_is_drawn_and_no_more() -> None:
     error = attempt().error
     assert isinstance(error.evidence, Undetermined)
     few = replace(error.evidence, quality=replace(error.evidence.quality, dof=0))
-    bare = replace(attempt(), error=NotConvergedError("it wanders", evidence=few))
-    drawings = undetermined_drawings(bare)
+    exact = replace(attempt(), error=NotConvergedError("it wanders", evidence=few))
+    drawings = undetermined_drawings(exact)
     assert [d.name for d in drawings] == ["determined", "timeline"]
-    report = undetermined_report(bare, drawings)
-    assert report.verdict == "NOT CONVERGED"
-
-
-def test_an_error_without_evidence_has_a_page_of_words() -> None:
+    assert undetermined_report(exact, drawings).verdict == "NOT CONVERGED"
     bare = replace(attempt(), error=NotIdentifiableError("three points on a line", where="points"))
     assert undetermined_drawings(bare) == ()
-    said = words(render(undetermined_report(bare)))
-    assert "points: three points on a line" in said
+    assert "points: three points on a line" in words(render(undetermined_report(bare)))
 
 
 def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
