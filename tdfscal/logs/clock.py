@@ -16,8 +16,6 @@ MAX_PAUSE = 30.4375 * 86400.0
 """A clock that goes on by more than this many seconds, a month, was set meanwhile: refused."""
 MAX_DROPPED = 1e-3
 """Largest share of samples (one at least) whose time does not ascend; they are left out."""
-HOPELESS = 100_000
-"""So many samples that do not ascend, and half of all, are refused before the file's end."""
 GAP = 5.0
 """An interval of more than this many median periods is a gap."""
 
@@ -71,8 +69,7 @@ class Clock:
     def ascending(self, time: FloatArray) -> BoolArray | None:
         """Return which of the next samples (N,) are ahead of all before them; None where all are.
 
-        Raises DataError for a step back of more than MAX_STEP_BACK or on by more than MAX_PAUSE, or
-        where hardly one ascends.
+        Raises DataError for a step back of more than MAX_STEP_BACK or on by more than MAX_PAUSE.
         """
         if time.size == 0:
             return None
@@ -93,8 +90,6 @@ class Clock:
         if back.any():
             self._back += int(np.count_nonzero(back))
             self._worst_back = max(self._worst_back, float((latest - time)[back].max()))
-        if self._duplicates + self._back > max(HOPELESS, self.count // 2):
-            raise self._too_many()
         kept = time[keep]
         self._note(kept, np.diff(kept, prepend=self._last))
         return keep
@@ -106,7 +101,15 @@ class Clock:
         """
         dropped = self._duplicates + self._back
         if dropped > max(1.0, MAX_DROPPED * self.count):
-            raise self._too_many()
+            kinds = []
+            if self._duplicates:
+                kinds.append(f"{self._duplicates} repeat the time of the sample before")
+            if self._back:
+                kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
+            raise DataError(
+                f"of {self.count} samples of {self.name}, {' and '.join(kinds)}",
+                hint="check the time field and its unit; a recording's clock must ascend",
+            )
         said = []
         if dropped:
             values: dict[str, Value] = {
@@ -127,18 +130,6 @@ class Clock:
             }
             said.append(Finding("stream-gaps", (self.name,), longest, "s", values=values))
         return said
-
-    def _found(self) -> str:
-        kinds = []
-        if self._duplicates:
-            kinds.append(f"{self._duplicates} repeat the time of the sample before")
-        if self._back:
-            kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
-        return f"of {self.count} samples of {self.name}, {' and '.join(kinds)}"
-
-    def _too_many(self) -> DataError:
-        hint = "check the time field and its unit; a recording's clock must ascend"
-        return DataError(self._found(), hint=hint)
 
     def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
         bad = ~keep if self._rows == "postures" else latest - time > MAX_STEP_BACK

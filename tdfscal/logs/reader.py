@@ -84,13 +84,22 @@ def iter_log(
     if mappings:
         groups = files_by_recorder(paths, mappings)
     sources = [(mapping, files_of(own)) for mapping, own in groups]
-    meter = _Meter(sum(path.stat().st_size for _, files in sources for path, _ in files), progress)
+    total = max(sum(path.stat().st_size for _, files in sources for path, _ in files), 1)
+    before = 0
+
+    def reached(position: int, whole: int = 0) -> None:
+        """Tell how far the file at hand is read, or that it is and how long it was."""
+        nonlocal before
+        before += whole
+        if progress is not None:
+            progress(min((before + position) / total, 1.0))
+
     streams = []
     for mapping, files in sources:
         request = make_request(mapping, supports, axes)
         if axes is not None and not axes.all():
             _check_silent(files[0][0], make_request(mapping, supports), axes)
-        streams.append((request.mapping, _campaign(files, request, meter)))
+        streams.append((request.mapping, _campaign(files, request, reached)))
     pieces = streams[0][1] if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
@@ -115,24 +124,10 @@ def concatenate(pieces: Iterable[Log]) -> Log:
     )
 
 
-@dataclass(slots=True)
-class _Meter:
-    """Bytes read of all files together; before: those of the files that are done."""
-
-    total: int
-    progress: Progress | None
-    before: int = 0
-
-    def tell(self, position: int) -> None:
-        """Tell how far the file at hand is read."""
-        if self.progress is not None:
-            self.progress(min((self.before + position) / max(self.total, 1), 1.0))
-
-
 def _campaign(
-    files: Sequence[tuple[Path, Bag | None]], request: Request, meter: _Meter
+    files: Sequence[tuple[Path, Bag | None]], request: Request, told: Callable[..., None]
 ) -> Iterator[Log]:
-    """Read the files of one recorder, one after the other."""
+    """Read the files of one recorder, one after the other; told : how far."""
     reached = np.full(len(request.signals), -np.inf)
     row = 0
     bags = dict(files)
@@ -144,7 +139,7 @@ def _campaign(
         with Fingerprint(path) as fingerprint, closing(ahead(file.pieces(request))) as pieces:
             try:
                 for number, piece in enumerate(pieces):
-                    meter.tell(file.position)
+                    told(file.position)
                     ascending = streams.passed(piece)
                     if number:
                         yield pending
@@ -157,15 +152,14 @@ def _campaign(
             entry = fingerprint.result(file.integrity, note)
         reached = streams.last
         row += int(streams.count[0])
-        meter.before += entry.bytes
-        meter.tell(0)
+        told(0, entry.bytes)
         cut: tuple[LogTruncated, ...] = ()
         if file.cut_at is not None:
             cut = (LogTruncated(str(path), file.cut_at, float(streams.last.max())),)
             values: dict[str, Value] = {"byte": file.cut_at, "at": shown(cut[0].end)}
             said = [Finding("log-truncated", values=values), *said]
-        told = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
-        yield replace(pending, inputs=(entry,), findings=told, truncated=cut)
+        findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
+        yield replace(pending, inputs=(entry,), findings=findings, truncated=cut)
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:

@@ -1,12 +1,9 @@
-"""Contents of a recording: topics, their message types, and what in them has x, y, z."""
+"""What a topic holds, noted while its messages pass: what in them has x, y, z, and when."""
 
 from __future__ import annotations
 
 import re
-import struct
-from collections.abc import Iterator, Mapping
 from itertools import islice
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,21 +11,11 @@ from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Clock, Skew
-from tdfscal.logs.contents import (
-    SAMPLES,
-    Contents,
-    Field,
-    Format,
-    Stream,
-    Vector,
-    axes_of,
-    extremes,
-)
+from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import Encoding, Leaf, Read
 from tdfscal.logs.messages.message_path import Named, shown
-from tdfscal.logs.messages.message_path import Path as MessagePath
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
@@ -42,50 +29,19 @@ _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 """Names that a message path can hold, and that are no number."""
 
 
-class RecordingLook:
-    """What a recording holds, noted while its messages pass."""
+class TopicLook:
+    """One channel as it is looked through; the first messages show what they hold.
 
-    def __init__(self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema]) -> None:
-        self._channels, self._schemas = channels, schemas
-        self._topics: dict[int, _Topic] = {}
-
-    def note(self, messages: Messages) -> None:
-        """Take in the next messages."""
-        for number in messages.counts():
-            of = messages.of(number)
-            if number not in self._topics:
-                channel = self._channels[number]
-                schema = self._schemas.get(channel.schema_id)
-                self._topics[number] = _Topic(channel, schema, of)
-            self._topics[number].note(of)
-
-    def contents(self, path: Path, form: Format, counts: Mapping[int, int]) -> Contents:
-        """What was there; counts : messages by channel."""
-        topics = self._topics.values()
-        streams = [topic.stream(counts[number]) for number, topic in self._topics.items()]
-        empty = {c.topic for c in self._channels.values()} - {stream.name for stream in streams}
-        streams += [Stream(name, "", 0, ()) for name in empty]
-        vectors = [vector for topic in topics for vector in topic.vectors()]
-        return Contents(
-            path,
-            form,
-            path.stat().st_size,
-            tuple(sorted(streams, key=lambda s: s.name)),
-            tuple(sorted(vectors, key=lambda v: v.fields)),
-            problems=tuple(f"{t.name}: {t.problem}" for t in topics if t.problem),
-        )
-
-
-class _Topic:
-    """One channel as it is looked through; the first messages show what they hold."""
+    leaves : what there is in a message. problem : why its messages cannot be read, if so.
+    """
 
     def __init__(self, channel: Channel, schema: Schema | None, first: Messages) -> None:
         self.name = channel.topic
-        self.kind = schema.name if schema is not None else channel.message_encoding
-        self.leaves: list[Leaf] = []
-        self.joints: tuple[str, ...] = ()
-        self.stamps: Stamps | None = None
         self.problem: str | None = None
+        self._kind = schema.name if schema is not None else channel.message_encoding
+        self._leaves: list[Leaf] = []
+        self._joints: tuple[str, ...] = ()
+        self._stamps: _Stamps | None = None
         self._read: Read | None = None
         self._time: list[IntArray] = []
         self._value: list[FloatArray] = []
@@ -94,42 +50,37 @@ class _Topic:
         try:
             encoding = encoding_of(channel, schema)
             content = first.bytes_of(0)
-            self.leaves = list(islice(encoding.leaves(content), _MAX_LEAVES))
-            if {Leaf(("name",), "string[]"), Leaf(("name",), "list")} & set(self.leaves):
-                self.joints = tuple(encoding.names(content))
-                self.leaves += self._joints(encoding, first.at(0))
-            if paths := [path for leaf in self.leaves for path in leaf.axes]:
+            self._leaves = list(islice(encoding.leaves(content), _MAX_LEAVES))
+            if {Leaf(("name",), "string[]"), Leaf(("name",), "list")} & set(self._leaves):
+                self._joints = tuple(encoding.names(content))
+                self._leaves += self._by_name(encoding, first.at(0))
+            if paths := [path for leaf in self._leaves for path in leaf.axes]:
                 self._read = encoding.reader(paths, stamped=False)
-            if any(leaf.path == _STAMP for leaf in self.leaves):
-                self.stamps = Stamps(self.name, encoding.reader([], stamped=True))
+            if any(leaf.path == _STAMP for leaf in self._leaves):
+                self._stamps = _Stamps(self.name, encoding.reader([], stamped=True))
         except UNREADABLE as error:
             self.problem = reason(error)
 
-    def _joints(self, encoding: Encoding, first: Messages) -> list[Leaf]:
+    def _by_name(self, encoding: Encoding, first: Messages) -> list[Leaf]:
         """Elements of lists whose names differ in x, y, z only, as in JointState."""
-
-        def there(path: MessagePath) -> bool:
-            try:
-                encoding.reader([path], stamped=False)(first)
-            except (ValueError, struct.error):
-                return False
-            return True
-
-        names = [name for name in self.joints if _BY_NAME.fullmatch(name)]
+        names = [name for name in self._joints if _BY_NAME.fullmatch(name)]
         found: list[Leaf] = []
-        for leaf in [leaf for leaf in self.leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
+        for leaf in [leaf for leaf in self._leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
             for label, three in axes_of(names):
                 axes = tuple((*leaf.path, Named(name)) for name in three)
-                if all(map(there, axes)):
-                    found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
+                try:
+                    encoding.reader(axes, stamped=False)(first)
+                except UNREADABLE:
+                    continue
+                found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
         return found[:_MAX_LEAVES]
 
     def note(self, messages: Messages) -> None:
         """Note the times of messages, and sample their vectors."""
         ticks = messages.log_time()
         self._ends = [min([*self._ends, int(ticks.min())]), max([*self._ends, int(ticks.max())])]
-        if self.stamps is not None:
-            self.stamps.note(messages)
+        if self._stamps is not None:
+            self._stamps.note(messages)
         if self._read is None:
             return
         step = max(-(-ticks.size // SAMPLES), self._every)
@@ -144,43 +95,42 @@ class _Topic:
             self._time = [np.concatenate(self._time)[::2]]
             self._every *= 2
 
-    def stream(self, count: int) -> Stream:
-        """Its fields; count : its messages."""
-        fields: list[Field] = []
-        value = np.concatenate(self._value) if self._value else None
-        column = 0
-        for leaf in self.leaves:
-            name = shown(leaf.path).removeprefix(".")
-            if not leaf.axes or value is None:
-                fields.append(Field(name, leaf.kind))
-                continue
-            three = value[:, column : column + 3]
-            fields.append(Field(name, leaf.kind, None, *extremes(three)))
-            column += 3
+    def found(self, count: int) -> tuple[Stream, list[Vector]]:
+        """Its fields, and what has x, y, z, as sampled; count : its messages."""
         start, end = (tick / 1e9 for tick in self._ends)
-        stamped = self.stamps is not None
-        unusable = self.stamps.unusable() if self.stamps is not None else None
-        return Stream(
-            self.name, self.kind, count, tuple(fields), start, end, stamped, unusable, self.joints
-        )
-
-    def vectors(self) -> Iterator[Vector]:
-        """What has x, y, z, as sampled."""
-        if not self._value:
-            return
-        value = np.concatenate(self._value)
-        time = np.concatenate(self._time) / 1e9
+        stamped, unusable = self._stamps is not None, None
+        if self._stamps is not None:
+            unusable = self._stamps.unusable()
+        fields: list[Field] = []
+        vectors: list[Vector] = []
+        time = np.concatenate([np.empty(0), *self._time]) / 1e9
         order = np.argsort(time, kind="stable")
-        for k, leaf in enumerate(leaf for leaf in self.leaves if leaf.axes):
-            three = value[order, 3 * k : 3 * k + 3]
-            named = leaf.axes if leaf.label else (leaf.path,)
-            kind = str(leaf.path[0]) if leaf.label else leaf.kind
-            fields = tuple(self.name + shown(path) for path in named)
-            label = self.name + (leaf.label or shown(leaf.path))
-            yield Vector(fields, label, f"{self.kind} {kind}", None, time[order], three)
+        for leaf in self._leaves:
+            low = high = None
+            if leaf.axes and self._value:
+                column = 3 * len(vectors)
+                three = np.concatenate(self._value)[:, column : column + 3]
+                low, high = extremes(three)
+                named = leaf.axes if leaf.label else (leaf.path,)
+                vectors.append(
+                    Vector(
+                        fields=tuple(self.name + shown(path) for path in named),
+                        label=self.name + (leaf.label or shown(leaf.path)),
+                        kind=f"{self._kind} {leaf.path[0] if leaf.label else leaf.kind}",
+                        unit=None,
+                        time=time[order],
+                        value=three[order],
+                    )
+                )
+            name = shown(leaf.path).removeprefix(".")
+            fields.append(Field(name, leaf.kind, None, low, high))
+        stream = Stream(
+            self.name, self._kind, count, tuple(fields), start, end, stamped, unusable, self._joints
+        )
+        return stream, vectors
 
 
-class Stamps:
+class _Stamps:
     """Header times of one topic, followed from chunk to chunk: can they be those of its samples?
 
     read : (N, 1), s, the header times of N messages.

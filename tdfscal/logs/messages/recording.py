@@ -12,10 +12,10 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.contents import Contents, Format
+from tdfscal.logs.contents import Contents, Format, Stream
 from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.contents import RecordingLook
+from tdfscal.logs.messages.contents import TopicLook
 from tdfscal.logs.messages.topics import Topics
 from tdfscal.logs.request import Piece, Request, join
 from tdfscal.logs.rosbag2 import Bag
@@ -94,7 +94,25 @@ class Recording(LogFile):
 
     def look(self) -> Contents:
         """Every topic, with samples of what has x, y, z."""
-        look = RecordingLook(self.channels, self.schemas)
+        topics: dict[int, TopicLook] = {}
         for messages in self.messages():
-            look.note(messages)
-        return look.contents(self.path, self.form, self.counts)
+            for number in messages.counts():
+                of = messages.of(number)
+                if number not in topics:
+                    channel = self.channels[number]
+                    schema = self.schemas.get(channel.schema_id)
+                    topics[number] = TopicLook(channel, schema, of)
+                topics[number].note(of)
+        found = [topic.found(self.counts[number]) for number, topic in topics.items()]
+        streams = [stream for stream, _ in found]
+        empty = {c.topic for c in self.channels.values()} - {stream.name for stream in streams}
+        streams += [Stream(name, "", 0, ()) for name in empty]
+        vectors = [vector for _, own in found for vector in own]
+        return Contents(
+            self.path,
+            self.form,
+            self.path.stat().st_size,
+            tuple(sorted(streams, key=lambda s: s.name)),
+            tuple(sorted(vectors, key=lambda v: v.fields)),
+            problems=tuple(f"{t.name}: {t.problem}" for t in topics.values() if t.problem),
+        )

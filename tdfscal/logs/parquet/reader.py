@@ -104,7 +104,11 @@ class ParquetLog(LogFile):
                 for name in portion if looked_at else ():
                     parts = [(row, table.column(name)) for row, table in looked_at]
                     if name in dated:
-                        parts = [(row, _seconds(cells, dated[name])) for row, cells in parts]
+                        seconds = [seconds_of_all(c, zoned=dated[name]) for _, c in parts]
+                        parts = [
+                            (row, pa.chunked_array([as_arrow(one, np.isnan(one))]))
+                            for (row, _), one in zip(parts, seconds, strict=True)
+                        ]
                     found = sampled(parts, most)
                     if found is not None:
                         numbers[name] = found
@@ -232,12 +236,6 @@ def _is_zoned(column: Any) -> bool:
     """Whether a column of texts has dates with a zone, going by the first."""
     texts = pa.types.is_string(column.type) and len(column)
     return bool(texts) and has_zone(column[0].as_py() or "")
-
-
-def _seconds(column: Any, zoned: bool) -> Any:
-    """A column of texts as times with holes."""
-    seconds = seconds_of_all(column, zoned=zoned)
-    return pa.chunked_array([as_arrow(seconds, np.isnan(seconds))])
 
 
 def _elements(file: pq.ParquetFile, column: str) -> list[str]:

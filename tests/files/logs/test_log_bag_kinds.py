@@ -94,20 +94,6 @@ def test_sqlite_without_definitions(tmp_path: Path) -> None:
     assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
 
 
-def test_a_view_in_a_table_s_place_is_not_read(tmp_path: Path) -> None:
-    """One may count for ever; a recorder writes tables."""
-    (path,) = sqlite_bag(tmp_path / "bag").glob("*.db3")
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("DROP TABLE messages")
-        database.execute(
-            "CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 "
-            "FROM n) SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM n"
-        )
-        database.commit()
-    with pytest.raises(DataError, match="no tables of topics and messages"):
-        read_log([path], MAPPING, SUPPORTS)
-
-
 @pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
 def test_ros1_holds_what_mcap_does(
     tmp_path: Path, compression: Writer1.CompressionFormat | None
