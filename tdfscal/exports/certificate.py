@@ -12,7 +12,7 @@ from typing import Any
 from tdfscal.exports.statements import number, origin
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
-from tdfscal.files.escaping import xml_text
+from tdfscal.files.saving import xml_text
 from tdfscal.records import ANGLES
 from tdfscal.reporting.traceability import assumptions, campaign_facts
 from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE

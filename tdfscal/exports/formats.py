@@ -20,8 +20,7 @@ from tdfscal.exports.statements import (
     uncertain,
 )
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.escaping import c_comment, csv_cell, xml_comment, xml_text
-from tdfscal.files.saving import to_yaml
+from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 
 _URDF = """\

@@ -9,8 +9,7 @@ import numpy as np
 
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content
-from tdfscal.files.calibration.evidence_model import MotionResult
-from tdfscal.files.calibration.parts import ResidualWrench
+from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout

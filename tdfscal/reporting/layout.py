@@ -20,8 +20,13 @@ from tdfscal.records import ANGLES, InputFile, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
-    from tdfscal.files.calibration.evidence_model import LeftOutStretch
-    from tdfscal.files.calibration.parts import ClockResult, Input, RejectedPosture, ResidualWrench
+    from tdfscal.files.calibration.parts import (
+        ClockResult,
+        Input,
+        LeftOutStretch,
+        RejectedPosture,
+        ResidualWrench,
+    )
     from tdfscal.motioncal.blocks import Stretch
     from tdfscal.reporting.figures.log_time import Clock
 

@@ -13,8 +13,7 @@ from tdfscal import __version__
 from tdfscal.catalogue import cure, sentence
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
-from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.parts import DwellTable, PostureTable, RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile

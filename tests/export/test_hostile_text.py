@@ -22,7 +22,7 @@ from rich.console import Console
 from tdfscal.errors import TdfscalError, visible
 from tdfscal.exports.formats import FORMATS
 from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
-from tdfscal.files.escaping import csv_cell, csv_comment
+from tdfscal.files.saving import csv_cell, csv_comment
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render, show_on
 from tests.reporting.pages import render_page, render_several

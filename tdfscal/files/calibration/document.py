@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import model_validator
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration import evidence_model as evidence
 from tdfscal.files.calibration import parts
 from tdfscal.files.calibration.consistency import ALTERED, check
 from tdfscal.files.calibration.parameters import Parameters
@@ -73,12 +72,12 @@ class Calibration(Strict):
     validation: parts.ValidationResult | None = key(
         "residual contact wrench of leave-one-out postures", None
     )
-    drift: dict[Literal["time", "temperature", "parabola", "walk"], evidence.Slopes] | None = key(
+    drift: dict[Literal["time", "temperature", "parabola", "walk"], parts.Slopes] | None = key(
         "how the zeros moved: N/h, N/K, N/h² where the residuals ask for it, a walk; where "
         "declared",
         None,
     )
-    compliance: dict[Literal["lateral", "vertical"], evidence.Give] | None = key(
+    compliance: dict[Literal["lateral", "vertical"], parts.Give] | None = key(
         "what gives between encoder and hinge, sideways and along Z of the BCS, where declared",
         None,
     )
@@ -91,12 +90,12 @@ class Calibration(Strict):
     clocks: tuple[parts.ClockResult, ...] = key(
         "of all recorders but the first, where there are several", ()
     )
-    motion: evidence.MotionResult | None = key("samples in motion, where they were used", None)
-    postures: evidence.PostureTable | None = key("the postures in the fit, column by column", None)
-    dwells: evidence.DwellTable | None = key(
+    motion: parts.MotionResult | None = key("samples in motion, where they were used", None)
+    postures: parts.PostureTable | None = key("the postures in the fit, column by column", None)
+    dwells: parts.DwellTable | None = key(
         "means of all dwells, used or not; up to 2000 of them", None
     )
-    methods: tuple[evidence.MethodAngles, ...] | None = key(
+    methods: tuple[parts.MethodAngles, ...] | None = key(
         "joint only: what each method alone says", None
     )
     campaigns: tuple[parts.CampaignResult, ...] = key(

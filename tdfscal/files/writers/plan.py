@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.files.escaping import csv_comment
+from tdfscal.files.saving import csv_comment
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import PostureTable
-from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.parts import PostureTable, RejectedPosture
 from tdfscal.files.rig.model import RigFile
 
 #: Seconds beyond which a time is no duration of a campaign but a date: three years.

@@ -14,7 +14,7 @@ from pydantic import JsonValue
 
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import LeftOutStretch, PostureTable
+from tdfscal.files.calibration.parts import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import ink, style

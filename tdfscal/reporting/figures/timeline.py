@@ -14,8 +14,12 @@ from matplotlib.figure import Figure
 from tdfscal.catalogue import sentence
 from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.parts import ActivityResult, RejectedPosture
+from tdfscal.files.calibration.parts import (
+    ActivityResult,
+    DwellTable,
+    PostureTable,
+    RejectedPosture,
+)
 from tdfscal.files.rig.model import RigFile
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
