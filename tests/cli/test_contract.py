@@ -165,7 +165,6 @@ FIRST_ERRORS = {
 def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in the folder; leave out drawing figures, which takes seconds too."""
     monkeypatch.chdir(home)
-    monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
 
 

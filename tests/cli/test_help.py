@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import shlex
 import shutil
@@ -46,34 +45,6 @@ def test_the_help_names_every_scenario() -> None:
     assert all(name in scenario.help for name in (*SCENARIOS, *MOVING, "months"))
 
 
-VARIABLE = "_TDFSCAL_COMPLETE"
-
-
-def spoken(**settings: str) -> str:
-    """What the program answers a shell that asks by the environment."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tdfscal"],
-        env=os.environ | settings,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        check=False,
-    )
-    return done.stdout
-
-
-@pytest.mark.parametrize("shell", ["zsh", "powershell"])
-def test_completion_of_a_shell(shell: str) -> None:
-    """The script names the program, and the program answers it with the commands that fit."""
-    script = spoken(**{VARIABLE: f"source_{shell}"})
-    assert VARIABLE in script
-    assert "tdfscal" in script
-    typed = {"_TYPER_COMPLETE_ARGS": "tdfscal cal", "_TYPER_COMPLETE_WORD_TO_COMPLETE": "cal"}
-    answer = spoken(**{VARIABLE: f"complete_{shell}"}, **typed)
-    assert "calibrate" in answer
-    assert "validate" not in answer
-
-
 #: In the shell itself: take the script as the docs say, and complete a line of two words.
 SHELLS = {
     "bash": (
@@ -111,20 +82,3 @@ def test_tables_fold_on_a_narrow_terminal(
     mapping = said.index("Mapping guessed")
     assert max(map(len, said[:mapping].splitlines())) <= 60
     assert max(map(len, run(capsys, "--help").out.splitlines())) <= 60
-
-
-def test_a_terminal_of_another_encoding_gets_what_it_can_show(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Windows' cp1252 lacks χ and ✓: they are replaced, and nothing fails."""
-    from tdfscal.cli import main
-
-    raw = io.BytesIO()
-    stream = io.TextIOWrapper(raw, encoding="cp1252")
-    monkeypatch.setattr(sys, "stdout", stream)
-    monkeypatch.setattr(sys, "argv", ["tdfscal", "compare", "--help"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    stream.flush()
-    assert not end.value.code
-    assert b"joint" in raw.getvalue()

@@ -6,7 +6,7 @@ import csv
 import json
 import shutil
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,13 @@ import pytest
 import yaml
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 import tdfscal
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.rig.draft import unconfirmed
 from tests.cli.running import run
-from tests.files.logs.log_making import STORE, definition, point_stamped, wrench_stamped
+from tests.files.logs.log_making import definition, point_stamped, wrench_stamped
 from tests.words import in_words
 
 BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
@@ -63,32 +61,6 @@ def german_excel(frame: pd.DataFrame, folder: Path) -> Path:
     frame.rename(columns=units).to_csv(
         path, sep=";", decimal=",", index=False, encoding="cp1252", lineterminator="\r\n"
     )
-    return path
-
-
-def labview(frame: pd.DataFrame, folder: Path) -> Path:
-    """A measurement file (.lvm) with both of its headers, renamed."""
-    path, names = folder / "measurement.txt", list(frame.columns[1:])
-    end = f"***End_of_Header***{chr(9) * (len(names) + 1)}"
-    rows = {
-        "Channels": [str(len(names))],
-        "Samples": [str(len(frame))] * len(names),
-        "Date": ["2026/11/21"] * len(names),
-        "Time": ["09:00:00.1234567"] * len(names),
-        "Y_Unit_Label": ["mm" if "Pos" in name else "N" for name in names],
-        "X_Dimension": ["Time"] * len(names),
-        "X0": ["0.0000000000000000E+0"] * len(names),
-        "Delta_X": ["0.020000"] * len(names),
-    }
-    with path.open("w", newline="") as file:
-        file.write("LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\n")
-        file.write("Decimal_Separator\t.\nX_Columns\tOne\nDate\t2026/11/21\n")
-        file.write("***End_of_Header***\t\n\t\n")
-        file.writelines("\t".join([key, *cells]) + "\t\n" for key, cells in rows.items())
-        file.write(end + "\n")
-        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
-        writer.writerow(["X_Value", *names, "Comment"])
-        writer.writerows(frame.to_numpy().tolist())
     return path
 
 
@@ -148,22 +120,6 @@ def commanded_too(frame: pd.DataFrame, folder: Path) -> Path:
     return path
 
 
-def iso_time(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "export.csv"
-    stamps = [(BEGIN + timedelta(seconds=float(s))).isoformat() for s in frame["time"]]
-    frame.assign(time=stamps).to_csv(path, index=False)
-    return path
-
-
-def matlab(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "log.dat"
-    np.savetxt(
-        path, frame.to_numpy(), fmt="%.17g", delimiter=",", comments="% ",
-        header=",".join(frame.columns),
-    )  # fmt: skip
-    return path
-
-
 def plotjuggler(frame: pd.DataFrame, folder: Path) -> Path:
     path = folder / "plotjuggler.csv"
     names = {"time": "__time"}
@@ -174,20 +130,6 @@ def plotjuggler(frame: pd.DataFrame, folder: Path) -> Path:
     table = frame.rename(columns=names)
     for i in NCPS:
         table[[f"/ncp{i}/position/point/{a}" for a in "xyz"]] *= 1e-3
-    table.to_csv(path, index=False)
-    return path
-
-
-def plotjuggler_streams(frame: pd.DataFrame, folder: Path) -> Path:
-    """As PlotJuggler saves topics with times of their own: the cells of the others are empty."""
-    whole = pd.read_csv(plotjuggler(frame, folder))
-    parts = []
-    for k, names in enumerate(zip(*[iter(whole.columns[1:])] * 3, strict=True)):
-        part = whole[["__time", *names]]
-        # Behind the others by less than a message is long; each stream is whole by itself.
-        parts.append(part.assign(__time=part["__time"] + 1e-9 * k))
-    path = folder / "plotjuggler.csv"
-    table = pd.concat(parts).sort_values("__time", kind="stable")[whole.columns]
     table.to_csv(path, index=False)
     return path
 
@@ -224,17 +166,6 @@ def rosbag2_mcap(frame: pd.DataFrame, folder: Path) -> Path:
     return path
 
 
-def rosbag2_sqlite(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "bag"
-    with Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
-        topics: dict[str, Any] = {}
-        for ns, topic, kind, xyz in messages(frame):
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], ns, cdr(ns, kind, xyz))
-    return path
-
-
 def ros1_bag(frame: pd.DataFrame, folder: Path) -> Path:
     path = folder / "recording.bag"
     types = ROS1.types
@@ -256,8 +187,7 @@ def ros1_bag(frame: pd.DataFrame, folder: Path) -> Path:
 
 
 RECORDERS: list[Callable[[pd.DataFrame, Path], Path]] = [
-    german_excel, labview, twincat, rtde, commanded_too, iso_time, matlab, plotjuggler,
-    plotjuggler_streams, rosbag2_mcap, rosbag2_sqlite, ros1_bag,
+    german_excel, twincat, rtde, commanded_too, plotjuggler, rosbag2_mcap, ros1_bag,
 ]  # fmt: skip
 QUICK = (twincat, commanded_too, ros1_bag)
 

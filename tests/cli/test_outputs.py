@@ -17,7 +17,6 @@ import pytest
 import yaml
 
 from tdfscal.files.saving import write_text
-from tdfscal.reporting.figures.style import Drawing
 from tests.cli.running import SAMPLES, run
 
 FAST = "--postures 4"
@@ -51,19 +50,10 @@ def made(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def home(made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of inputs; figures, which take seconds, are left out of pages and folders."""
+    """A folder of inputs; figures, which take seconds, are left out of pages."""
     monkeypatch.chdir(made)
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-    monkeypatch.setattr("tdfscal.reporting.figures.style.save", blank)
     return made
-
-
-def blank(drawing: Drawing, folder: Path) -> tuple[Path, Path]:
-    """An empty figure in the files of a drawn one."""
-    places = folder / f"{drawing.name}.png", folder / f"{drawing.name}.svg"
-    for place in places:
-        write_text(place, "")
-    return places
 
 
 def contents(folder: Path) -> dict[str, bytes]:

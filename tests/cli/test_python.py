@@ -100,7 +100,6 @@ BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
 def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in the folder; draw no figures into files, which takes seconds too."""
     monkeypatch.chdir(home)
-    monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
 
 

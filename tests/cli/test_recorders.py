@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tdfscal.simulation.recorded_apart import Apart, recorded_apart
 from tests.cli.apart import write_apart
 
 
+@cache
 def played(scenario: str, seed: int) -> Run:
     options = MOVING.get(scenario) or Options(postures=12, squeeze=200.0)
     return run(reference_rig(), scenario, options, np.random.default_rng(seed))
