@@ -6,7 +6,7 @@ the result from which the files are written.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, signature
@@ -104,7 +104,7 @@ class Described:
 
     def check(self, value: Any) -> None:
         """Raise UsageError for what is not of the parameter's kind, or a number out of bounds."""
-        if self.default == () and not value:
+        if self.default == () and isinstance(value, Sized) and not len(value):
             return
         each = value if self.repeated else (value,)
         if not each or not all(_fits(one, self.kind) for one in each):

@@ -29,7 +29,7 @@ _MARKS: Final = {
     "time": f"  # {CONFIRM}: which field is the clock",
     "length_unit": f"  # {CONFIRM}: of the positions",
     "force_unit": f"  # {CONFIRM}: of the forces",
-    "force_on": f"  # {CONFIRM}: write sensor if the readings are what the sensors feel",
+    "force_on": f"  # {CONFIRM}: terminal if readings are the force on it, sensor if its reaction",
     "decimal": f"  # {CONFIRM}",
     "delay": f"  # {CONFIRM}: s, force minus position stamps; in motion",
     "supports": f"  # {CONFIRM}: these fields are this support's",
