@@ -71,15 +71,13 @@ def fit(
 def rejected(dwells: Dwells, reasons: Mapping[int, Finding]) -> list[dict[str, Any]]:
     """Postures left out, dwell index → reason, with their times."""
     return [
-        {
-            "index": k,
-            "start": dwells.start[k],
-            "end": dwells.end[k],
-            "code": reason.code,
-            "reason": sentence(reason),
-        }
+        {"index": k, "start": dwells.start[k], "end": dwells.end[k], **_why(reason)}
         for k, reason in sorted(reasons.items())
     ]
+
+
+def _why(reason: Finding) -> dict[str, str]:
+    return {"code": reason.code, "reason": sentence(reason)}
 
 
 def observability(seen: Observability) -> dict[str, Any]:
@@ -118,10 +116,7 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
     )
     names = [name for survey in result.surveys for name in survey.points.names]
     return {
-        "chi2": result.chi2,
-        "dof": result.dof,
-        "p_value": result.p_value,
-        "birge": result.birge,
+        **{name: getattr(result, name) for name in ("chi2", "dof", "p_value", "birge")},
         "points": len(names),
         "rejected": [point.name for point in result.rejected],
         "coplanar_targets": list(result.coplanar_targets),
@@ -140,31 +135,18 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     used = [k for k in range(len(dwells)) if k not in result.rejected]
     stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
     found = result.fit.at.rotation[check.index]
-    return {
-        "index": used,
-        "start": dwells.start[used],
-        "end": dwells.end[used],
-        "force_before": _in_lcs(stated, check.before[:, :3]),
-        "force_after": _in_lcs(found, check.after[:, :3]),
-        "moment_before": _in_lcs(stated, check.before[:, 3:]),
-        "moment_after": _in_lcs(found, check.after[:, 3:]),
-        "force_std": _std_in_lcs(found, check.cov[:, :3, :3]),
-        "moment_std": _std_in_lcs(found, check.cov[:, 3:, 3:]),
-        "left_out": [
-            {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
-        ],
-    }
-
-
-def _in_lcs(pose: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Vectors (K, 3) of the BCS in LCS axes; pose (K, 3, 3), LCS → BCS."""
-    return np.asarray(np.einsum("kba,kb->ka", pose, vectors))
-
-
-def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:
-    """Standard uncertainties (K, 3) in LCS axes of vectors with cov (K, 3, 3) in the BCS."""
-    variance = np.einsum("kba,kbc,kca->ka", pose, cov, pose)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+    columns = {"index": used, "start": dwells.start[used], "end": dwells.end[used]}
+    for name, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+        variance = np.einsum("kba,kbc,kca->ka", found, check.cov[:, part, part], found)
+        columns |= {
+            f"{name}_before": np.einsum("kba,kb->ka", stated, check.before[:, part]),
+            f"{name}_after": np.einsum("kba,kb->ka", found, check.after[:, part]),
+            f"{name}_std": np.sqrt(np.maximum(variance, 0.0)),
+        }
+    left_out = [
+        {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
+    ]
+    return columns | {"left_out": left_out}
 
 
 def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
@@ -243,19 +225,12 @@ def nuisances(result: SelfCalibration) -> dict[str, Any]:
 def motion(result: MotionCalibration) -> dict[str, Any]:
     """Return the `motion` block of a calibration in motion."""
     moving, std = result.fit.state.moving, result.estimate.moving_std
+    residual = result.residual
     return {
         "begin": result.begin,
         "seconds": result.seconds,
         "dwells": result.dwells,
-        "rejected": [
-            {
-                "begin": s.begin,
-                "end": s.end,
-                "code": s.reason.code,
-                "reason": sentence(s.reason),
-            }
-            for s in result.rejected
-        ],
+        "rejected": [{"begin": s.begin, "end": s.end, **_why(s.reason)} for s in result.rejected],
         "delay": {"value": moving.delay, "std": std[DELAY]},
         "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
@@ -263,11 +238,12 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "halves_p_value": result.halves.p_value,
         "spectrum": _spectrum(result),
         "residual": {
-            "time": result.residual.time,
-            "force_before": result.residual.before[:, 0],
-            "force_after": result.residual.after[:, 0],
-            "moment_before": result.residual.before[:, 1],
-            "moment_after": result.residual.after[:, 1],
+            "time": residual.time,
+            **{
+                f"{name}_{when}": getattr(residual, when)[:, column]
+                for column, name in enumerate(("force", "moment"))
+                for when in ("before", "after")
+            },
         },
     }
 
