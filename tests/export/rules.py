@@ -1,6 +1,6 @@
 """What PTB's schemas ask of the elements that a draft certificate uses, in a notation of our own.
 
-Read from dcc.xsd 3.1.2 and 3.2.1 and SI_Format.xsd 2.2 (© PTB, LGPL 3), whose files are not kept
+Read from dcc.xsd 3.2.1 and SI_Format.xsd 2.2 (© PTB, LGPL 3), whose files are not kept
 here. From these tables `write_schemas` makes schemas of the same strictness for such elements:
 their order, how often each stands, and what its text may be. An element that a draft does not use
 may hold anything.
@@ -44,13 +44,6 @@ measuringEquipments? influenceConditions? measurementMetaData?
 """
 #: In any order.
 ADMINISTRATION = "dccSoftware coreData items calibrationLaboratory respPersons customer"
-BEFORE_3_2 = """
-items: name? equipmentClass? description? owner? identifications? item+
-item: name equipmentClass? description? installedSoftwares? manufacturer model? identifications
-manufacturer: name eMail? phone? fax? location? descriptionData?
-contact: name eMail phone? fax? location descriptionData?
-customer: name eMail phone? fax? location descriptionData?
-"""
 SINCE_3_2 = """
 items: name? equipmentClass* description? owner? manufacturer? identifications? item+
 item: name equipmentClass* description? installedSoftwares? manufacturer? model? identifications \
@@ -60,10 +53,9 @@ contact: name eMail? phone? fax? location descriptionData?
 customer: name eMail? phone? fax? location descriptionData?
 """
 SI = """
-real: label? quantityType? value unit significantDigit? dateTime? {uncertainty}?
+real: label? quantityType? value unit significantDigit? dateTime? measurementUncertaintyUnivariate?
 measurementUncertaintyUnivariate: expandedMU
 expandedMU: valueExpandedMU coverageFactor coverageProbability distribution?
-expandedUnc: uncertainty coverageFactor coverageProbability distribution?
 """
 _TEXT = r"[^\s]+(\s+[^\s]+)*"
 _POSITIVE = r"\+?((\d*\.\d+)|(\d+\.\d*)|(\d+\.?))([Ee][-+]?\d+)?|NaN"
@@ -86,7 +78,6 @@ SI_TEXTS = {
     "value": "[-+]?" + _POSITIVE.removeprefix(r"\+?"),
     "unit": ".+",
     "valueExpandedMU": _POSITIVE,
-    "uncertainty": _POSITIVE,
     "coverageFactor": r"\+?(([1-9]\d*\.\d*)|([1-9]\d*))|NaN",
     "coverageProbability": r"\+?((0(\.\d*)?)|(1(\.0*)?))|NaN",
 }
@@ -103,14 +94,12 @@ _LANGUAGE = (
 )
 
 
-def write_schemas(folder: Path, version: str, more: str = "") -> Path:
-    """Write dcc.xsd of a version and SI_Format.xsd beside it; more : further administration."""
-    new = tuple(map(int, version.split("."))) >= (3, 2)
-    univariate = tuple(map(int, version.split("."))) >= (3, 3)
-    rules = _parse(COMMON + (SINCE_3_2 if new else BEFORE_3_2))
+def write_schemas(folder: Path, version: str) -> Path:
+    """Write dcc.xsd of a version and SI_Format.xsd beside it."""
+    rules = _parse(COMMON + SINCE_3_2)
     dcc = _HEAD.format(version=version, space="https://ptb.de/dcc")
     dcc += '<xs:import namespace="https://ptb.de/si" schemaLocation="SI_Format.xsd"/>\n' + _LANGUAGE
-    members = "".join(_element(name, rules, TEXTS) for name in f"{ADMINISTRATION} {more}".split())
+    members = "".join(_element(name, rules, TEXTS) for name in ADMINISTRATION.split())
     dcc += f'<xs:complexType name="administrativeData"><xs:all>{members}</xs:all></xs:complexType>'
     known = rules | {"administrativeData": [], "content": []}
     dcc += "".join(_complex(name, children, known, TEXTS) for name, children in rules.items())
@@ -121,9 +110,8 @@ def write_schemas(folder: Path, version: str, more: str = "") -> Path:
         f'value="{version}"/></xs:restriction></xs:simpleType></xs:attribute></xs:extension>'
         "</xs:complexContent></xs:complexType></xs:element></xs:schema>"
     )
-    uncertainty = "measurementUncertaintyUnivariate" if univariate else "expandedUnc"
-    quantities = _parse(SI.format(uncertainty=uncertainty))
-    si = _HEAD.format(version="2.2.1" if univariate else "2.1.0", space="https://ptb.de/si")
+    quantities = _parse(SI)
+    si = _HEAD.format(version="2.2.1", space="https://ptb.de/si")
     si += "".join(_complex(n, children, quantities, SI_TEXTS) for n, children in quantities.items())
     si += '<xs:element name="real" type="real"/></xs:schema>'
     (folder / "SI_Format.xsd").write_text(si, encoding="utf-8")

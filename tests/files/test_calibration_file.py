@@ -220,7 +220,6 @@ BROKEN = [
     (put("format", "tdfscal-calibration/2"), "newer format", "format"),
     (put("format", "tdfscal-rig/1"), "not a calibration file", "format"),
     (drop("format"), "not a calibration file", ""),
-    (put("status", "fine"), "'provisional' or 'rejected'", "status"),
     (put("status", "rejected"), "findings", "status"),
     (put("findings", [REJECTING]), "findings", "status"),
     (put("method", "guess"), "'self'", "method"),
@@ -228,23 +227,16 @@ BROKEN = [
     (put("method", "tracker"), "self-calibration", "estimator"),
     (put("created", "yesterday"), "character", "created"),
     (put("seed", -1), "greater than or equal to 0", "seed"),
-    (put("seed", 0.5), "integer", "seed"),
     (put("convention", "F = X f"), "sensitivity", "convention"),
     (put("inputs", 0, "sha256", "abc"), "character", "inputs[0].sha256"),
-    (put("inputs", 0, "integrity", "maybe"), "'verified'", "inputs[0].integrity"),
     (put("inputs", 0, "byts", 3), "`bytes`", "inputs[0].byts"),
-    (put("suports", []), "`supports`", "suports"),
     (drop("covariance"), "lacks `covariance`", ""),
-    (drop("terminal"), "lacks `terminal`", ""),
     (drop("supports", 1, "quaternion_xyzw"), "quaternion_xyzw", "supports[1]"),
     (reflect, "det", "supports[0].rotation"),
     (nudge(2e-9, "supports", 2, "rotation", 0, 0), "rotation", "supports[2].rotation"),
-    (put("supports", 2, "rotation", 0, 0, 1e200), "rotation", "supports[2].rotation"),
     (nudge(4e-9, "supports", 1, "rpy", 1), "elsewhere", "supports[1].rpy"),
     (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "elsewhere", "supports[1].quaternion_xyzw"),
-    (put("supports", 1, "quaternion_xyzw", 3, 1e200), "quaternion", "supports[1].quaternion_xyzw"),
     (nudge(1e-8, "supports", 0, "rpy_std", 2), "elsewhere", "supports[0].rpy_std"),
-    (put("supports", 0, "rpy_std", 2, -1.0), "equal to 0", "supports[0].rpy_std[2]"),
     (put("supports", 0, "rpy_interval", "coverage", 95.0), "less than 1", "coverage"),
     (put("supports", 0, "rpy_interval", "low", [9.0, 9.0, 9.0]), "above", "rpy_interval"),
     (put("supports", 0, "name", "ncp9"), "embedded rig", "supports"),
@@ -255,25 +247,15 @@ BROKEN = [
     (nudge(1e-15, "covariance", "matrix", 0, 1), "symmetric", "covariance.matrix"),
     (put("covariance", "matrix", [[1.0]]), "9 rows", "covariance.matrix"),
     (indefinite, "semidefinite", "covariance.matrix"),
-    (put("terminal", "mass", "value", 0.0), "greater than 0", "terminal.mass.value"),
     (put("fit", "p_value", 1.5), "less than or equal to 1", "fit.p_value"),
     (put("monte_carlo", "linear_interval_validated", 1), "boolean", "monte_carlo"),
-    (put("observability", "angles", 0, "angle", "tilt"), "'roll'", "angle"),
     (put("budget", "sources", ["noise"]), "sources", "budget.angles[0].variance"),
     (put("budget", "sources", ["noise", "zero", "noise"]), "twice", "budget.sources"),
     (drop("budget", "angles", 8), "ncp1, ncp2, ncp3", "budget.angles"),
-    (put("budget", "angles", 3, "support", "ncp9"), "ncp1, ncp2, ncp3", "budget.angles"),
     (put("budget", "angles", 3, "angle", "yaw"), "ncp1, ncp2, ncp3", "budget.angles"),
-    (exact_for(), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
-    (exact_for("ncp1", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
-    (exact_for("ncp1", "ncp2", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
     (exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
-    (exact_for("ncp1", "ncp2", "ncp9"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
     (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "row per support", "monte_carlo.low"),
-    (put("monte_carlo", "trials", 0), "greater than 0", "monte_carlo.trials"),
     (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
-    (put("rig", "supports", 0, "hinj", 1), "`hinge`", "rig.supports[0].hinj"),
-    (put("rig", "sha256", "x"), "character", "rig.sha256"),
     (put("findings", [REJECTING | {"severity": "notes"}]), "less", "findings[0].severity"),
     (put("supports", 0, "rpy_interval", "coverage", 0.96), "elsewhere", "supports[0].rpy_interval"),
     (put("rig", "acceptance", "angle_std", 1e-6), "acceptance.angle_std", "status"),
@@ -325,11 +307,6 @@ def test_nothing_infinite_gets_in(
         Calibration.model_validate(content)
     with pytest.raises(DataError, match="finite"):
         parse_calibration(to_yaml(content).encode(), "c.yaml")
-
-
-def test_what_is_taken_as_exact_is_of_every_support(content: dict[str, Any]) -> None:
-    exact_for(*NAMES)(content)
-    Calibration.model_validate(content)
 
 
 def test_changes_below_rounding_are_taken(content: dict[str, Any]) -> None:
@@ -424,14 +401,12 @@ CURED = [
 
 
 @pytest.mark.parametrize("change", CURED)
-@pytest.mark.parametrize("digest", [True, False])
 def test_numbers_that_disagree_are_refused_with_the_command_that_cures(
-    made: dict[str, Any], change: Change, *, digest: bool
+    made: dict[str, Any], change: Change
 ) -> None:
     """Without its digest, as a foreign file, by what the file says elsewhere."""
     content = copy.deepcopy(made)
-    if not digest:
-        del content["content_sha256"]
+    del content["content_sha256"]
     change(content)
     with pytest.raises(DataError, match="tdfscal update CALIBRATION CAMPAIGN") as refused:
         parse_calibration(json.dumps(content).encode(), "c.json")
