@@ -6,8 +6,9 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ def input_file(path: Path, integrity: Integrity, note: str | None = None) -> Inp
 
     Raises UsageError where the file is not there or cannot be opened.
     """
-    digest, size = _sha256(path, lambda: False)
-    return InputFile(printable(str(path)), digest, size, integrity, note)
+    with fingerprint(path) as described:
+        return described(integrity, note)
 
 
 def note_outside(path: Path, folder: Path, named_by: str) -> str | None:
@@ -50,29 +51,21 @@ def content_sha256(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-class Fingerprint:
+@contextmanager
+def fingerprint(path: Path) -> Iterator[Callable[[Integrity, str | None], InputFile]]:
     """The same, computed in a thread beside the reading of the file.
 
-    A context manager: leaving it early abandons the computation.
+    What is given waits for the digest and returns the record; leaving early abandons it.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._stop = threading.Event()
-        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256")
-        self._digest: Future[tuple[str, int]] = self._pool.submit(_sha256, path, self._stop.is_set)
-
-    def result(self, integrity: Integrity, note: str | None = None) -> InputFile:
-        """Wait for the digest and return the record."""
-        digest, size = self._digest.result()
-        return InputFile(printable(str(self._path)), digest, size, integrity, note)
-
-    def __enter__(self) -> Fingerprint:
-        return self
-
-    def __exit__(self, *failure: object) -> None:
-        self._stop.set()
-        self._pool.shutdown(wait=True)
+    stop = threading.Event()
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:
+        digest = pool.submit(_sha256, path, stop.is_set)
+        try:
+            yield lambda integrity, note: InputFile(
+                printable(str(path)), *digest.result(), integrity, note
+            )
+        finally:
+            stop.set()
 
 
 def _sha256(path: Path, stopped: Callable[[], bool]) -> tuple[str, int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.hashing import Fingerprint, note_outside
+from tdfscal.files.hashing import fingerprint, note_outside
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.clock import shown
 from tdfscal.logs.formats import files_of, open_log
@@ -136,7 +136,7 @@ def _campaign(
         streams = Streams(request, reached, row)
         file = open_log(path, bag)
         pending = as_log((), request)
-        with Fingerprint(path) as fingerprint, closing(ahead(file.pieces(request))) as pieces:
+        with fingerprint(path) as described, closing(ahead(file.pieces(request))) as pieces:
             try:
                 for number, piece in enumerate(pieces):
                     told(file.position)
@@ -149,7 +149,7 @@ def _campaign(
                 with placed(path):
                     raise without_axis(error, request) from error
             note = None if bag is None else note_outside(path, bag.folder, METADATA)
-            entry = fingerprint.result(file.integrity, note)
+            entry = described(file.integrity, note)
         reached = streams.last
         row += int(streams.count[0])
         told(0, entry.bytes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.hashing import input_file
 from tdfscal.files.outputs import make_folder, replacing, together, writing
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers import documents, logs
@@ -173,7 +173,7 @@ def write_run(
         for name in _OURS:
             place = Path(os.path.realpath(folder / name))
             if place in outputs.staged:
-                files[name] = _sha256(outputs.staged[place])
+                files[name] = input_file(outputs.staged[place], "verified").sha256
             else:
                 outputs.removed.append(folder / name)
         truth = documents.truth_document(played, rig, story)
@@ -203,15 +203,14 @@ def _check_folder(folder: Path, overwrite: bool) -> None:
     written = (content.get("files") or {}) if ours else {}
     paths = {name: folder / name for name in _OURS if (folder / name).is_file()}
     strange = [] if ours else [truth]
-    strange += [path for name, path in paths.items() if written.get(name) != _sha256(path)]
+    strange += [
+        path
+        for name, path in paths.items()
+        if written.get(name) != input_file(path, "verified").sha256
+    ]
     if strange:
         raise UsageError(
             "was not written by simulate, or was changed since",
             where=str(strange[0]),
             hint="name a new folder, or move this file away",
         )
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
