@@ -163,7 +163,8 @@ def _drawing(supports: tuple[str, ...], s: Sweep) -> Drawing:
     return Drawing(
         "fig-4-squeezed" if s.internal else "fig-4",
         f"What a wrong angle costs, {at}",
-        f"{ANGLES[j]} of {supports[i]} costs most, {s.force.max():.3g} N at {s.off[-1]:g} rad.",
+        f"{ANGLES[j].capitalize()} of {supports[i]} costs most, {s.force.max():.3g} N "
+        f"at {s.off[-1]:g} rad.",
         partial(_paint, supports, s),
     )
 
