@@ -22,8 +22,8 @@ from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.several_campaigns import read_campaigns, recorded
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Recorded, pool
+from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, stated
-from tdfscal.estimation.priors import Priors
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.pipeline import calibrate_moving

@@ -30,8 +30,8 @@ from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Rig
 from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import at_state, fit
-from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.mounting_search import best_start
+from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.simulation import Options, Recorder

@@ -218,7 +218,7 @@ def _with_survey(
     notes: Sequence[Finding],
 ) -> Calibration:
     """The survey's calibration, or both together, by which the contact wrench is judged."""
-    from tdfscal.comparison.joint import combine
+    from tdfscal.comparison.compatibility import combine
     from tdfscal.files.calibration.from_results import from_joint, from_tracker
     from tdfscal.model.calibrated import independent
     from tdfscal.records import Rotations

@@ -31,7 +31,7 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.result import SelfCalibration
 
 if TYPE_CHECKING:
-    from tdfscal.comparison.joint import Joint
+    from tdfscal.comparison.compatibility import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 

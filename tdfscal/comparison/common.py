@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
-from tdfscal.estimation.priors import Priors
 from tdfscal.model.earlier import free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract
 from tdfscal.numerics.information import Information, nothing

@@ -15,6 +15,7 @@ import numpy as np
 from tdfscal.comparison.common import Common, common, with_load
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.comparison.walk import forward, others
+from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import (
     Observation,
     eliminate,
@@ -23,7 +24,6 @@ from tdfscal.estimation.observation import (
     stated,
     unstated,
 )
-from tdfscal.estimation.priors import Priors
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned

@@ -16,8 +16,8 @@ from tdfscal.comparison.history import Life, live
 from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import UsageError
+from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
-from tdfscal.estimation.priors import Priors
 from tdfscal.findings import Finding
 from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal

@@ -12,8 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.estimation.fit import solve
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors, solve
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, with_motions

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.estimation.monte_carlo import simulate_angles
+from tdfscal.estimation.uncertainty import simulate_angles
 from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import MovingEstimate, faked_information

@@ -13,7 +13,7 @@ from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
 from tdfscal.errors import DataError
 from tdfscal.estimation import observability
-from tdfscal.estimation.closure import misplaced
+from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.observability import Observability
 from tdfscal.estimation.suspicion import Suspicion
 from tdfscal.estimation.uncertainty import Estimated, Quality

@@ -15,8 +15,8 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, Rig
 from tdfscal.selfcal.estimator import fit as quasi_static
+from tdfscal.selfcal.misreadings import check_forces
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
-from tdfscal.selfcal.wiring import check_forces
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 #: Instants at most that the quasi-static start is estimated from, and their noise, N and m.

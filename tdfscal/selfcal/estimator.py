@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.estimation.fit import solve
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors, solve
 from tdfscal.model.earlier import pinned
 from tdfscal.model.parameters import State, deviation, retract, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum

@@ -15,9 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.estimation.monte_carlo import simulate_angles
-from tdfscal.estimation.priors import Priors
-from tdfscal.estimation.uncertainty import Estimate
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.uncertainty import Estimate, simulate_angles
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo

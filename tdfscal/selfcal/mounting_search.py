@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import State, starting_state
 from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3

@@ -20,16 +20,15 @@ from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
 from tdfscal.selfcal.covariance import estimate, evaluate, joint_posterior
-from tdfscal.selfcal.cross_validation import cross_validate
 from tdfscal.selfcal.estimator import Fit, at_state, fit
-from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.hidden_contact import hidden_contact
 from tdfscal.selfcal.hidden_contact import worth as contact_worth
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
+from tdfscal.selfcal.misreadings import check_readings
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
-from tdfscal.selfcal.outliers import RobustFit, fit_robust
-from tdfscal.selfcal.preparation import Usable, usable_postures
+from tdfscal.selfcal.outliers import RobustFit, cross_validate, fit_robust
+from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
 from tdfscal.selfcal.result import (
     Estimator,
     SelfCalibration,
@@ -40,7 +39,6 @@ from tdfscal.selfcal.result import (
 from tdfscal.selfcal.scatter import wandering
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
-from tdfscal.selfcal.wiring import check_readings
 from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval

@@ -1,4 +1,7 @@
-"""From dwells to postures that a fit may use: held against the rig file, with noise and a start."""
+"""From dwells to postures that a fit may use: held against the rig, with noise and a start.
+
+Before any force the distances between hinges over the postures are held against what is stated.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.checks.geometry import examine
+from tdfscal.checks.hinge_distances import Cause
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, RigError
+from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.uncertainty import quality
+from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
-from tdfscal.model.parameters import State
-from tdfscal.model.statics import Postures, postures
-from tdfscal.records import Dwells, IntArray, Rig
+from tdfscal.model.parameters import State, layout
+from tdfscal.model.statics import Postures, forces, postures
+from tdfscal.records import Dwells, FloatArray, IntArray, Rig
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.misreadings import check_forces
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.selfcal.wiring import check_forces
 
 #: Rounds that bring an unknown noise level and the fit into agreement.
 _LEVELS = 6
@@ -98,3 +106,21 @@ def _with_residual_noise(rig: Rig, observed: Postures, start: State) -> Postures
             break
         level *= stats.birge
     return guess
+
+
+def misplaced_hinges(of: Estimate[Fit]) -> tuple[Suspicion, ...]:
+    """Name what contradicts the stated distances between hinges, with what it does to angles."""
+    fit = of.fit
+    used = np.flatnonzero(fit.weight > 0)
+    seen = fit.at.seen.subset(used)
+    variance = np.trace(seen.position_cov, axis1=2, axis2=3).mean(axis=1) / 3
+    found = examine(fit.rig, seen.position, variance, forces(fit.state, seen.force), frames=True)
+
+    def framed(cause: Cause) -> FloatArray:
+        logged = np.zeros_like(fit.postures.position)
+        logged[used] = framed_positions(cause, seen.position)
+        by_place = fit.slopes[:, :, layout(fit.rig.n, fit.state.motions)["datum"]]
+        white = by_place @ logged.reshape(len(logged), -1, 1)
+        return np.asarray(white.ravel())
+
+    return misplaced(of, found, framed)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import State, parameter_count, retract
 from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.numerics import so3

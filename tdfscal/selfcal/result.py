@@ -20,10 +20,10 @@ from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.noise_components import GrossNoise, noisier
+from tdfscal.selfcal.outliers import CrossValidation, cross_validate
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]

@@ -21,7 +21,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.scatter import likeliest
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
-from tdfscal.validation.whitening import Whitened, basis
+from tdfscal.validation.known_noise import Whitened, basis
 
 Kind = Literal[
     "sensor turned",

@@ -37,9 +37,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
+from tdfscal.validation.known_noise import Linearised, Whitened, moving_zeros
 from tdfscal.validation.misread import refuse_misread
 from tdfscal.validation.verdict import Judged, Verdict, searched
-from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 
 

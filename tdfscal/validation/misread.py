@@ -16,8 +16,7 @@ from tdfscal.model.parameters import starting_state
 from tdfscal.model.postures import Postures
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import fit
-from tdfscal.selfcal.misreadings import MOST_POSTURES
-from tdfscal.selfcal.wiring import misread, misreading
+from tdfscal.selfcal.misreadings import MOST_POSTURES, misread, misreading
 from tdfscal.significance import CAUSES_APART
 from tdfscal.validation.verdict import Judged
 

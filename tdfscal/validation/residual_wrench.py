@@ -22,10 +22,9 @@ from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
 from tdfscal.validation.causes import Cause, Causes
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise, Linearised, Whitened, moving_zeros
 from tdfscal.validation.misread import refuse_misread
 from tdfscal.validation.verdict import Judged, Verdict, searched
-from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 

@@ -14,7 +14,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import NOISE, Cause, Causes
-from tdfscal.validation.whitening import Whitened
+from tdfscal.validation.known_noise import Whitened
 
 #: Of false alarms, the part of the search for one cause; of that, the part of turned sensors.
 _SEARCH = 0.75 * VALIDATION_ALARM

@@ -18,8 +18,8 @@ from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
 from tdfscal.validation.causes import NOISE, Cause
+from tdfscal.validation.known_noise import Linearised, Whitened, basis, whiten
 from tdfscal.validation.verdict import Judged, Zeros
-from tdfscal.validation.whitening import Linearised, Whitened, basis, whiten
 
 
 def with_own_load(given: Calibrated, rig: Rig) -> Calibrated:

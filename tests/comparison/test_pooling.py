@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.estimation.fit import information
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors, information
 from tdfscal.model.parameters import constants, nominal, retract
 from tdfscal.numerics import so3
 from tdfscal.records import Drift, FloatArray, Rig

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.estimation.fit import factored_information, information
+from tdfscal.estimation.fit import Priors, factored_information, information
 from tdfscal.estimation.observation import eliminate, stated
-from tdfscal.estimation.priors import Priors
 from tdfscal.estimation.score_tests import ask
 from tdfscal.estimation.uncertainty import Estimate, calibrated
 from tdfscal.model.earlier import free_constants

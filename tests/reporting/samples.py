@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tdfscal.cli import main
-from tdfscal.comparison.joint import combine
+from tdfscal.comparison.compatibility import combine
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig

@@ -9,8 +9,7 @@ import pytest
 from scipy import stats
 
 from tdfscal import simulation
-from tdfscal.estimation.fit import information
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors, information
 from tdfscal.estimation.uncertainty import quality
 from tdfscal.model.earlier import joint_prior
 from tdfscal.model.parameters import (

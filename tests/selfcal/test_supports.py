@@ -21,12 +21,11 @@ from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.covariance import estimate, evaluate
+from tdfscal.selfcal.covariance import estimate, evaluate, nuisances
 from tdfscal.selfcal.estimator import at_state, fit
-from tdfscal.selfcal.geometry import misplaced_hinges
 from tdfscal.selfcal.mounting_search import apart, best_start
-from tdfscal.selfcal.nuisances import nuisances
 from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
 from tests.words import in_words

@@ -10,8 +10,7 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.estimation.fit import information
-from tdfscal.estimation.priors import Priors
+from tdfscal.estimation.fit import Priors, information
 from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.rotation_descent import descend

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.comparison.compatibility import compare, compare_pair
-from tdfscal.comparison.joint import combine
+from tdfscal.comparison.compatibility import combine, compare, compare_pair
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rotations

@@ -42,7 +42,7 @@ from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
 
 if TYPE_CHECKING:
-    from tdfscal.comparison.joint import Joint
+    from tdfscal.comparison.compatibility import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 

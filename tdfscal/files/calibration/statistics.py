@@ -20,8 +20,8 @@ from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
-from tdfscal.selfcal.cross_validation import CrossValidation
-from tdfscal.selfcal.nuisances import nuisances as nuisance_estimates
+from tdfscal.selfcal.covariance import nuisances as nuisance_estimates
+from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
 
 if TYPE_CHECKING:
