@@ -20,9 +20,7 @@ from pydantic import (
     PlainSerializer,
     StringConstraints,
     ValidationInfo,
-    ValidatorFunctionWrapHandler,
     WithJsonSchema,
-    WrapValidator,
 )
 from pydantic_core import PydanticCustomError
 
@@ -149,34 +147,16 @@ Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _befo
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before, _after]
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before]
 Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before]
-Correlation = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1, le=1), _before]
 PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy)]
 Count = Annotated[int, Field(strict=True, ge=0), BeforeValidator(from_numpy)]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy)]
 
 
-def _at_once(*shape: int) -> WrapValidator:
-    """Take an array (N, *shape) as it is where all of it is measurable, all else one by one."""
-
-    def looked_at(value: Any, one_by_one: ValidatorFunctionWrapHandler) -> Any:
-        array = isinstance(value, np.ndarray) and value.dtype == np.float64
-        if not array or value.ndim != 1 + len(shape) or value.shape[1:] != shape:
-            return one_by_one(value)
-        if not np.abs(value).max(initial=0.0) <= LARGEST:
-            return one_by_one(value)
-        return tuple(map(tuple, value.tolist()) if shape else value.tolist())
-
-    return WrapValidator(looked_at)
-
-
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), _at_once()]
+Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
 Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
 PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
-Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy), _at_once(3)]
-Matrix = Annotated[
-    tuple[Annotated[tuple[Number, ...], BeforeValidator(from_numpy)], ...],
-    BeforeValidator(from_numpy),
-]
+Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy)]
+Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(from_numpy)]
 Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three)]
 
 OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
