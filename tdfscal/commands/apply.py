@@ -31,7 +31,6 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
-from tdfscal.wrench.resampling import Tally
 from tdfscal.wrench.sample_noise import (
     ColouredNoise,
     SampleNoise,
@@ -135,14 +134,12 @@ def apply(
     target = one(output)
     walk = None if filter == "none" else WALK
     point = np.array(triple("--at", at))
-    settings = Settings(progress, window(from_, to))
     use = take(calibration, paths, rig)
-    passing = WrenchPass.of(use, settings, point)
-    log, given = passing.log, passing.given
-    moving = given.rig.inertia is not None
+    log = WrenchPass.of(use, Settings(progress, window(from_, to)), point)
+    moving = log.given.rig.inertia is not None
     progress.stage("reading the log and working out the contact wrench")
     noises, totals = list[SampleNoise](), Totals()
-    head, samples = passing.samples()
+    head, samples = log.read()
     effect = None
     if walk is not None and head is not None:
         noise = coloured_noise(head, log.rig.axes)
@@ -152,14 +149,14 @@ def apply(
             filtered(samples, filter, model),
             filter_effect(filter, walk, model, noise),
         )
-    wrenches = passing.wrenches(totals.standstill.watch(samples))
+    wrenches = log.wrenches(totals.standstill.watch(samples))
     age, moved, scatter = ZeroAge(), None, use.posture_std
     if head is not None:
-        age, moved = zeros_since(use, head, passing.thermometer, scatter)
+        age, moved = zeros_since(use, head, log.thermometer, scatter)
         wrenches = with_sample_noise(
             wrenches,
             head,
-            given,
+            log.given,
             posture_std=scatter,
             shares=use.sensor_shares,
             zero_variance=moved,
@@ -176,12 +173,12 @@ def apply(
         else:
             kept += [columns_of(piece) for piece in numbers_only(wrenches)]
         if not totals.rows:
-            raise passing.nothing()
-        notes = passing.findings()
+            raise log.nothing()
+        notes = log.findings()
     columns = None
     if target is None:
         columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
-    summary = summary_of(use, target, passing.tally, totals, notes, moving=moving)
+    summary = summary_of(log, target, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
     summary["zeros"] = zero_effect(age, moved, summary["end"])
@@ -284,9 +281,8 @@ def metadata(
 
 
 def summary_of(
-    use: InUse,
+    log: WrenchPass,
     output: Path | None,
-    tally: Tally,
     totals: Totals,
     notes: Sequence[Finding],
     *,
@@ -303,12 +299,12 @@ def summary_of(
         "start": totals.begin,
         "end": totals.end,
         "quasi_static": not moving,
-        "calibration_status": use.calibration.status,
-        "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
+        "calibration_status": log.use.calibration.status,
+        "left_out": {"uncovered": log.tally.uncovered, "unreadable": log.tally.unreadable},
         **roots,
         "stops": _stops(totals),
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
-        "findings": documents([*use.findings, *notes]),
+        "findings": documents([*log.use.findings, *notes]),
     }
 
 

@@ -237,8 +237,8 @@ def temperatures(use: InUse, thermometer: Thermometer, time: FloatArray) -> Floa
     return thermometer.at(time, time, rig.n) if rig.drift.temperature > 0 else None
 
 
-@dataclass(slots=True)
-class WrenchPass:
+@dataclass(slots=True, kw_only=True)
+class WrenchPass(LogPass):
     """What one reading of a log under a calibration needs, and leaves behind.
 
     given : about the point that moments are about.
@@ -246,7 +246,6 @@ class WrenchPass:
 
     use: InUse
     given: Calibrated
-    log: LogPass
     inspection: Inspection
     tally: Tally = field(default_factory=Tally)
     thermometer: Thermometer = field(default_factory=Thermometer)
@@ -254,14 +253,14 @@ class WrenchPass:
     @classmethod
     def of(cls, use: InUse, settings: Settings, point: FloatArray) -> WrenchPass:
         """Start with a point (3,), m, LCS."""
-        given = about_point(use.given, point)
-        return cls(use, given, LogPass(use.campaign, settings), Inspection(use.given))
+        given, inspection = about_point(use.given, point), Inspection(use.given)
+        return cls(use.campaign, settings, use=use, given=given, inspection=inspection)
 
-    def samples(self) -> tuple[LogHead | None, Iterator[Samples]]:
+    def read(self) -> tuple[LogHead | None, Iterator[Samples]]:
         """Begin to read: the beginning, and the samples from their first on."""
-        pieces = aligned(self.thermometer.passing(self.log.pieces()), self.tally)
-        averaged = self.use.campaign.averaged
-        return take_head(self.inspection.watch(pieces), self.log.rig.supports, averaged=averaged)
+        pieces = aligned(self.thermometer.passing(self.pieces()), self.tally)
+        averaged = self.campaign.averaged
+        return take_head(self.inspection.watch(pieces), self.rig.supports, averaged=averaged)
 
     def wrenches(self, samples: Iterable[Samples]) -> Iterator[Wrenches]:
         """Work out the contact wrenches."""
@@ -271,13 +270,13 @@ class WrenchPass:
         """Say that no instant holds a position and a force of every NCP."""
         return DataError(
             "there is no instant at which every NCP's position and force are known",
-            where=", ".join(map(str, self.use.campaign.logs)),
+            where=", ".join(map(str, self.campaign.logs)),
             hint="check that all streams were recorded at the same time",
         )
 
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""
-        found = [*self.log.messages, *self.inspection.finish()]
+        found = [*self.messages, *self.inspection.finish()]
         if self.tally.uncovered:
             found.append(Finding("samples-uncovered", size=self.tally.uncovered))
         if self.tally.unreadable:

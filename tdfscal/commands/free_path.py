@@ -84,7 +84,7 @@ def read_path(log: WrenchPass, cutoff: float | None) -> FreePath:
     """
     use, averaged = log.use, log.use.campaign.averaged
     points = PathPoints(averaged)
-    head, samples = log.samples()
+    head, samples = log.read()
     if head is None:
         raise log.nothing()
     interval = None
