@@ -99,7 +99,6 @@ def compare(
     DataError
         One is no calibration, or they are of different supports.
     """
-    del progress
     sources = sources_of(*files)
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")

@@ -100,7 +100,6 @@ def export(
     UsageError, DataError
         The calibration cannot be read, or the file not be written.
     """
-    del progress
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(

@@ -214,7 +214,7 @@ def _check_files(parameters: Mapping[str, Described], values: Mapping[str, Any])
     outputs = dict[str, tuple[Path | None, tuple[str, ...]]]()
     for name, parameter in parameters.items():
         option, value = parameter.option, values[name]
-        if name == "rig":
+        if name == "rig":  # a file, or the folder that holds it
             rig = one(value)
         elif option.reads:
             reads += _paths_in(value)

@@ -96,7 +96,6 @@ def register(
     NotIdentifiableError
         The points do not fix a transform.
     """
-    del progress
     instrument = _instrument(range, range_ppm, angle_arcsec)
     pairs = _pairs(groups)
     first = read_point_file(Path(measured), length_unit=unit)

@@ -46,5 +46,4 @@ def schema(
     UsageError
         The folder cannot be written.
     """
-    del progress
     return SchemaResult(write_schemas(Path(folder)))
