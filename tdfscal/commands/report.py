@@ -59,12 +59,12 @@ class ReportResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        from tdfscal.reporting.figures.history import drift
+        from tdfscal.reporting.figures.angles import drift
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
         view = put_side_by_side(self.named)
-        return (drift(view.history, view.letters, view.days),)
+        return (drift(view.history),)
 
 
 @options.command("report calibration.yaml --html report.html", html="html")

@@ -22,15 +22,11 @@ _K = f"k = {COVERAGE_FACTOR:g}"
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """Calibrations in the order of measurement; letters stand for the files in tables.
-
-    days : since the first was measured.
-    """
+    """Calibrations in the order of measurement; letters stand for the files in tables."""
 
     names: tuple[str, ...]
     letters: tuple[str, ...]
     content: tuple[Calibration, ...]
-    days: tuple[float, ...]
     history: History
 
     @property
@@ -48,12 +44,10 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
     ordered = sorted(calibrations, key=lambda pair: _instant(pair[1]))
     letters = tuple(letter(i) for i in range(len(ordered)))
     content = tuple(c for _, c in ordered)
-    first = _instant(content[0])
     return Several(
         names=tuple(name for name, _ in ordered),
         letters=letters,
         content=content,
-        days=tuple((_instant(c) - first).total_seconds() / 86400 for c in content),
         history=compare([(a, c.rotations()) for a, c in zip(letters, content, strict=True)]),
     )
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison
+from tdfscal.comparison.compatibility import Comparison, History
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import EDGES, Budget, MonteCarloResult
 from tdfscal.numerics import so3
@@ -160,23 +160,40 @@ def methods(c: Calibration) -> Drawing | None:
 
 def comparison(pair: Comparison, number: int = 1) -> Drawing:
     """Differences of the angles with their expanded uncertainty, k = 2."""
+    title = f"{pair.names[0]} against {pair.names[1]}"
+    said = f"{sentence(pair.obstacle or pair.finding)}."
+    return Drawing(f"comparison-{number}", title, said, lambda: _paint_changes([pair]))
 
-    def paint() -> Figure:
+
+def drift(h: History) -> Drawing:
+    """Changes of every later calibration against the first."""
+    en = np.stack([pair.en for pair in h.against_first])
+    f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
+    worst = h.against_first[f]
+    said = (
+        f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
+        f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
+        f"E_n = {en[f, i, j]:.2f}; {'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
+    )
+    return Drawing("drift", "Change of each angle", said, lambda: _paint_changes(h.against_first))
+
+
+def _paint_changes(pairs: Sequence[Comparison]) -> Figure:
+    """A row per angle, and in it a whisker per pair, from the top down in their order."""
+    step = 0.8 / len(pairs)
+    fig, (ax,), place = by_angle(pairs[0].supports, head=1.1, row=0.16 + 0.1 * len(pairs))
+    ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
+    for k, pair in enumerate(pairs):
+        y = place + (k - 0.5 * (len(pairs) - 1)) * step
         value, expanded = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
         beyond = pair.en.ravel() > 1.0
-        fig, (ax,), place = by_angle(pair.supports)
-        ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
         for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
-            ax.errorbar(
-                value[which], place[which], xerr=expanded[which], color=ink.BLACK, ecolor=colour,
-                **_WHISKERS,
-            )  # fmt: skip
-        ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
-        return fig
-
-    title = f"{pair.names[0]} against {pair.names[1]}"
-    said = sentence(pair.obstacle or pair.finding)
-    return Drawing(f"comparison-{number}", title, f"{said}.", paint)
+            ax.errorbar(value[which], y[which], xerr=expanded[which], color=colour, **_WHISKERS)
+        for x, half, at in zip(value, expanded, y, strict=True):
+            if len(pairs) > 1:
+                beside(ax, pair.names[0], x + half, at, 4)
+    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
+    return fig
 
 
 def planned(plan: Plan | MovingPlan) -> Drawing:

@@ -1,8 +1,7 @@
-"""Angles over time: the control chart of a rig with its alarms; calibrations against the first."""
+"""Angles over time: the control chart of a rig with its alarms."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -14,19 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tdfscal.comparison.compatibility import History
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, panels, signed
+from tdfscal.reporting.figures.style import Drawing, panels, signed
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
 _DAYS = 30.4375
-#: Days between first and last from which the axis is time, not order.
-_LEAST_DAYS = 1.0
 _BAND: dict[str, Any] = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "linewidth": 0.4}
 #: Of a step, and of a creep.
 _ALARMS: tuple[dict[str, Any], ...] = (
@@ -140,55 +136,3 @@ def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
-
-
-def drift(h: History, letters: Sequence[str], days: Sequence[float]) -> Drawing:
-    """One panel per angle; whiskers are the expanded uncertainty of the difference (k = 2)."""
-    en = np.stack([c.en for c in h.against_first])
-    f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
-    change = signed(1e3 * float(h.drift[f + 1, i, j]), "+.3g")
-    said = (
-        f"The largest change against {letters[0]} is {ANGLES[j]} of {h.supports[i]} in "
-        f"{letters[f + 1]}: {change} mrad, E_n = {en[f, i, j]:.2f}; "
-        f"{'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
-    )
-    return Drawing("drift", "Change of each angle", said, lambda: _paint_drift(h, letters, days))
-
-
-def _paint_drift(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
-    n, over_time = len(h.supports), days[-1] - days[0] >= _LEAST_DAYS
-    x = np.array(days) if over_time else np.arange(len(letters), dtype=float)
-    margin = 0.08 * (x[-1] - x[0]) if over_time else 0.5
-    said = f"days since {letters[0]}" if over_time else "calibration, in order of creation"
-    look = {
-        False: {"fmt": "o", "color": ink.BLUE, "markersize": 4},
-        True: {"fmt": "X", "color": ink.RED, "markersize": 6},
-    }
-    fig = figure(0.7 + 1.45 * n)
-    grid = fig.subplots(n, 3, sharex=True, squeeze=False)
-    for (i, j), ax in np.ndenumerate(grid):
-        half = COVERAGE_FACTOR * 1e3 * h.rpy_std[0, i, j]
-        ax.axhspan(-half, half, hatch="....", **_BAND)
-        ax.axhline(0, color=ink.GREY, linewidth=0.8)
-        for f, pair in enumerate(h.against_first, 1):
-            ax.errorbar(
-                x[f], 1e3 * h.drift[f, i, j], yerr=COVERAGE_FACTOR * 1e3 * h.drift_std[f, i, j],
-                capsize=3, **look[bool(pair.en[i, j] > 1)],
-            )  # fmt: skip
-        ax.plot(x[0], 0, "D", color=ink.BLACK, markersize=4)
-        ax.set_title(f"{h.supports[i]}  {ANGLES[j]}", fontsize=8, pad=2)
-    ax.set_xlim(x[0] - margin, x[-1] + margin)
-    if not over_time:
-        ax.set_xticks(x, letters)
-    for bottom in grid[-1]:
-        bottom.set_xlabel(said)
-    for left in grid[:, 0]:
-        left.set_ylabel("change, mrad")
-    keys = [
-        Line2D([], [], marker="D", linestyle="", color=ink.BLACK, label=f"{letters[0]}, the first"),
-        Patch(**_BAND, hatch="....", label="its uncertainty, k = 2"),
-        Line2D([], [], marker="o", linestyle="", color=ink.BLUE, label="later, E_n ≤ 1"),
-        Line2D([], [], marker="X", linestyle="", color=ink.RED, label="later, E_n > 1"),
-    ]
-    fig.legend(handles=keys, loc="outside upper left", ncols=4)
-    return fig
