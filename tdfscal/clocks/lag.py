@@ -12,7 +12,7 @@ from tdfscal.clocks.activity import Peak, activity, during, peaks
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.moves import lag_by_moves, moves
 from tdfscal.clocks.refinement import refine
-from tdfscal.clocks.tracks import Track, Tracks, backwards
+from tdfscal.clocks.tracks import Track, Tracks
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
@@ -46,6 +46,26 @@ class _Candidate:
     misfit: float
     rows: float
     model: Model | None
+
+
+def find_clocks(
+    first: Tracks, others: Sequence[tuple[str, Tracks, ClockPrior]]
+) -> list[RecorderClock]:
+    """Find the clocks of all other recorders (name, what it holds, what is stated) by the first's.
+
+    Each beside those found before it, as the balance wants the forces of all; forces that were
+    found by forces alone are looked at again by the positions. Raises as `find_clock` does.
+    """
+    clocks: list[RecorderClock] = []
+    tracks = [own for _, own, _ in others]
+    for name, own, prior in others:
+        found = first.joined(zip(tracks, clocks, strict=False))
+        clocks.append(find_clock(found, own, prior, name))
+    for k, (name, own, prior) in enumerate(others):
+        if not any(each.positions for each in (first, *tracks[: k + 1])):
+            rest = list(zip(tracks, clocks, strict=True))
+            clocks[k] = find_clock(first.joined(rest[:k] + rest[k + 1 :]), own, prior, name)
+    return clocks
 
 
 def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> RecorderClock:
@@ -86,7 +106,12 @@ class _Search:
         #: Lag from begin to begin that is stated, and its standard uncertainty.
         self.stated = float(prior.offset.value) - (second.begin - first.begin)
         self.std = float(prior.offset.std)
-        self.balance = _balance(first, second)
+        self.positions, self.forces = _streams(first, second)
+        #: None where a support's position or force is with neither, or a channel is.
+        complete = len(self.positions) == len(self.forces) >= 3 and all(
+            np.ptp(track.value, axis=0).all() for track, _ in self.forces
+        )
+        self.balance = Balance(self.positions, self.forces) if complete else None
 
     @cached_property
     def width(self) -> float:
@@ -149,7 +174,7 @@ class _Search:
             return False
         if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
             return True
-        tracks = self.first.positions or self.second.positions
+        tracks = [track for track, _ in self.positions or self.forces]
         shift = abs(other.lag - best.lag)
         time = np.linspace(0.0, max(self.spans) - shift, _INSTANTS)
         here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
@@ -175,8 +200,9 @@ class _Search:
 
     @cached_property
     def correlation_time(self) -> float:
-        """Time, s, in which the positions tell something new."""
-        return _correlation_time(self.first.positions or self.second.positions, max(self.spans))
+        """Time, s, in which the positions, or else the forces, tell something new."""
+        told = [track for track, _ in self.positions or self.forces]
+        return _correlation_time(told, max(self.spans))
 
     def _instants(self, lag: float, most: int) -> FloatArray:
         """Instants of the first clock, from its begin, at which both recorders run."""
@@ -235,7 +261,9 @@ class _Search:
                 self.prior.rate_std,
                 slowest,
             )
-        if by_moves is not None and by_moves[1][0] ** 2 < covariance[0, 0]:
+        # By one of several amplifiers the balance would tell how its sensors settle.
+        better = self._in_part or (by_moves and by_moves[1][0] ** 2 < covariance[0, 0])
+        if by_moves is not None and better:
             line, std, middle = by_moves
             share = 1.0 / (1.0 + (std[1] / self.prior.rate_std) ** 2)
             line = line * np.array([1.0, share])
@@ -251,18 +279,25 @@ class _Search:
     def _by_moves(
         self, candidate: _Candidate, slowest: float
     ) -> tuple[FloatArray, FloatArray, float] | None:
-        if self.balance is None:
+        if not (self.positions and self.forces):
             return None
+        # Of each kind what the second holds, or else all.
+        both = [[s for s in kind if s[1]] or kind for kind in (self.positions, self.forces)]
         lags, found = [candidate.peak.lag, candidate.lag], None
         for _ in range(2):
-            both = self.balance.positions, self.balance.forces
-            tries = [lag_by_moves(*both, self._moves(lag), lag, slowest) for lag in lags]
+            tries = [lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) for lag in lags]
             clear = [one for one in tries if one is not None]
             if not clear:
                 break
             found = min(clear, key=lambda one: float(one[1][0]))
             lags = [float(found[0][0])]
         return found
+
+    @cached_property
+    def _in_part(self) -> bool:
+        """Whether the second holds some of the forces, or of the positions, and not all."""
+        return any(0 < sum(late for _, late in kind) < len(kind)
+                   for kind in (self.positions, self.forces))  # fmt: skip
 
     def _moves(self, lag: float) -> list[tuple[float, float]]:
         """Moves from rest to rest by the positions, s of the first clock."""
@@ -285,17 +320,15 @@ class _Search:
         return line + gain * (self.stated - line[0]), covariance - np.outer(gain, covariance[0])
 
 
-def _balance(first: Tracks, second: Tracks) -> Balance | None:
-    """The balance of what both hold; None where a position or a force is with neither."""
-    positions: list[tuple[Track, bool]] = []
-    forces: list[tuple[Track, bool]] = []
-    numbers = sorted({*first.streams, *second.streams})
-    for number in numbers:
+def _streams(
+    first: Tracks, second: Tracks
+) -> tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]]:
+    """Positions and forces of both, in the supports' order; with whether each is the second's."""
+    both: tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]] = [], []
+    for number in sorted({*first.streams, *second.streams}):
         late = number not in first.streams
-        track = (second if late else first).streams[number]
-        (forces if number % 2 else positions).append((track, late))
-    complete = numbers == list(range(len(numbers))) and len(positions) == len(forces) >= 3
-    return Balance(positions, forces) if complete else None
+        both[number % 2].append(((second if late else first).streams[number], late))
+    return both
 
 
 def _correlation_time(tracks: Sequence[Track], span: float) -> float:
@@ -339,14 +372,15 @@ def _not_found(name: str) -> DataError:
     return DataError(
         f"the moves that the first recorder saw are not found in the recorder {name}: the two did "
         "not run at the same time, or saw different campaigns",
-        hint="give the recordings of one campaign; `tdfscal info` shows what each holds, and when",
+        hint="give the recordings of one campaign; `tdfscal info` shows what each holds, and when; "
+        "of one campaign, state clock.offset in its log block, as well as it is known",
     )
 
 
 def _check_order(first: Tracks, second: Tracks, name: str) -> None:
     """Raise DataError where the second's moves are the first's, if they are read backwards."""
     try:
-        _Search(first, backwards(second), ClockPrior()).chosen(name)
+        _Search(first, second.backwards(), ClockPrior()).chosen(name)
     except (DataError, NotIdentifiableError):
         return
     raise DataError(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, FloatArray, Series
+from tdfscal.records import BoolArray, FloatArray, RecorderClock, Series
 
 _WIDTH = 0.02  # s; well below any move's length
 _MOST = 1 << 18  # bins of a stream; from there on their width doubles
@@ -66,12 +66,21 @@ class Tracks:
         """Of the supports whose force it holds."""
         return [track for number, track in self.streams.items() if number % 2 == 1]
 
+    def joined(self, others: Iterable[tuple[Tracks, RecorderClock]]) -> Tracks:
+        """The same with the streams of other recorders, whose clocks are known."""
+        streams, period = dict(self.streams), self.period
+        for other, clock in others:
+            period = max(period, other.period)
+            for number, track in other.streams.items():
+                time = clock.to_first(other.begin + track.time) - self.begin
+                streams.setdefault(number, Track.of(time, track.value))
+        return replace(self, period=period, streams=dict(sorted(streams.items())))
 
-def backwards(tracks: Tracks) -> Tracks:
-    """The same recording with its values in the reverse order."""
-    span = tracks.end - tracks.begin
-    turned = {k: Track.of(span - t.time[::-1], t.value[::-1]) for k, t in tracks.streams.items()}
-    return replace(tracks, streams=turned)
+    def backwards(self) -> Tracks:
+        """The same with all values in the reverse order."""
+        span = self.end - self.begin
+        turned = {k: Track.of(span - t.time[::-1], t.value[::-1]) for k, t in self.streams.items()}
+        return replace(self, streams=turned)
 
 
 class Reduction:

@@ -75,7 +75,7 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Iterator[Log]]]) -> Iterato
     """
     with tempfile.TemporaryFile() as file:
         spools = [_Spool(file) for _ in sources]
-        from tdfscal.clocks import Reduction, find_clock  # of several alone
+        from tdfscal.clocks import Reduction, find_clocks  # of several alone
 
         tracks: list[Tracks] = []
         for spool, (_, pieces) in zip(spools, sources, strict=True):
@@ -85,12 +85,12 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Iterator[Log]]]) -> Iterato
                                for s in pair])  # fmt: skip
                 spool.put(piece)
             tracks.append(reduction.finish())
-        clocks: list[RecorderClock] = []
-        found: list[Finding] = []
-        for (mapping, _), own in zip(sources[1:], tracks[1:], strict=True):
-            clocks.append(find_clock(tracks[0], own, mapping.clock, str(mapping.files)))
-            found += _overlap(tracks[0], own, clocks[-1])
-        yield from _merged(spools, clocks, tuple(found))
+        first, *others = tracks
+        stated = [(str(mapping.files), mapping.clock) for mapping, _ in sources[1:]]
+        clocks = find_clocks(first, [(name, own, clock) for own, (name, clock)
+                                     in zip(others, stated, strict=True)])  # fmt: skip
+        found = [_overlap(first, own, clock) for own, clock in zip(others, clocks, strict=True)]
+        yield from _merged(spools, clocks, tuple(one for each in found for one in each))
 
 
 def _overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> list[Finding]:

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdfscal import calibrate, info, init
+from tdfscal import Calibration, apply, calibrate, info, init, monitor, update, validate
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.writers.campaign import write_run
+from tdfscal.numerics import so3
 from tdfscal.reporting.figures import drawings
-from tdfscal.simulation import MOVING, Options, Run, reference_rig, run
+from tdfscal.simulation import (
+    MOVING,
+    Options,
+    Run,
+    draw_truths,
+    reference_rig,
+    run,
+    simulate_campaign,
+)
 from tdfscal.simulation.recorded_apart import Apart, recorded_apart
 from tests.cli.apart import write_apart
 
@@ -101,3 +112,80 @@ def test_a_recorder_that_ends_early_is_told(tmp_path: Path) -> None:
         if f.code == "recorders-overlap-in-part"
     )
     assert told.subject == ("daq*.csv",)
+
+
+@pytest.fixture(scope="module")
+def months(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Campaigns a month apart of one rig, tared anew each; the amplifier has a wall clock."""
+    rig, options = reference_rig(), Options(postures=14, squeeze=200.0)
+    truth = draw_truths(rig, options, np.random.default_rng(1), 1)
+    folders = []
+    for month in range(1, 4):
+        rng = np.random.default_rng(month)
+        tared = replace(truth, zero=0.5 * rng.standard_normal(truth.zero.shape))
+        recorded = simulate_campaign(rig, options, rng, tared)
+        begin = datetime(2026, month, 3, 8, tzinfo=UTC).timestamp()
+        how = Apart(offset=begin, rate=20e-6, late=0.5)
+        folders.append(tmp_path_factory.mktemp("months") / f"m{month}")
+        write_apart(folders[-1], rig, *recorded_apart(recorded.log, how, rng))
+    return folders
+
+
+@pytest.fixture(scope="module")
+def calibrated(months: list[Path]) -> Calibration:
+    return calibrate([months[0]], trials=0)
+
+
+def test_a_calibration_of_two_recorders_is_still_valid(
+    months: list[Path], calibrated: Calibration
+) -> None:
+    assert validate(calibrated, [months[1]]).holds
+
+
+def test_two_recorders_become_one_table_of_wrenches(
+    months: list[Path], calibrated: Calibration
+) -> None:
+    """On the clock of the positions, which counts from 0, and as far as both ran."""
+    table = apply(calibrated, [months[1]]).to_frame()
+    assert 0.4 < table["time"].iloc[0] < 0.6
+    assert (np.diff(table["time"]) > 0).all()
+    rms = {name: float(np.sqrt(np.mean(table[name] ** 2))) for name in ("fx", "raw_fx")}
+    assert rms["fx"] < 0.5 * rms["raw_fx"]
+
+
+def test_months_of_two_recorders(months: list[Path], calibrated: Calibration) -> None:
+    """Dated by the clock of the second recorder; nothing turned, and more is known of it."""
+    assert not monitor(months).alarms
+    newer = update(calibrated, [months[1]], trials=0)
+    assert newer.accepted
+    assert newer.measured is not None
+    assert newer.measured.begin.startswith("2026-02-03")
+    assert (newer.rpy_std < calibrated.rpy_std).all()
+
+
+def test_two_amplifiers_beside_the_positions(tmp_path: Path) -> None:
+    """Whoever comes first: positions, or an amplifier; each of the clocks is found."""
+    options = Options(postures=16, squeeze=200.0)
+    of = run(reference_rig(), "self", options, np.random.default_rng(7))
+    hows = Apart(offset=1.7e9, rate=20e-6, late=0.5), Apart(offset=-500.0, rate=-30e-6, late=1.5)
+    for number, (how, columns) in enumerate(zip(hows, (slice(1, 7), slice(7, 10)), strict=True)):
+        folder = apart(tmp_path / str(number), of, how)
+        rows = [line.split(",") for line in (folder / "daq.csv").read_text().splitlines()]
+        kept = "\n".join(",".join([row[0], *row[columns]]) for row in rows)
+        (tmp_path / f"amp{number}.csv").write_text(kept)
+    (tmp_path / "0" / "cnc.csv").rename(tmp_path / "cnc.csv")
+    files = [tmp_path / name for name in ("cnc.csv", "amp0.csv", "amp1.csv")]
+    for order in (files, [*files[1:], files[0]]):
+        looked = info(order).to_dict()
+        clocks = {clock["recorder"]: clock for clock in looked["clocks"]}
+        since = clocks.get("cnc.csv", {"offset": 0.0})["offset"]
+        later = clocks["amp1.csv"]["offset"] - since
+        assert later == pytest.approx(-500.0, abs=0.05)
+        for clock in looked["clocks"]:
+            assert clock["offset_std"] < 0.05
+    init(files, output=tmp_path / "rig.yaml")
+    found = calibrate(files, rig=tmp_path / "rig.yaml", trials=0)
+    assert found.status == "provisional"
+    turn = so3.log(of.truth.rotation @ np.swapaxes(found.rotation, 1, 2))
+    std = np.sqrt(np.diag(found.rotation_covariance)).reshape(turn.shape)
+    assert np.abs(turn / std).max() < 4.5
