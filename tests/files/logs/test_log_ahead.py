@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -27,14 +26,6 @@ def test_an_error_comes_in_its_turn() -> None:
     assert [next(stream) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(ValueError, match="here"):
         next(stream)
-
-
-def test_results_come_in_order_whatever_takes_long() -> None:
-    def slow(k: int) -> int:
-        time.sleep(0.01 if k % 3 == 0 else 0.0)
-        return k
-
-    assert list(mapped(slow, range(20), 2)) == list(range(20))
 
 
 def test_little_is_taken_before_it_is_wanted() -> None:

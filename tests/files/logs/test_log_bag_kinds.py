@@ -70,8 +70,7 @@ def as_ros1(data: bytes, kind: str) -> Any:
     return ROS1.serialize_ros1(types[kind](header, wrench), kind)
 
 
-@pytest.mark.parametrize("source", ["header", "log", "publish"])
-@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize(("source", "version"), [("header", 8), ("log", 9), ("publish", 9)])
 def test_sqlite_holds_what_mcap_does(tmp_path: Path, source: Any, version: Literal[8, 9]) -> None:
     folder = sqlite_bag(tmp_path / "bag", version)
     mapping = replace(MAPPING, time_source=source)

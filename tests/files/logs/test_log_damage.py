@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import io
-import json
 import struct
 import zlib
 from dataclasses import replace
@@ -29,7 +27,6 @@ from tests.files.logs.log_making import (
     SUPPORTS,
     make_truth,
     mcap_bytes,
-    small_mcap,
     table,
     write,
 )
@@ -246,49 +243,11 @@ def test_any_cdr_message(tmp_path: Path, data: st.DataObject) -> None:
     assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))
 
 
-@settings(FUZZ, max_examples=40)
-@given(st.data())
-def test_any_json_message(tmp_path: Path, data: st.DataObject) -> None:
-    numbers = st.one_of(st.floats(), st.integers(), st.booleans(), st.text(max_size=3), st.none())
-    tree = st.recursive(
-        numbers,
-        lambda inner: st.one_of(
-            st.lists(inner, max_size=3),
-            st.dictionaries(st.sampled_from(["x", "y", "z", "point", "force"]), inner, max_size=4),
-        ),
-        max_leaves=8,
-    )
-    messages = [(t, 9, json.dumps(data.draw(tree)).encode()) for t in ("/a/p", "/a/f")]
-    content = small_mcap(dict.fromkeys(("/a/p", "/a/f"), ("json", "any", b"{}")), messages)
-    path = write(tmp_path / "a.mcap", content)
-    mapping = LogMapping(ONE, (("/a/p.point",),), (("/a/f.force",),))
-    try:
-        log = read_log([path], mapping, ONE)
-    except DataError:
-        return
-    assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))
-
-
-@settings(FUZZ, max_examples=40)
-@given(st.data())
-def test_any_parquet_footer(tmp_path: Path, data: st.DataObject) -> None:
-    buffer = io.BytesIO()
-    pq.write_table(pa.Table.from_pandas(table(make_truth(3))), buffer, write_page_checksum=True)
-    content = bytearray(buffer.getvalue())
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(4, len(content) - 9))
-        content[place] = data.draw(st.integers(0, 255))
-    try:
-        read_log([write(tmp_path / "a.parquet", bytes(content))], None, SUPPORTS)
-    except DataError:
-        return
-
-
 def test_init_names_the_line_that_keeps_a_column_from_being_the_time(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
-    table(make_truth(8000)).to_csv(path, index=False)
+    table(make_truth(1500)).to_csv(path, index=False)
     lines = path.read_bytes().split(b"\n")
-    lines[7000] = b"\xff\xfe" + lines[7000]
+    lines[1400] = b"\xff\xfe" + lines[1400]
     path.write_bytes(b"\n".join(lines))
-    with pytest.raises(DataError, match=r"line 7001, column time"):
+    with pytest.raises(DataError, match=r"line 1401, column time"):
         tdfscal.init(path)

@@ -17,7 +17,6 @@ from rosbags.interfaces import Nodetype
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.encodings import Json
 from tdfscal.logs.messages.mcap import index_offsets, messages_of
 from tdfscal.logs.messages.message_path import Path as MessagePath
 from tdfscal.logs.messages.ros import definitions
@@ -310,8 +309,3 @@ def test_topic_without_messages(tmp_path: Path) -> None:
 def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
         read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)
-
-
-def test_a_number_of_thousands_of_digits_is_said_in_our_words() -> None:
-    with pytest.raises(ValueError, match="a number of thousands of digits"):
-        Json().decode(b'{"x": ' + b"1" * 5000 + b"}")

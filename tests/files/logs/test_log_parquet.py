@@ -14,7 +14,7 @@ import pytest
 
 import tdfscal
 from tdfscal.errors import DataError
-from tdfscal.logs import iter_log, read_log
+from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
@@ -63,14 +63,6 @@ def test_reads_what_pandas_reads(
             )
         np.testing.assert_array_equal(log.force[i].time, expected["time"])
     assert log.inputs[0].integrity == "unverified"  # pyarrow does not say which pages it checked
-
-
-def test_csv_and_parquet_give_the_same(tmp_path: Path) -> None:
-    frame = table(make_truth())
-    frame.to_csv(tmp_path / "log.csv", index=False)
-    frame.to_parquet(tmp_path / "log.parquet")
-    text = read_log([tmp_path / "log.csv"], None, SUPPORTS)
-    assert same_numbers(text, read_log([tmp_path / "log.parquet"], None, SUPPORTS))
 
 
 def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
@@ -144,17 +136,6 @@ def test_streams_that_take_turns(tmp_path: Path, size: int) -> None:
         read_log([path], None, ONE)
 
 
-def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
-    count = 200_000
-    columns = {name: np.arange(count) + 0.5 * k for k, name in enumerate(("time", *DEFAULT))}
-    path = tmp_path / "log.parquet"
-    pq.write_table(pa.table(columns), path)
-    pieces = list(iter_log([path], None, ONE))
-    assert max(p.force[0].time.size for p in pieces) <= 1 << 16
-    whole = np.concatenate([p.force[0].value[:, 2] for p in pieces])
-    np.testing.assert_array_equal(whole, columns["a.fz"])
-
-
 def test_a_damaged_page_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     columns = {n: np.random.default_rng(k).normal(size=60) for k, n in enumerate(DEFAULT)}
@@ -201,21 +182,6 @@ def test_numbers_of_lists(tmp_path: Path, fixed: bool) -> None:
     beyond = replace(mapping, force=(("observation.state[8]", *three[1][1:]),))
     with pytest.raises(DataError, match=r"a row of column observation\.state has 8 numbers"):
         read_log([path], beyond, ONE)
-
-
-def test_the_footer_must_end_where_the_file_does(tmp_path: Path) -> None:
-    path = tmp_path / "log.parquet"
-    pq.write_table(pa.table(plain()), path)
-    content = path.read_bytes()
-    for damaged in (
-        content[:-8] + (1 << 31).to_bytes(4, "little") + b"PAR1",
-        content[:-4] + b"PARE",
-        content[:-8] + (9).to_bytes(4, "little") + b"PAR1",
-        content[:-40] + content[-8:],
-    ):
-        path.write_bytes(damaged)
-        with pytest.raises(DataError, match="the file is damaged"):
-            read_log([path], None, ONE)
 
 
 @pytest.mark.parametrize("kind", [pa.string(), pa.dictionary(pa.int32(), pa.large_string())])

@@ -131,6 +131,7 @@ def test_compressed(tmp_path: Path, pack: object) -> None:
     for suffix in (".csv.gz", ".csv.zst", ".csv"):
         log = read_log([write(tmp_path / f"log{suffix}", content)], MAPPING, ONE)
         assert_plain(log)
+        assert log.inputs[0].integrity == ("verified" if pack is gzip.compress else "unverified")
     for end in range(len(content)):
         try:
             log = read_log([write(tmp_path / "cut.csv.gz", content[:end])], MAPPING, ONE)
@@ -138,11 +139,6 @@ def test_compressed(tmp_path: Path, pack: object) -> None:
             continue
         assert len(log.truncated) == 1
         assert log.inputs[0].integrity == "unverified"
-
-
-def test_gzip_checksum_is_integrity(tmp_path: Path) -> None:
-    log = read(tmp_path, gzip.compress(text(HEADER, *ROWS)))
-    assert log.inputs[0].integrity == "verified"
 
 
 @pytest.mark.parametrize(
@@ -182,10 +178,12 @@ def test_quotation_marks_swallow_no_rows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.position[0].time, [0.0, 0.05, 0.1])
 
 
-def test_fault_far_down_has_its_line(tmp_path: Path) -> None:
-    lines = [f"{k * 1e-3:.3f},1,2,3,4,5,6" for k in range(70_000)]
-    lines[69_000] = "69.000,1,2,3,4,5,6x"
-    with pytest.raises(DataError, match="line 69002, column FZ: '6x'"):
+def test_fault_far_down_has_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tdfscal.logs.text.file._HEAD", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.text.file._BLOCK", 1 << 12)
+    lines = [f"{k * 1e-3:.3f},1,2,3,4,5,6" for k in range(2000)]
+    lines[1900] = "1.900,1,2,3,4,5,6x"
+    with pytest.raises(DataError, match="line 1902, column FZ: '6x'"):
         read(tmp_path, text(HEADER, *lines))
 
 
@@ -215,7 +213,7 @@ def test_a_compressed_log_that_is_cut_short(tmp_path: Path, kind: str) -> None:
 
 
 def test_blank_lines_without_end(tmp_path: Path) -> None:
-    content = text(HEADER, *ROWS) + b"\n" * (6 << 20)
+    content = text(HEADER, *ROWS) + b"\n" * (1 << 20)
     assert_plain(read(tmp_path, content))
 
 
@@ -256,13 +254,6 @@ TRAILING = (
 )
 
 
-@pytest.mark.parametrize("content", TRAILING)
-def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
-    tmp_path: Path, content: bytes
-) -> None:
-    assert_plain(read(tmp_path, content))
-
-
 def test_a_separator_at_the_end_is_parsed_fast(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -289,18 +280,6 @@ def test_a_separator_at_the_end_is_parsed_fast(
 )
 def test_odd_tables_are_refused(tmp_path: Path, content: bytes, match: str) -> None:
     with pytest.raises(DataError, match=match):
-        read(tmp_path, content)
-
-
-def test_long_names_are_cut_where_they_are_quoted(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no column t") as caught:
-        read(tmp_path, text("x" * 100_000 + ",b", "1,2"))
-    assert len(str(caught.value)) < 500
-
-
-def test_the_slow_path_takes_a_separator_at_the_end(tmp_path: Path) -> None:
-    content = text(HEADER, *(f"{row}," for row in ROWS), "torn")
-    with pytest.raises(DataError, match="line 4"):
         read(tmp_path, content)
 
 

@@ -64,8 +64,10 @@ def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> N
     np.testing.assert_allclose(log.force[0].time - start, FRAME["time"], rtol=0, atol=5e-7)
 
 
-@pytest.mark.parametrize("write", [savetxt, matlab, aligned, rtde, labview])
-@pytest.mark.parametrize("suffix", [".txt", ".dat", ".log", ".csv"])
+@pytest.mark.parametrize(
+    ("write", "suffix"),
+    [(savetxt, ".txt"), (matlab, ".dat"), (aligned, ".log"), (rtde, ".csv"), (labview, ".txt")],
+)
 def test_tables_read_as_they_are(
     tmp_path: Path, write: Callable[[Path], None], suffix: str
 ) -> None:
