@@ -25,6 +25,7 @@ from tdfscal.files.calibration.document import (
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
@@ -173,7 +174,7 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
     if str(source) == "-":
         name = "standard input"
         return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
-    path = Path(source)
+    path = as_path(source)
     if path.is_dir():
         raise UsageError(
             "is a folder; a calibration file is wanted here",

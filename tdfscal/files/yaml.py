@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import takewhile
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -108,6 +109,14 @@ def parse_document(
     builder = _Builder(source, error)
     content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
     return Document(content, builder.lines, source, hashlib.sha256(raw).hexdigest())
+
+
+def as_path(given: str | PathLike[str]) -> Path:
+    """Return a path. Raises UsageError for what names no file."""
+    try:
+        return Path(given)
+    except TypeError:
+        raise UsageError(f"{given!r:.40} names no file", hint="give a path") from None
 
 
 def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:

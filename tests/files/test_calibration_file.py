@@ -23,7 +23,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.outputs import replacing
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.rig.reading import load_rig, parse_rig
 from tdfscal.files.saving import to_yaml, write_text
 from tests.cli.running import SAMPLES
 from tests.files.edits import edits
@@ -319,6 +319,11 @@ def test_changes_below_rounding_are_taken(content: dict[str, Any]) -> None:
 def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no calibration"):
         save_calibration(None, tmp_path / "calibration.yaml")  # type: ignore[arg-type]
+    wrong: Any
+    for wrong in (None, 3):
+        for use in (load_calibration, load_rig, lambda path: save_calibration(found, path)):
+            with pytest.raises(UsageError, match="names no file"):
+                use(wrong)
     with pytest.raises(UsageError, match=r"\.json, \.yaml or \.yml"):
         save_calibration(found, tmp_path / "calibration.txt")
     with pytest.raises(UsageError, match="no such file"):

@@ -18,7 +18,7 @@ from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
-from tdfscal.files.yaml import Document, Format, parse_document, read_document
+from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
 from tdfscal.model.free_forces import from_directions
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.records import BoolArray, FloatArray, Rotations
@@ -235,7 +235,7 @@ def load_calibration(path: Path | str) -> Calibration:
     Raises DataError for what is no calibration file, is of a newer format, or contradicts itself,
     and UsageError where the file cannot be read.
     """
-    return _from_document(read_document(Path(path), DataError))
+    return _from_document(read_document(as_path(path), DataError))
 
 
 def parse_calibration(raw: bytes, source: str) -> Calibration:
@@ -268,9 +268,10 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     if not isinstance(calibration, Calibration):
         what, hint = f"is no calibration: {calibration!r:.40}", "give what `calibrate` returns"
         raise UsageError(what, where="calibration", hint=hint)
-    check_suffix(Path(path), CALIBRATION_SUFFIXES)
-    form: Format = "json" if Path(path).suffix.lower() == ".json" else "yaml"
-    write_text(Path(path), dump_calibration(calibration, form))
+    place = as_path(path)
+    check_suffix(place, CALIBRATION_SUFFIXES)
+    form: Format = "json" if place.suffix.lower() == ".json" else "yaml"
+    write_text(place, dump_calibration(calibration, form))
 
 
 def _from_document(document: Document) -> Calibration:

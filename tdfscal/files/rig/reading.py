@@ -20,7 +20,7 @@ from tdfscal.files.rig.model import (
     TrackerBlock,
 )
 from tdfscal.files.rig.recorders import LogBlock, SupportFields
-from tdfscal.files.yaml import Document, parse_document, read_document
+from tdfscal.files.yaml import Document, as_path, parse_document, read_document
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
@@ -95,7 +95,8 @@ def load_rig(path: Path | str) -> LoadedRig:
 
     Raises RigError for anything wrong in it and UsageError where it cannot be read.
     """
-    return _from_document(read_document(Path(path), RigError), Path(path))
+    place = as_path(path)
+    return _from_document(read_document(place, RigError), place)
 
 
 def parse_rig(raw: bytes, source: str) -> LoadedRig:
