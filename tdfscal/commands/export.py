@@ -107,24 +107,26 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    limits = None
-    if capability is not None and to not in WITH_THRESHOLDS:
-        raise UsageError(
-            f"{to} holds no thresholds", where="--capability", hint="leave it out, or take ros or c"
-        )
-    if isinstance(capability, CapabilityResult):
-        limits = _on_path(capability.to_dict(), loaded, "capability")
-    elif capability is not None:
-        found = read_document(Path(capability), DataError)
-        limits = _on_path(found.content, loaded, found.source)
     notes = tuple(map(told, (*provisional(name, loaded), *unsealed(loaded, name))))
+    limits = None if capability is None else _thresholds(capability, loaded, to, allow_rejected)
     text = FORMATS[to](loaded, parent, limits)
     return ExportResult(to, text, loaded, one(output), notes)
 
 
-def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:
+def _thresholds(
+    capability: PathLike | CapabilityResult, loaded: Calibration, to: Target, allow_rejected: bool
+) -> ContactThresholds:
     """Thresholds of a path, noise included, of what `capability --json` prints."""
+    if to not in WITH_THRESHOLDS:
+        raise UsageError(
+            f"{to} holds no thresholds", where="--capability", hint="leave it out, or take ros or c"
+        )
+    if isinstance(capability, CapabilityResult):
+        name, found = "capability", capability.to_dict()
+    else:
+        name, found = str(capability), read_document(Path(capability), DataError).content
     try:
+        reasons = [f["text"] for f in found["findings"] if f["severity"] == "rejects"]
         created, cutoff = found["calibration_created"], found["filter"]
         x, y, z = map(float, found["about"])
         values = [
@@ -146,5 +148,11 @@ def _on_path(found: Any, loaded: Calibration, name: str) -> ContactThresholds:
             "holds the thresholds of another calibration",
             where=name,
             hint="run capability with the calibration that is exported",
+        )
+    if reasons and not allow_rejected:
+        raise RejectedError(
+            f"capability rejected the path: {'; '.join(reasons)}",
+            where=name,
+            hint="use --allow-rejected to export its thresholds all the same",
         )
     return limits

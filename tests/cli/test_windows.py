@@ -38,7 +38,7 @@ def test_the_main_commands_run_without_posix(tmp_path: Path) -> None:
     ASCII, and the console shows no letter that cp1252 lacks."""
     folder = "Prüf\\stand"
     lines: tuple[str, ...] = (
-        f"simulate|{folder}|--postures|8|--seed|1|-q",
+        f"simulate|{folder}|--postures|8|--rate|25|--seed|1|-q",
         f"init|{folder}\\..\\log.csv|-o|draft.yaml",
         f"info|{folder}",
         f"calibrate|{folder}|--trials|0|-o|c\\1.yaml|--html|c\\1.html|-v",

@@ -269,6 +269,13 @@ def test_exports_hold_what_a_file_says_of_a_path(
     seen = run(capsys, "export", places.calibration, "--to", "c", "--capability", file)
     row = seen.out.split("tdfscal_threshold[6] = {")[1].split("}")[0]
     assert [float(v) for v in row.split(",")] == [axis["threshold"] for axis in found["axes"]]
+    # Of a path that was rejected only on request.
+    bad = {**found, "findings": [{"severity": "rejects", "text": "it was in contact"}]}
+    file.write_text(json.dumps(bad))
+    line = ("export", places.calibration, "--to", "c", "--capability", file)
+    seen = run(capsys, *line)
+    assert (seen.status, seen.out) == (1, "")
+    assert "tdfscal_threshold" in run(capsys, *line, "--allow-rejected").out
     # Without a path there are none: those of the calibration alone would stop the machine.
     assert "tdfscal_threshold" not in run(capsys, "export", places.calibration, "--to", "c").out
     wrongs: list[Any] = [{**found, "calibration_created": "2020-01-01T00:00:00Z"}, {"axes": 3}, []]
