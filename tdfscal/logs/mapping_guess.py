@@ -11,7 +11,7 @@ import numpy as np
 
 from tdfscal.logs import units
 from tdfscal.logs.contents import Column, Contents, Vector
-from tdfscal.logs.messages.message_path import topic_of
+from tdfscal.logs.messages.encodings import topic_of
 from tdfscal.logs.plausible_units import (
     Finding,
     distances,
@@ -46,21 +46,19 @@ _RIGID: Final = 0.02  # largest relative spread of distances that a rigid termin
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """mapping : None where no pairs of positions and forces are found. notes : why, and doubts.
-
-    problems : where what the file says of its units cannot be. others : of further recorders, where
-    positions and forces are in files of their own.
+    """recorders : a mapping each; none where no pairs of positions and forces are found, several
+    where these are in files of their own. notes : why, and doubts. problems : where what the file
+    says of its units cannot be.
     """
 
-    mapping: LogMapping | None
+    recorders: tuple[LogMapping, ...]
     notes: tuple[str, ...]
     problems: tuple[str, ...] = ()
-    others: tuple[LogMapping, ...] = ()
 
     @property
-    def recorders(self) -> tuple[LogMapping, ...]:
-        """The mappings of all recorders."""
-        return () if self.mapping is None else (self.mapping, *self.others)
+    def mapping(self) -> LogMapping | None:
+        """That of the first recorder."""
+        return self.recorders[0] if self.recorders else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +74,12 @@ def guess_recorders(files: Mapping[str, Contents], rig: Rig | None = None) -> Gu
     files : by the pattern of their names, one for each layout of fields that there is.
     rig : gives the supports their names, and decides what names leave open.
     """
-    patterns = list(files)
-    first = guess_mapping(files[patterns[0]], rig)
-    if first.mapping is not None or len(files) == 1:
-        return first
+    first, *others = files.values()
+    guess = _guess({"": first}, rig)
+    if guess.recorders or not others:
+        return guess
     each = (_guess({pattern: contents}, rig) for pattern, contents in files.items())
-    return next((guess for guess in each if guess.mapping is not None), None) or _guess(files, rig)
-
-
-def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
-    """Guess the block of one file."""
-    return _guess({"": contents}, rig)
+    return next((one for one in each if one.recorders), None) or _guess(files, rig)
 
 
 def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
@@ -105,7 +98,7 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         none = f"no mapping is guessed: {found}; three of each are needed"
-        return Guess(None, (none, *(note for c in files.values() for note in _joints(c))))
+        return Guess((), (none, *(note for c in files.values() for note in _joints(c))))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
     length = length_unit([p.position for p in pairs], rig)
@@ -114,7 +107,8 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     notes = [*by_rig, *length.notes, *force.notes, *why_on, *_rigidity(pairs)]
     if commanded := [p.position.label for p in pairs if _is_commanded(p.position)]:
         notes.append(f"by their names these positions were commanded: {', '.join(commanded)}")
-    guess = Guess(None, tuple(notes), (*length.problems, *force.problems))
+    problems = [*length.problems, *force.problems]
+    recorders: list[LogMapping] = []
     for pattern, contents in files.items():
         held = [
             tuple(v.fields if owner[id(v)] == pattern else () for v in side)
@@ -132,44 +126,37 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
             decimal=contents.decimal,
             files=pattern or None,
         )
-        guess = _with_clock(guess, mapping, contents)
-        if guess.mapping is None:
-            return guess
-    return guess
+        clock = _with_clock(mapping, contents)
+        notes += clock.notes
+        problems += clock.problems
+        if not clock.recorders:
+            return Guess((), tuple(notes), tuple(problems))
+        recorders += clock.recorders
+    return Guess(tuple(recorders), tuple(notes), tuple(problems))
 
 
-def _with_clock(guess: Guess, mapping: LogMapping, contents: Contents) -> Guess:
-    """The guess with a further recorder's mapping, whose clock is guessed; none where it fails."""
+def _with_clock(mapping: LogMapping, contents: Contents) -> Guess:
+    """The mapping with its clock, and why; none where that fails."""
     used = {name for fields in (*mapping.position, *mapping.force) for name in fields}
     rows = sum(stream.count for stream in contents.streams)
-    notes, problems = list(guess.notes), list(guess.problems)
-
-    def none(why: str) -> Guess:
-        return Guess(None, (*notes, why), tuple(problems))
-
     if contents.by_topic:
         source, why = _time_source(used, contents)
-        mapping = replace(mapping, time_source=source)
-        notes += why
-    elif timed := _time([c for c in contents.columns if c.name and c.name not in used]):
+        return Guess((replace(mapping, time_source=source),), tuple(why))
+    if timed := _time([c for c in contents.columns if c.name and c.name not in used]):
         column, unit = timed
         seconds = cast(TimeUnit, unit.unit)
         mapping = replace(mapping, time_field=column.name, time_unit=seconds)
-        notes += unit.notes
-        problems += unit.problems
-    elif any(not column.name for column in contents.columns):
+        return Guess((mapping,), unit.notes, unit.problems)
+    none = "no column ascends as a time does"
+    if any(not column.name for column in contents.columns):
         number = [field.name for field in contents.streams[0].fields].index("") + 1
         nameless = f"column {number} has no name, and ascends as a time does: name it"
-        return none(f"no mapping is guessed: {nameless}")
-    elif rows <= _MOST_POSTURES and not mapping.files:
-        mapping = replace(mapping, rows="postures")
-        notes.append("no column ascends as a time does, so each row is taken for a posture")
-    else:
-        many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
-        return none(f"no column ascends as a time does, and {many}")
-    if guess.mapping is None:
-        return Guess(mapping, tuple(notes), tuple(problems))
-    return Guess(guess.mapping, tuple(notes), tuple(problems), (*guess.others, mapping))
+        return Guess((), (f"no mapping is guessed: {nameless}",))
+    if rows <= _MOST_POSTURES and not mapping.files:
+        why_rows = f"{none}, so each row is taken for a posture"
+        return Guess((replace(mapping, rows="postures"),), (why_rows,))
+    many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
+    return Guess((), (f"{none}, and {many}",))
 
 
 def _plausible(vector: Vector) -> Vector:
@@ -331,18 +318,16 @@ def _time_source(
     fields: Set[str], contents: Contents
 ) -> tuple[Literal["header", "log"], list[str]]:
     """The header's time where every topic has one that can be used."""
-    topics = {s.name for s in contents.streams}
-    named = {topic_of(name, topics) for name in fields}
+    named = {topic_of(name, {s.name for s in contents.streams}) for name in fields}
     streams = [stream for stream in contents.streams if stream.name in named]
+    unusable = [stream for stream in streams if stream.unusable]
     if not all(stream.stamped for stream in streams):
         return "log", []
-    unusable = [stream for stream in streams if stream.unusable]
     if not unusable:
         return "header", []
-    first, *others = unusable
-    note = f"time source: log, as header times cannot be used: {first.unusable}"
-    if others:
-        note += f"; nor can those of {', '.join(stream.name for stream in others)}"
+    note = f"time source: log, as header times cannot be used: {unusable[0].unusable}"
+    if others := ", ".join(stream.name for stream in unusable[1:]):
+        note += f"; nor can those of {others}"
     return "log", [note]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -53,45 +53,50 @@ def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
     known = 0.0
     if rig is not None and rig.n == len(positions):
         known = _middle(_between(rig.hinge[:, None, :]))
-    if known > 0.0:
-        fitting = _nearest("position", far, known)
-    else:
-        fitting = next(
-            (u for u in ("m", "mm") if far * units.factor("position", u) <= _LONGEST), "um"
-        )
-    stated = positions[0].unit
+    fitting = next((u for u in ("m", "mm") if far * units.factor("position", u) <= _LONGEST), "um")
     hinges = f" and the rig's hinges {known:.4g} m" if known else ""
-    if stated is None:
-        why = f"length_unit: {fitting}, as the NCPs are {far:.4g} {fitting} apart{hinges}"
-        return Finding(fitting, (why,))
-    unit = units.canonical(stated)
-    apart = far * units.factor("position", unit)
-    if far <= 0.0 or (unit == fitting if known else _within(apart, _APART)):
-        return Finding(unit)
-    what = f"{unit}, the NCPs are {apart:.4g} m apart{hinges}"
-    return _contradicted(unit, what, fitting, rig=known > 0.0)
+    return _proposed(
+        "position", far, known, fitting, positions[0].unit, "the NCPs are {} apart" + hinges
+    )
 
 
 def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
     """The unit in which the forces add up to the terminal's weight, or to what can be one."""
-    sum_ = _middle(np.linalg.norm(resampled(forces).sum(axis=0), axis=1))
+    total = _middle(np.linalg.norm(resampled(forces).sum(axis=0), axis=1))
     weight = 0.0
     if rig is not None and np.isfinite(rig.mass.std):
         weight = float(rig.mass.value) * rig.gravity
-    light = "kN" if sum_ < _LIGHT else "N"
-    fitting = _nearest("force", sum_, weight) if weight > 0.0 else light
-    stated = forces[0].unit
+    light = "kN" if total < _LIGHT else "N"
     weighs = f" and the terminal weighs {weight:.4g} N" if weight else ""
+    check = "" if weight or forces[0].unit else "; check it against the weight"
+    said = "the forces add up to {}" + weighs + check
+    return _proposed("force", total, weight, light, forces[0].unit, said)
+
+
+def _proposed(
+    quantity: Literal["position", "force"],
+    size: float,
+    known: float,
+    likely: str,
+    stated: str | None,
+    said: str,
+) -> Finding:
+    """The unit of a size in the log's unit.
+
+    known : what it is in SI, 0 where the rig file does not say. likely : unit where it does not.
+    stated : by the file itself. said : what the size is, with a place for the number.
+    """
+    fitting = _nearest(quantity, size, known) if known > 0.0 else likely
     if stated is None:
-        check = weighs or "; check it against the weight"
-        why = f"force_unit: {fitting}, as the forces add up to {sum_:.4g} {fitting}{check}"
-        return Finding(fitting, (why,))
+        key = {"position": "length_unit", "force": "force_unit"}[quantity]
+        return Finding(fitting, (f"{key}: {fitting}, as {said.format(f'{size:.4g} {fitting}')}",))
     unit = units.canonical(stated)
-    total = sum_ * units.factor("force", unit)
-    if sum_ <= 0.0 or (unit == fitting if weight else _within(total, _WEIGHT)):
+    value = size * units.factor(quantity, unit)
+    limits, si = {"position": (_APART, "m"), "force": (_WEIGHT, "N")}[quantity]
+    if size <= 0.0 or (unit == fitting if known else _within(value, limits)):
         return Finding(unit)
-    what = f"{unit}, the forces add up to {total:.4g} N{weighs}"
-    return _contradicted(unit, what, fitting, rig=weight > 0.0)
+    what = f"{unit}, {said.format(f'{value:.4g} {si}')}"
+    return _contradicted(unit, what, fitting, rig=known > 0.0)
 
 
 def time_unit(column: Column, suffix: str) -> Finding:

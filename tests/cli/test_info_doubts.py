@@ -18,7 +18,7 @@ from mcap.writer import Writer
 import tdfscal
 from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.formats import open_log
-from tdfscal.logs.mapping_guess import guess_mapping
+from tdfscal.logs.mapping_guess import guess_recorders
 from tests.cli.running import SAMPLES, run
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
@@ -200,7 +200,7 @@ def test_header_times_that_cannot_be_used(
 def test_header_times_that_cannot_be_used_are_said_once() -> None:
     contents = open_log(SAMPLES / "mcap/log.mcap").contents()
     streams = tuple(replace(s, unusable=f"one of {s.name} is odd") for s in contents.streams)
-    notes = guess_mapping(replace(contents, streams=streams)).notes
+    notes = guess_recorders({"": replace(contents, streams=streams)}).notes
     (note,) = [note for note in notes if "header times" in note]
     assert note.startswith("time source: log, as header times cannot be used: one of /ncp1")
     assert note.count("cannot be") == note.count("is odd") == 1

@@ -18,7 +18,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
-from tdfscal.logs.messages.message_path import Named, Path, shown
+from tdfscal.logs.messages.encodings import Named, Path, shown
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]

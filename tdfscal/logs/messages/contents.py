@@ -14,8 +14,7 @@ from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import Encoding, Leaf, Read
-from tdfscal.logs.messages.message_path import Named, shown
+from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, shown
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray
 

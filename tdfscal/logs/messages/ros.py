@@ -14,8 +14,16 @@ from rosbags.typesys.base import TypesysError
 
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
-from tdfscal.logs.messages.encodings import MAX_DEPTH, Encoding, Leaf, Read, has_axes
-from tdfscal.logs.messages.message_path import Named, Path, shown
+from tdfscal.logs.messages.encodings import (
+    MAX_DEPTH,
+    Encoding,
+    Leaf,
+    Named,
+    Path,
+    Read,
+    has_axes,
+    shown,
+)
 from tdfscal.records import FloatArray
 
 _STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))

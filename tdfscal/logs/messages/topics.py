@@ -12,9 +12,8 @@ from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew, shown
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import Encoding, Json, Protobuf
-from tdfscal.logs.messages.message_path import Path as MessagePath
-from tdfscal.logs.messages.message_path import parse_steps, topic_of
+from tdfscal.logs.messages.encodings import Encoding, Json, Protobuf, parse_steps, topic_of
+from tdfscal.logs.messages.encodings import Path as MessagePath
 from tdfscal.logs.messages.ros import Ros
 from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
