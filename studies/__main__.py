@@ -68,12 +68,9 @@ def perform(
     given = [(path.stem, _calibration(path, rig)) for path in asked.calibration]
     if asked.name == "sensitivity":
         study = sensitivity.run(rig, given)
-    elif asked.name == "accuracy":
-        study = accuracy.run(rig, survey, runs, asked.seed, progress)
-    elif asked.name == "table2":
-        study = table2.run(rig, survey, runs, asked.seed, progress)
-    elif asked.name == "causes":
-        study = causes.run(rig, survey, runs, asked.seed, progress)
+    elif asked.name in ("accuracy", "table2", "causes"):
+        of = {"accuracy": accuracy, "table2": table2, "causes": causes}[asked.name]
+        study = of.run(rig, survey, runs, asked.seed, progress)
     else:
         first, second = np.random.SeedSequence(asked.seed).spawn(2)
         rng = np.random.default_rng(first)

@@ -123,9 +123,7 @@ def run(
             ("postures, squeeze, noise", "; ".join(f"{c.name}: {c.said}" for c in cases),
              "the study `table2` has other choices"),
         ),
-        drawings=(
-            *(_figure(rig, case, i) for case in cases for i in range(rig.n)),
-        ),
+        drawings=tuple(_figure(rig, case, i) for case in cases for i in range(rig.n)),
     )  # fmt: skip
 
 

@@ -88,13 +88,11 @@ def _of_source(rms: dict[str, dict[str, Estimate]]) -> list[str]:
             continue
         name = min(single, key=lambda source: single[source].value)
         before = rms[WHOLE][arm]
-        if single[name].value >= before.value - SAME * np.hypot(single[name].std, before.std):
-            said.append(f"{METHODS[arm]}: no single source lowers the error beyond the spread.")
-            continue
-        said.append(
-            f"{METHODS[arm]}: of single sources, taking {name} away lowers the error most, from "
-            f"{before} to {single[name]} mrad."
-        )
+        after, words = single[name], "no single source lowers the error beyond the spread"
+        if after.value < before.value - SAME * np.hypot(after.std, before.std):
+            words = f"of single sources, taking {name} away lowers the error most, from "
+            words += f"{before} to {after} mrad"
+        said.append(f"{METHODS[arm]}: {words}.")
     return said
 
 

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from studies.arms import KNOWS, MOUNTED, Arm
@@ -167,7 +166,7 @@ def linear_then_log(ax: Axes, which: str, linear: float) -> None:
     """Scale an axis, "x" or "y", linearly up to ± a limit and logarithmically beyond it."""
     getattr(ax, f"set_{which}scale")("symlog", linthresh=linear, linscale=2.0)
     steps = [*(linear * k / 3 for k in (1, 2, 3)), *(linear / 0.3 * 10**k for k in range(3))]
-    axis: Axis = getattr(ax, f"{which}axis")
+    axis = getattr(ax, f"{which}axis")
     axis.set_major_locator(FixedLocator([-step for step in reversed(steps)] + [0.0, *steps]))
     axis.set_major_formatter(FuncFormatter(lambda value, _: signed(value, "g")))
     axis.set_minor_locator(NullLocator())

@@ -115,11 +115,7 @@ class Dockings:
         return {arm.name: own for arm, own in zip(self.arms, part, strict=True)}
 
 
-def simulate(
-    setup: Setup,
-    arms: tuple[Arm, ...],
-    seed: np.random.SeedSequence,
-) -> Dockings:
+def simulate(setup: Setup, arms: tuple[Arm, ...], seed: np.random.SeedSequence) -> Dockings:
     """Dock once per calibration and run; a run's draws (rig, survey, positioning errors, noise) are
     the same for all calibrations.
 
@@ -269,27 +265,23 @@ def drawings(name: str, one: Dockings) -> list[Drawing]:
     if np.isfinite(force).any():
         run = int(np.argsort(force, kind="stable")[np.isfinite(force).sum() // 2])
         peak = one.peak[c, run]
-        said = (
+        drawings.append(Drawing(
+            f"fig-17-{one.setup.slug}",
+            f"Contact wrench of one docking, {name}: {arms[c]}, the run of middle force",
             f"First contact at {one.starts[c, run, 1]:.1f} s, largest true force "
-            f"{peak[:3].max():.3g} N along {'xyz'[int(peak[:3].argmax())]}."
-        )
-        drawings.append(
-            Drawing(f"fig-17-{one.setup.slug}",
-                    f"Contact wrench of one docking, {name}: {arms[c]}, the run of middle force",
-                    said, partial(_paint_docking, one, c, run))
-        )  # fmt: skip
-    drawings.append(
-        Drawing(f"fig-18-{one.setup.slug}", f"Largest contact wrench of each docking, {name}",
-                "Every run a mark, the mean a bar with its standard error.",
-                partial(_paint_maxima, one))
-    )  # fmt: skip
+            f"{peak[:3].max():.3g} N along {'xyz'[int(peak[:3].argmax())]}.",
+            partial(_paint_docking, one, c, run),
+        ))  # fmt: skip
+    drawings.append(Drawing(
+        f"fig-18-{one.setup.slug}", f"Largest contact wrench of each docking, {name}",
+        "Every run a mark, the mean a bar with its standard error.", partial(_paint_maxima, one),
+    ))  # fmt: skip
     return drawings
 
 
 def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
     lane = c * one.seated.shape[1] + run
-    traces, starts = one.result.traces, one.result.phase_start[lane]
-    stop = one.result.stopped[lane]
+    traces, starts, stop = one.result.traces, one.result.phase_start[lane], one.result.stopped[lane]
     last = len(traces.time) if np.isnan(stop) else int(np.searchsorted(traces.time, stop)) + 1
     time = traces.time[:last]
     fig = figure(5.4)
@@ -298,9 +290,8 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
         seen, true = traces.measured[:last, lane, axis], traces.contact[:last, lane, axis]
         ax.plot(time, seen, color=ink.ORANGE, linewidth=0.7, label="as the controller sees it")
         ax.plot(time, true, color=ink.BLACK, linewidth=1.0, label="true")
-        for phase, start in zip(PHASES[1:], starts[1:], strict=True):
+        for phase, start, line in zip(PHASES[1:], starts[1:], ("--", ":", "-."), strict=True):
             if np.isfinite(start):
-                line = {"first contact": "--", "insertion": ":", "seated": "-."}[phase]
                 ax.axvline(start, color=ink.BLUE, linewidth=0.9, linestyle=line,
                            label=f"{phase}, {start:.1f} s")  # fmt: skip
         ax.set_title(f"{_FORCES[axis]}; largest true {one.peak[c, run, axis]:.3g}")

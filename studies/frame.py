@@ -161,11 +161,9 @@ class Study:
         """How many of the paper's numbers came out how; what a run says where none could differ."""
         if not self.beside:
             return " ".join(self.notes)
-        verdicts = Counter(item.verdict for item in self.beside)
-        counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
-        one = len(self.beside) == 1
-        said = "The paper's one number" if one else f"Of the paper's {len(self.beside)} numbers"
-        return f"{said} that could have come out otherwise: {counted}."
+        verdicts = Counter(item.verdict for item in self.beside).most_common()
+        counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts)
+        return f"The paper's numbers that could have come out otherwise: {counted}."
 
     def report(self, width: int = _TERMINAL) -> Report:
         """Lay it out in words, figures and tables: what comes of it first."""
@@ -175,8 +173,8 @@ class Study:
                 tables.append(Facts(tuple((what, f"{v}; {why}") for what, v, why in self.chosen)))
             elif table.shown:
                 tables += table.blocks(width)
-        figures = [Section(d.title, (), d.reading, d) for d in self.drawings]
-        sections = [*figures, Section("Tables", tuple(tables))]
+        sections = [Section(d.title, (), d.reading, d) for d in self.drawings]
+        sections.append(Section("Tables", tuple(tables)))
         if self.beside and self.notes:
             sections.insert(0, Section("What the runs say", (Items("", self.notes),)))
         return Report(self.title, self.subtitle, claim=self.conclusion, sections=tuple(sections))

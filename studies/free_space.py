@@ -73,11 +73,7 @@ class Deviations:
         return {arm.name: own for arm, own in zip(self.arms, length, strict=True)}
 
 
-def simulate(
-    setup: Setup,
-    arms: tuple[Arm, ...],
-    seed: np.random.SeedSequence,
-) -> Deviations:
+def simulate(setup: Setup, arms: tuple[Arm, ...], seed: np.random.SeedSequence) -> Deviations:
     """Make every move once per calibration and run, with the same draws for all calibrations.
 
     Raises UsageError where moves leave the NCPs' travel, or the loop is unstable.

@@ -14,7 +14,7 @@ from tdfscal.commands.calibration import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import figure
+from tdfscal.reporting.figures.style import figure, legend_outside
 from tdfscal.reporting.layout import Drawing
 
 #: rad, "generally not exceeding 0.05 rad" (Sect. 2.3); N, standard deviation of internal forces.
@@ -181,11 +181,9 @@ def _paint(supports: tuple[str, ...], s: Sweep) -> Figure:
                     1e3 * s.off, values[i, j], color=colour, linestyle=line, marker=marker,
                     markersize=3.5, markevery=(3 * j, 12), label=ANGLES[j],
                 )  # fmt: skip
-            top = max(float(values.max()), 1e-9)
-            ax.set_ylim(-0.03 * top, 1.05 * top)
             ax.set_ylabel(label)
             ax.set_title(name)
         for ax in grid[-1]:
             ax.set_xlabel("angle off, mrad")
-    fig.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    legend_outside(fig, grid[0, 0])
     return fig

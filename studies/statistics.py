@@ -33,9 +33,8 @@ class Estimate:
         # Two digits of the standard error where it begins with 1, else one.
         digits = -int(np.floor(np.log10(self.std / 2.0 + 1e-300)))
         if digits <= 0:
-            return f"{round(self.value, digits):.0f} ± {round(self.std, digits):.0f}".replace(
-                "-", "−"
-            )
+            value, std = (f"{round(number, digits):.0f}" for number in (self.value, self.std))
+            return f"{value} ± {std}".replace("-", "−")
         return f"{self.value:.{digits}f} ± {self.std:.{digits}f}".replace("-", "−")
 
 
