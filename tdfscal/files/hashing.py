@@ -53,9 +53,9 @@ def content_sha256(content: Mapping[str, Any]) -> str:
 
 @contextmanager
 def fingerprint(path: Path) -> Iterator[Callable[[Integrity, str | None], InputFile]]:
-    """The same, computed in a thread beside the reading of the file.
+    """Compute a file's digest in a thread, beside its reading.
 
-    What is given waits for the digest and returns the record; leaving early abandons it.
+    The function given waits for it and returns the record; leaving early abandons it.
     """
     stop = threading.Event()
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:

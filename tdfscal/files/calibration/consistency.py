@@ -190,7 +190,8 @@ def _check_limits(c: Calibration) -> None:
 def _check_method(c: Calibration) -> None:
     for k, finding in enumerate(c.findings):
         entry = CATALOGUE.get(finding.code)
-        if entry is not None and "rejects" == entry.severity != finding.severity:
+        rejecting = entry is not None and entry.severity == "rejects"
+        if rejecting and finding.severity != "rejects":
             raise fault("is less than this code has", "findings", k, "severity", hint=ALTERED)
     if c.status != status_of((f.code, f.severity) for f in c.findings):
         raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)

@@ -25,7 +25,6 @@ from tdfscal.files.calibration.parts import (
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
-    EDGES,
     measured_document,
 )
 from tdfscal.files.field_types import measured_only
@@ -36,7 +35,7 @@ from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetri
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, coverage_factor
 from tdfscal.planning.recorded_postures import prospects
-from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
+from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -261,8 +260,8 @@ def _file(
     covariance = angles.covariance[np.ix_(stand, stand)]
     found = documents((*findings, *locked_sensors(rig.supports, R)))
     names = tuple(compress(rig.supports, angles.determined))
-    sensitivity = parts.get("sensitivity")
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
+    scaled = own["sensitivity"] is not None
     return Calibration.model_validate(
         {
             "format": CALIBRATION_FORMAT,
@@ -277,16 +276,16 @@ def _file(
             "seed": origin.seed,
             "inputs": origin.inputs,
             "clocks": origin.clocks,
-            "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
+            "convention": CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION,
             "supports": _supports(rig, angles, own),
             "covariance": {
                 "parameters": turn_parameters(names),
                 "definition": COVARIANCE_DEFINITION,
                 "matrix": (covariance + covariance.T) / 2,
             },
-            "budget": _budget(rig.supports, budget, angles.determined),
+            "budget": statistics.budget(rig.supports, budget, angles.determined),
             "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
-            "monte_carlo": _trials(angles),
+            "monte_carlo": statistics.trials(angles.trials, angles.std),
             "findings": found,
             **parts,
         }
@@ -327,37 +326,6 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
             entry["directions"] = axes
         supports.append(entry)
     return supports
-
-
-def _trials(angles: Angles) -> dict[str, Any] | None:
-    """Monte Carlo of either method, with its trials in bins of the linear standard uncertainty."""
-    trials = angles.trials
-    if trials is None:
-        return None
-    columns = np.moveaxis(trials.sample / angles.std, 0, -1)
-    return {
-        "trials": trials.trials,
-        "rpy_std": trials.std,
-        "low": trials.low,
-        "high": trials.high,
-        "tolerance": float(trials.tolerance.min()),
-        "linear_interval_validated": trials.validated,
-        "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
-    }
-
-
-def _budget(
-    names: Sequence[str], shares: Mapping[str, FloatArray], determined: BoolArray
-) -> dict[str, Any]:
-    """Variances by source of the angles that are determined; sources without any are left out."""
-    kept = {s: np.maximum(v, 0.0) for s, v in shares.items() if np.any(v[determined] > 0)}
-    angles = [
-        {"support": name, "angle": angle, "variance": {s: v[i, j] for s, v in kept.items()}}
-        for i, name in enumerate(names)
-        if determined[i]
-        for j, angle in enumerate(ANGLES)
-    ]
-    return {"sources": list(kept), "angles": angles}
 
 
 def _exact(names: Sequence[str], angles: Angles, quantity: ExactQuantity) -> dict[str, Any]:

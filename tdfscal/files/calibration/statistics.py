@@ -11,15 +11,15 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import Observability, load_directions
-from tdfscal.files.calibration.parts import measured_document
+from tdfscal.files.calibration.parts import EDGES, measured_document
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import register
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
+from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
+from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.covariance import nuisances as nuisance_estimates
 from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
@@ -106,6 +106,36 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
     return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
+
+
+def budget(
+    names: Sequence[str], shares: Mapping[str, FloatArray], determined: BoolArray
+) -> dict[str, Any]:
+    """Variances by source of the angles that are determined; sources without any are left out."""
+    kept = {s: np.maximum(v, 0.0) for s, v in shares.items() if np.any(v[determined] > 0)}
+    angles = [
+        {"support": name, "angle": angle, "variance": {s: v[i, j] for s, v in kept.items()}}
+        for i, name in enumerate(names)
+        if determined[i]
+        for j, angle in enumerate(ANGLES)
+    ]
+    return {"sources": list(kept), "angles": angles}
+
+
+def trials(found: MonteCarlo | None, std: FloatArray) -> dict[str, Any] | None:
+    """Monte Carlo of either method, with its trials in bins of the linear std (n, 3)."""
+    if found is None:
+        return None
+    columns = np.moveaxis(found.sample / std, 0, -1)
+    return {
+        "trials": found.trials,
+        "rpy_std": found.std,
+        "low": found.low,
+        "high": found.high,
+        "tolerance": float(found.tolerance.min()),
+        "linear_interval_validated": found.validated,
+        "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
+    }
 
 
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:

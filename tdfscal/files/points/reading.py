@@ -5,39 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
-from tdfscal.files.points.columns import (
-    Columns,
-    as_number,
-    by_cells,
-    is_header,
-    last_digit,
-    read_header,
-    refuse,
-    spatial_analyzer,
-    to_metres,
-)
+from tdfscal.files.points.columns import Columns, refuse, to_metres
 from tdfscal.files.points.model import parse_json
-from tdfscal.files.points.text import (
-    Line,
-    Preamble,
-    cells_of,
-    delimiter_of,
-    header_cells,
-    read_preamble,
-    read_text,
-    split,
-)
+from tdfscal.files.points.table import Preamble, Table, found_in, read_table, read_text
 from tdfscal.files.rig.reading import TrackerFiles
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, IntArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
 
-#: Lines before the header at most, as instruments write them about themselves.
-_PREAMBLE = 60
 #: Of the way to the nearest other point: what lies farther apart is no measurement repeated.
 _APART = 0.1
 #: Times the middle spread of the points, beyond which one reading is wrong.
@@ -52,41 +30,6 @@ class PointReading:
 
     points: PointSet
     findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """A table of cells: its columns, the line of each row, decimal comma allowed or not."""
-
-    columns: Columns
-    lines: Sequence[Line]
-    rows: Sequence[list[str]]
-    comma: bool
-    source: str
-
-    def refuse(self, row: int, what: str, hint: str) -> NoReturn:
-        """Raise DataError at a row."""
-        refuse(f"{self.source}, line {self.lines[row].number}", what, hint)
-
-    def numbers(self, columns: Sequence[int], *, blank: bool = False) -> FloatArray:
-        """Return the numbers (N, columns); blank : a cell may be, and is not a number then."""
-        numbers = np.full((len(self.rows), len(columns)), np.nan)
-        for k, row in enumerate(self.rows):
-            for j, column in enumerate(columns):
-                value = as_number(row[column], comma=self.comma)
-                if value is not None:
-                    numbers[k, j] = value
-                elif row[column] or not blank:
-                    self.refuse(k, f"`{row[column]}` is not a finite number", "check the line")
-        return numbers
-
-    def texts(self, role: str) -> list[str]:
-        """Return the cells of the column of a role; none where there is no such column."""
-        return [row[i] for i in self.columns.of(role) for row in self.rows]
-
-    def last_digit(self, columns: Sequence[int]) -> float:
-        """Return what the last digit of the most finely written number is worth."""
-        return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
 
 
 def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[Finding, ...]]:
@@ -114,7 +57,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
         return PointReading(parse_json(text, source), ())
-    table, beside, found = _table(split(text), source)
+    table, beside, found = read_table(text, source)
     columns = table.columns
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
@@ -129,7 +72,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinates)
     std, stated = _stated(table, beside)
     if columns.ignored:
-        found.append(_found("columns-unused", source, columns=list(columns.ignored)))
+        found.append(found_in("columns-unused", source, columns=list(columns.ignored)))
     points = PointSet(
         group=tuple(names[k][0] for k in rows.first),
         point=tuple(names[k][1] for k in rows.first),
@@ -140,53 +83,6 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
         repeatability=scatter / (len(names) / len(rows.first)) ** 0.5 * max(coordinate),
     )
     return PointReading(points, (*named, *stated, *found))
-
-
-def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[Finding]]:
-    """The table, what the lines beside it say, and a note where no line names the columns."""
-    data = [line for line in lines if not line.comment]
-    delimiter = delimiter_of(data[-1].text) if data else None
-    header = _header(lines, delimiter)
-    begin = 0 if header is None or header.comment else header.number
-    body = [line for line in data if line.number > begin]
-    if not body:
-        what = "holds a header, but no points" if data else "holds no points"
-        refuse(source, what, "check the export")
-    others = [line for line in lines if line.comment or line.number <= begin]
-    beside = read_preamble(others, source)
-    rows, found, comma = [cells_of(line.text, delimiter) for line in body], [], delimiter != ","
-    if header is not None:
-        where = f"{source}, line {header.number}"
-        columns = read_header(_cells_of_header(header, delimiter), where)
-    elif beside.axes and (known := spatial_analyzer(len(rows[0]), beside.uncertain)):
-        columns = known
-    else:
-        columns = by_cells(rows, beside.uncertain, comma, f"{source}, line {body[0].number}")
-        found = [_found("columns-assumed", source, columns=columns.in_words())]
-    table = _Table(columns, body, rows, comma, source)
-    for k, cells in enumerate(rows):
-        expected = len(columns.roles)
-        if not columns.needed <= len(cells) <= expected:
-            table.refuse(
-                k,
-                f"has {len(cells)} columns where {expected} are expected",
-                "check the line; quote a name that has a comma or a blank in it",
-            )
-        cells += [""] * (expected - len(cells))
-    return table, beside, found
-
-
-def _header(lines: Sequence[Line], delimiter: str | None) -> Line | None:
-    """The line that names x, y and z: among the first of the file, or a comment."""
-    data = [line for line in lines if not line.comment][:_PREAMBLE]
-    comments = [line for line in lines if line.comment and "=" not in line.text]
-    named = (line for line in (*data, *comments) if is_header(_cells_of_header(line, delimiter)))
-    return next(named, None)
-
-
-def _cells_of_header(line: Line, delimiter: str | None) -> list[str]:
-    """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows."""
-    return header_cells(line.text, delimiter_of(line.text) if line.comment else delimiter)
 
 
 def _factors(
@@ -212,16 +108,16 @@ def _factors(
     return coordinate, np.where(np.isfinite(own), own, coordinate)
 
 
-def _names(table: _Table) -> tuple[list[tuple[str, str]], list[Finding]]:
+def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
     """Group and point of each row, and findings; without names they are numbered by their rows."""
     columns, source = table.columns, table.source
     points, groups = table.texts("point"), table.texts("group")
     found = []
     if points and columns.reflector and 2 * len(set(points)) <= len(points):
-        found.append(_found("column-of-reflectors", source, reflector=points[0]))
+        found.append(found_in("column-of-reflectors", source, reflector=points[0]))
         points = []
     if not points:
-        found.append(_found("points-numbered", source))
+        found.append(found_in("points-numbered", source))
         points = [str(k + 1) for k in range(len(table.rows))]
     names = []
     for k, point in enumerate(points):
@@ -233,7 +129,7 @@ def _names(table: _Table) -> tuple[list[tuple[str, str]], list[Finding]]:
 
 
 def _check_repeated(
-    table: _Table, names: Sequence[tuple[str, str]], rows: _Repeated, xyz: FloatArray
+    table: Table, names: Sequence[tuple[str, str]], rows: _Repeated, xyz: FloatArray
 ) -> None:
     """Refuse repeated measurements of different points."""
     if wrong := _misplaced(rows, xyz):
@@ -253,7 +149,7 @@ def _apart(group: str, point: str) -> tuple[str, str]:
     return (group or (path[-1] if path else ""), last) if path else (group, point)
 
 
-def _coordinates(table: _Table) -> FloatArray:
+def _coordinates(table: Table) -> FloatArray:
     """Coordinates (N, 3) in the file's unit, of points and not of a probe beside them."""
     columns = table.columns
     offset = np.nan_to_num(table.numbers(columns.of("offset"), blank=True))
@@ -269,7 +165,7 @@ def _coordinates(table: _Table) -> FloatArray:
     return table.numbers(columns.coordinates)
 
 
-def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Finding]]:
+def _stated(table: Table, beside: Preamble) -> tuple[FloatArray | None, list[Finding]]:
     """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them; findings."""
     columns, source = table.columns, table.source
     if not columns.uncertainties:
@@ -285,34 +181,30 @@ def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[Fi
     found = []
     if columns.expanded:
         coverage = COVERAGE_FACTOR
-        found.append(_found("uncertainty-expanded", source, coverage=coverage))
+        found.append(found_in("uncertainty-expanded", source, coverage=coverage))
         if beside.coverage not in (None, 1.0, coverage):
             what = f"has U(95) columns and names a coverage of {beside.coverage:g} sigma"
             refuse(source, what, "correct one of them")
     else:
         coverage = beside.coverage or 1.0
         if beside.coverage is not None:
-            found.append(_found("uncertainty-sigma", source, coverage=coverage))
+            found.append(found_in("uncertainty-sigma", source, coverage=coverage))
         elif columns.bare:
-            found.append(_found("uncertainty-standard", source))
+            found.append(found_in("uncertainty-standard", source))
     std = None
     if np.any(numbers > 0):
         # A zero beside other uncertainties was rounded: it is anything below half a digit, and
         # the end of that interval is taken.
         rounded = table.last_digit(columns.uncertainties) / 2
         if np.any(numbers == 0):
-            found.append(_found("uncertainty-rounded", source, rounded=rounded))
+            found.append(found_in("uncertainty-rounded", source, rounded=rounded))
         if not there.all():
             lacking = float(np.sum(~there.all(axis=1)))
             found.append(Finding("uncertainty-missing", (source,), lacking))
         std = np.where(numbers == 0, rounded, numbers) / coverage
     else:
-        found.append(_found("uncertainty-unstated", source, zero=bool(there.any())))
+        found.append(found_in("uncertainty-unstated", source, zero=bool(there.any())))
     return std, found
-
-
-def _found(code: str, source: str, **values: Value) -> Finding:
-    return Finding(code, (source,), values=values)
 
 
 @dataclass(frozen=True, slots=True)
