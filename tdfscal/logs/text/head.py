@@ -150,7 +150,7 @@ def scope_head(lines: Sequence[str]) -> Head | None:
     Raises DataError where its channels are sampled at different times.
     """
     for number, line in enumerate(lines[: SEARCHED - 1]):
-        for separator in (";", "\t", ",", ":"):
+        for separator in (";", "\t", ",", ":", " "):
             cells = _cells(line, separator)
             if cells[0] != "Name" or len(cells) < 3 or number + 1 == len(lines):
                 continue
@@ -171,7 +171,7 @@ def _scope(lines: Sequence[str], number: int, separator: str, cells: list[str]) 
         if row[0] and row[0] not in _METADATA:
             break
         first += 1
-        if row[0] == "Unit":
+        if row[0] == "Unit" and len(row) == len(cells):  # between spaces an empty one is none
             stated = {k: unit.partition(" (")[0] for k, unit in enumerate(row) if k not in clocks}
             units |= {k: unit for k, unit in stated.items() if unit not in ("", "(None)")}
     for k, line in enumerate(lines[first:], first + 1):
@@ -198,4 +198,5 @@ def _refuse_different_clocks(
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(separator)]
+    cells = line.split() or [""] if separator == " " else line.split(separator)
+    return [cell.strip().strip('"') for cell in cells]

@@ -28,7 +28,7 @@ from tdfscal.logs.text.cells import (
     split_label,
 )
 from tdfscal.logs.text.file import EXPANDING, TextFile, open_text
-from tdfscal.logs.text.head import SEARCHED, Head, line_above_rows, scope_head
+from tdfscal.logs.text.head import END, SEARCHED, Head, line_above_rows, scope_head
 from tdfscal.logs.text.header import find_header
 from tdfscal.logs.text.rows import RowParser, Rows, single_spaces
 
@@ -120,7 +120,7 @@ class _Table:
     def __init__(self, file: TextFile) -> None:
         lines = file.lines[: 2 * SEARCHED]
         head = scope_head(lines) or line_above_rows(lines)
-        self._separator, cells = head.separator, head.cells
+        self._separator, cells, self._ends = head.separator, head.cells, head.scope
         self.skipped = head.lines if head.scope else head.line + 1
         rows = [split_cells(line, self._separator) for line in lines[self.skipped :]]
         self.decimal = decimal_of((cell for row in rows for cell in row), self._separator)
@@ -147,7 +147,7 @@ class _Table:
         """Parse whole lines; those with another number of cells are left out, and noted."""
 
         def leave_out(row: pa_csv.InvalidRow) -> str:
-            if whole:
+            if whole and not (self._ends and row.text == END.decode()):
                 self._odd.append(row.actual_columns)
             return "skip"
 

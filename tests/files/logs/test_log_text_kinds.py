@@ -253,12 +253,13 @@ def scope(path: Path, late: float = 0.0, sep: str = "\t", rows: int = 50) -> Non
     path.write_text("\n".join([*lines, "EOF", ""]))
 
 
-@pytest.mark.parametrize("sep", ["\t", ";", ","])
+@pytest.mark.parametrize("sep", ["\t", ";", ",", " "])
 def test_scope_exports(tmp_path: Path, sep: str) -> None:
     path = tmp_path / "scope.csv"
     scope(path, sep=sep)
     mapping = replace(LogMapping.default(SUPPORTS), time_field="time", time_unit="ms")
     assert_same(path, mapping)
+    assert "cell" not in " ".join(describe_logs([path]).problems)
     scope(path, late=0.5, sep=sep)
     with pytest.raises(DataError, match=r"line 7: the channels are sampled at different times"):
         read_log([path], mapping, SUPPORTS)
