@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from glob import escape
 from itertools import product, takewhile
 from pathlib import Path
@@ -88,15 +89,10 @@ class LogInfo:
         """The `log` block of the recorders, as plain values, without what is the default."""
         blocks = []
         for recorder in recorders:
-            own = next(
-                (
-                    c
-                    for c in self.contents
-                    if owns(recorder, c.path) or owns(recorder, c.path.parent)
-                ),
-                self.contents[0],
-            )
-            blocks.append(mapping_document(recorder, by_topic=own.by_topic))
+            named = partial(owns, recorder)
+            own = next((c for c in self.contents if named(c.path) or named(c.path.parent)), None)
+            by_topic = (own or self.contents[0]).by_topic
+            blocks.append(mapping_document(recorder, by_topic=by_topic))
         return blocks[0] if len(blocks) == 1 else blocks
 
 
@@ -125,7 +121,7 @@ def describe_logs(
         recorders, source = rig.log or (LogMapping.default(rig.rig.supports),), "rig"
     info = LogInfo(tuple(contents.values()), guess, recorders, source)
     problems = [f"{own.path}: {what}" for own in contents.values() for what in own.problems]
-    problems += [f"{paths[0]}: {what}" for what in guess.problems]
+    problems += [f"{next(iter(contents))}: {what}" for what in guess.problems]
     if source == "rig":
         problems += [
             f"{own.path}: {what}"
@@ -140,13 +136,11 @@ def describe_logs(
         clocks = _Clocks(supports)
         try:
             pieces = iter_log(logs, recorders, supports, window=window, progress=progress)
-            info = _read(info, clocks.passing(pieces), recorders[0].rows == "postures")
-            info = replace(info, inputs=tuple(clocks.inputs))
-            problems += map(
-                told, [*clocks.findings, *(info.dwells.findings if info.dwells else ())]
-            )
-            if info.dwells is not None and not len(info.dwells):
-                absence = no_dwell(info.dwells)
+            dwells, more = _read(clocks.passing(pieces), recorders[0].rows == "postures")
+            info = replace(info, inputs=tuple(clocks.inputs), dwells=dwells, **more)
+            problems += map(told, [*clocks.findings, *dwells.findings])
+            if not len(dwells):
+                absence = no_dwell(dwells)
                 problems.append(f"{absence.what}; {absence.hint}")
         except TdfscalError as error:
             problems += [*map(told, clocks.findings), str(error)]
@@ -197,14 +191,13 @@ class _Clocks:
         return tuple(result) if any(clock.count for clock in self._clocks) else ()
 
 
-def _read(info: LogInfo, pieces: Iterator[Log], postures: bool) -> LogInfo:
-    """Read the logs, to their dwells."""
+def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]]:
+    """Read the logs, to their dwells; what else of a `LogInfo` their samples show."""
     if postures:
-        return replace(info, dwells=find_dwells(pieces))
+        return find_dwells(pieces), {}
     bins = reduce_to_bins(pieces)
     dwells = dwells_of_bins(bins)
-    offset = motion_offset(bins, dwells)
-    return replace(info, samples=_sampled(bins), dwells=dwells, offset=offset)
+    return dwells, {"samples": _sampled(bins), "offset": motion_offset(bins, dwells)}
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

@@ -36,6 +36,7 @@ class Bag:
     stated: Mapping[Path, int]
     unlisted: tuple[str, ...] = ()
     _found: dict[Path, Counter[str]] = field(default_factory=dict)
+    _cut: bool = False
 
     def check(self, path: Path, found: Counter[str], *, cut: bool) -> list[Finding]:
         """Note the messages of a file that is read, by topic; cut : it was cut short.
@@ -44,6 +45,7 @@ class Bag:
         stated contradicts what is there in files that are whole.
         """
         self._found[path] = found
+        self._cut = self._cut or cut
         doubts: list[Finding] = []
         there = found.total()
         if self.stated.get(path, there) != there:
@@ -58,9 +60,9 @@ class Bag:
             doubts.append(Finding("recordings-unlisted", values=values))
         counts = sum(self._found.values(), Counter[str]())
         for topic, count in (self.topics or {}).items():
-            if counts[topic] != count and not cut:
+            if counts[topic] != count and not self._cut:
                 raise _contradiction(counts[topic], f" of {topic}", count)
-        if self.total is not None and counts.total() != self.total and not cut:
+        if self.total is not None and counts.total() != self.total and not self._cut:
             raise _contradiction(counts.total(), "", f"{self.total} in all")
         return doubts
 

@@ -170,7 +170,7 @@ def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatA
         return _numbers(column, name, row) * units.factor("time", request.mapping.time_unit)
     if column.null_count:
         raise _empty(name, row + int(np.argmax(holes(column))))
-    if not row and not is_date_time(column[0].as_py()):
+    if len(column) and not row and not is_date_time(column[0].as_py()):
         raise _no_numbers(name, "string")
     seconds = seconds_of_all(column, zoned=zoned)
     if (none := np.isnan(seconds)).any():
