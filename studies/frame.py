@@ -158,9 +158,9 @@ class Study:
 
     @property
     def conclusion(self) -> str:
-        """How many of the paper's numbers came out how; what a run says where none could differ."""
+        """How many of the paper's numbers came out how; empty where none could differ."""
         if not self.beside:
-            return " ".join(self.notes)
+            return ""
         verdicts = Counter(item.verdict for item in self.beside).most_common()
         counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts)
         return f"The paper's numbers that could have come out otherwise: {counted}."
@@ -175,7 +175,7 @@ class Study:
                 tables += table.blocks(width)
         sections = [Section(d.title, (), d.reading, d) for d in self.drawings]
         sections.append(Section("Tables", tuple(tables)))
-        if self.beside and self.notes:
+        if self.notes:
             sections.insert(0, Section("What the runs say", (Items("", self.notes),)))
         return Report(self.title, self.subtitle, claim=self.conclusion, sections=tuple(sections))
 

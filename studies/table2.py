@@ -85,7 +85,7 @@ def run(
         f"Table 2 as a map: {rig.name}",
         f"σ over the tracker's, less 1, in per cent; {runs} campaigns of each case by Eq. 24, "
         f"{max(6, runs // _SHARE)} by maximum likelihood, {2 * runs} surveys from "
-        f"{survey.distance:g} m; the paper has {PAPER:g} % and names neither postures nor squeeze "
+        f"{survey.distance:g} m; the paper is {-PAPER:g} % below and names neither postures nor squeeze "
         "nor noise",
         (_table("linear", found), _table("ml", found)),
         notes=tuple(_counted(s, method, found) for method in ("linear", "ml") for s in (0, 1)),
@@ -105,7 +105,7 @@ def _table(method: str, found: dict[Place, Against]) -> Table:
         rows.append((SOURCES[s], f"{noise:g}", f"{count}", *(c.every for c in cells),
                      *(c.leaning for c in cells)))  # fmt: skip
     caption = f"{METHODS[method]}: σ over the tracker's, less 1, %"
-    return Table(f"map-{method}", caption, tuple(head), tuple(rows), left=1)
+    return Table(f"map-{method}", caption, tuple(head), tuple(rows), left=3)
 
 
 def _counted(s: int, method: str, found: dict[Place, Against]) -> str:
