@@ -85,8 +85,8 @@ def run(
         f"Table 2 as a map: {rig.name}",
         f"σ over the tracker's, less 1, in per cent; {runs} campaigns of each case by Eq. 24, "
         f"{max(6, runs // _SHARE)} by maximum likelihood, {2 * runs} surveys from "
-        f"{survey.distance:g} m; the paper is {-PAPER:g} % below and names neither postures nor squeeze "
-        "nor noise",
+        f"{survey.distance:g} m; the paper is {-PAPER:g} % below and names neither postures nor "
+        "squeeze nor noise",
         (_table("linear", found), _table("ml", found)),
         notes=tuple(_counted(s, method, found) for method in ("linear", "ml") for s in (0, 1)),
         drawings=(
