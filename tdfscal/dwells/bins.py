@@ -24,22 +24,14 @@ _PEEK, _PEEK_OF = 2048, 65536
 
 @dataclass(frozen=True, slots=True)
 class DwellOptions:
-    """Overrides of what is otherwise derived from the log's own rates and noise (None).
+    """Overrides of what is otherwise derived from the log's own rates (None).
 
     Raises
     ------
     UsageError
-        if a value is negative, not finite, or zero where that means nothing.
+        if a value is not positive and finite.
     """
 
-    min_duration: float | None = None
-    """Shortest dwell, s. Derived: 0.2 s, at least 5 bins."""
-    settle_time: float | None = None
-    """Time cut off after each move, s, in place of the search for the end of settling."""
-    position_threshold: float | None = None
-    """Change of an NCP's mean position, m, that counts as motion. Derived: from the noise."""
-    force_threshold: float | None = None
-    """Change of a mean force, N, that counts as a step. Derived: from the noise."""
     bin_width: float | None = None
     """Width of the bins that the samples are reduced to, s. Derived: 20 ms, at least two
     samples of the slowest stream."""
@@ -51,8 +43,7 @@ class DwellOptions:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            none = field.name == "settle_time" and value == 0  # nothing is cut off then
-            if value is not None and not (0 < value < np.inf or none):
+            if value is not None and not 0 < value < np.inf:
                 raise UsageError(
                     f"dwell option {field.name} is {value!r}",
                     hint="give a positive, finite number, or leave it out",

@@ -36,20 +36,16 @@ def mark_changes(
     signal: Signals,
     noise: Noise,
     marked: BoolArray,
-    override: float | None,
     noisier: NoisierStops | None = None,
 ) -> BoolArray:
     """Bins that are marked already, or where the level of any axis changes.
 
-    override : a threshold of one's own for all axes and windows. noisier : where the noise exceeds
+    noisier : where the noise exceeds
     the log's.
     Small windows first: they place a change best, and larger windows then keep clear of it.
     """
     marked = marked.copy()
     limit = threshold(signal, noise)
-    if override is not None:
-        limit = np.full_like(limit, override)
-
     for scale, excess in enumerate(_excesses(signal, limit, noisier)):
         width = 2**scale
         free = clean(marked, 2 * width)
@@ -129,12 +125,11 @@ def segment(
     signal: Signals,
     base: BoolArray,
     width: float,
-    override: float | None,
     noisier: NoisierStops | None = None,
 ) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
-    width : of a bin, s. override, noisier : see `mark_changes`. Blocks over the whole log are
+    width : of a bin, s. noisier : see `mark_changes`. Blocks over the whole log are
     enough for the noise of a long one.
     """
     sample, out = blocks(signal, base)
@@ -144,7 +139,7 @@ def segment(
         if travels(noise):
             return np.ones_like(base), noise
         noise = without_creep(noise)
-        previous, marked = marked, mark_changes(sample, noise, out, override)
+        previous, marked = marked, mark_changes(sample, noise, out)
         if np.array_equal(previous, marked):
             break
-    return mark_changes(signal, noise, base, override, noisier), noise
+    return mark_changes(signal, noise, base, noisier), noise

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from tdfscal.dwells.bins import Bins, DwellOptions
+from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.change_points import segment, threshold
 from tdfscal.dwells.dwell_means import Extent
 from tdfscal.dwells.noise_level import (
@@ -54,7 +54,6 @@ class Field:
     shortest: int
     rate: FloatArray
     ringing: Ringing | None
-    settle: int | None
 
     @property
     def positions(self) -> FloatArray:
@@ -78,14 +77,14 @@ class Field:
         return LeftOut(self.time(begin), self.time(end - 1) + self.bins.width, reason)
 
 
-def prepare(bins: Bins, options: DwellOptions) -> Field:
+def prepare(bins: Bins) -> Field:
     """Noise and changes of all signals."""
     axes = 3 * len(bins.supports)
     every = signals(bins)
     positions, forces = every.axes(slice(axes)), every.axes(slice(axes, None))
     step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
     gap = every.gap | (step > 1.5 * bins.width)  # or a stretch without any sample before it
-    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
+    moving, position_noise = segment(positions, gap, bins.width)
     moving = _dilated(moving)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
@@ -93,18 +92,14 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         time = bins.start - bins.start[0]
         forces = replace(forces, value=forces.value - rate[:, None] * time)
     noisier = noisier_stops(forces, moving)
-    disturbed, noise = segment(forces, moving, bins.width, options.force_threshold, noisier)
-    ringing = None
-    if options.settle_time is None:
-        ringing = find_ringing(forces.value, noise.of_mean(1), *rests, bins.width)
+    disturbed, noise = segment(forces, moving, bins.width, noisier)
+    ringing = find_ringing(forces.value, noise.of_mean(1), *rests, bins.width)
     if ringing is not None:
         forces = replace(forces, value=ringing.removed(forces.value))
         noisier = noisier_stops(forces, moving)
-        disturbed, _ = segment(forces, moving, bins.width, options.force_threshold, noisier)
+        disturbed, _ = segment(forces, moving, bins.width, noisier)
     if rate.any() or ringing is not None:
         every = replace(every, value=np.concatenate([positions.value, forces.value]))
-    shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
-    settle = options.settle_time
     return Field(
         bins=bins,
         signals=every,
@@ -113,10 +108,9 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         noisier=noisier,
         noise=without_creep(difference_noise(every, disturbed, LONGEST)),
         visible=threshold(positions, position_noise)[0],
-        shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
+        shortest=max(int(np.ceil(_SHORTEST / bins.width - 1e-9)), _SHORTEST_BINS),
         rate=rate,
         ringing=ringing,
-        settle=None if settle is None else int(np.ceil(settle / bins.width)),
     )
 
 

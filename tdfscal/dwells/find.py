@@ -36,7 +36,7 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     pieces : one log, or its consecutive pieces; streams may differ in rate. It is read once and
         reduced to bins on the way, so memory does not grow with the log. With rows == "postures"
         each row is one dwell, without scatter.
-    options : overrides; by default everything follows from the log's own noise.
+    options : of the bins; by default they follow from the log's own rates.
 
     Raises
     ------
@@ -44,7 +44,6 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
         for an empty log, times that step back, or readings that are not numbers. A log without a
         single dwell is no error here: `left_out` says why.
     """
-    options = options or DwellOptions()
     stream = iter([pieces] if isinstance(pieces, Log) else pieces)
     first = next(stream, None)
     if first is None:
@@ -61,7 +60,7 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     if first.rows == "postures":
         found = postures_as_dwells(rest)
     else:
-        found = dwells_of_bins(reduce_to_bins(rest, options), options)
+        found = dwells_of_bins(reduce_to_bins(rest, options))
     return replace(
         found,
         findings=(*said, *found.findings),
@@ -69,14 +68,14 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     )
 
 
-def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
+def dwells_of_bins(bins: Bins) -> Dwells:
     """The same from bins.
 
     The search runs three times: the first round shows the drift common to all dwells, which the
     second tells from settling; this shows the noise of long means, which the third weighs against
     the bias that settling leaves. A sample of the stops is enough for the first two.
     """
-    field = prepare(bins, options or DwellOptions())
+    field = prepare(bins)
     rate, long_run = field.rate, field.long_run
     extents, left_out = search(field, rate, long_run, rough=True, some=_SAMPLE)
     for some in (_SAMPLE, None):

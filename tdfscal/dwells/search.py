@@ -183,8 +183,6 @@ def _settled_parts(
 ) -> tuple[list[Settled], list[LeftOut]]:
     """Settled parts of a rest [begin, end) in time order, and calm ones that are not settled."""
     clear, latest = inner
-    if field.settle is not None:
-        clear = max(begin + field.settle, clear)
     settled: list[Settled] = []
     unsettled: list[LeftOut] = []
     origin = begin
@@ -193,13 +191,9 @@ def _settled_parts(
         start, last = max(calm, clear), min(stop, latest)
         if last - start < field.shortest:
             continue
-        part: Settled | None = Settled(start, last)
-        if field.settle is None:
-            # What precedes is settling after the move; after a settled level it is a burst.
-            left = partial(field.ringing.left, begin) if field.ringing is not None else None
-            part = settled_part(
-                stretch, start, last, origin, field.shortest, left=left, rough=rough
-            )
+        # What precedes is settling after the move; after a settled level it is a burst.
+        left = partial(field.ringing.left, begin) if field.ringing is not None else None
+        part = settled_part(stretch, start, last, origin, field.shortest, left=left, rough=rough)
         if part is None or part.ratio > _UNSETTLED:
             unsettled.append(field.out(start, last, Finding("stop-changing")))
             continue

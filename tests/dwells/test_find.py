@@ -271,23 +271,7 @@ def test_no_dwell_spans_a_gap() -> None:
         assert not np.any((dwells.start < middle) & (dwells.end > middle))
 
 
-def test_options_override_what_is_derived() -> None:
-    recorded = record(Recipe(stops=(1.0, 4.0, 1.0, 4.0)))
-    long = find_dwells(recorded.log, DwellOptions(min_duration=2.0))
-    assert len(long) == 2
-    assert [("too short" in in_words([out.reason])[0]) for out in long.left_out] == [True, True]
-    late = find_dwells(recorded.log, DwellOptions(settle_time=0.5))
-    assert np.all(late.start >= recorded.stops[:, 0] + 0.4)
-    blind = find_dwells(
-        record(Recipe(travel=3e-6, move=0.4, stops=(2.0,) * 4)).log,
-        DwellOptions(position_threshold=1e-3, force_threshold=1e4, settle_time=0.0),
-    )
-    assert len(blind) <= 1
-
-
-@pytest.mark.parametrize(
-    "bad", [{"min_duration": 0.0}, {"settle_time": -1.0}, {"bin_width": np.inf}]
-)
+@pytest.mark.parametrize("bad", [{"max_bins": 0}, {"bin_width": -1.0}, {"bin_width": np.inf}])
 def test_options_without_meaning_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(UsageError, match=next(iter(bad))):
         DwellOptions(**bad)  # type: ignore[arg-type]

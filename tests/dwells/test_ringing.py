@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.dwell_stops import KINDS, Score, score, scored, together
-from tdfscal.dwells import DwellOptions, find_dwells, reduce_to_bins
+from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import common_drift, prepare
 from tdfscal.dwells.ringing import Ringing
 from tests.words import in_words
@@ -18,7 +18,7 @@ from .rig_log import Recipe, record
 
 
 def mode_of(recipe: Recipe) -> Ringing | None:
-    return prepare(reduce_to_bins([record(recipe).log]), DwellOptions()).ringing
+    return prepare(reduce_to_bins([record(recipe).log])).ringing
 
 
 def hertz(mode: Ringing) -> float:
@@ -104,12 +104,6 @@ def test_every_settled_stop_is_one_dwell_without_bias(
     found = score(recorded, find_dwells(recorded.log))
     assert (found.stops, found.found, found.parts, found.astray) == (10, 10, 0, 0)
     assert found.bias.max() < 1.0
-
-
-def test_settle_time_takes_the_place_of_all_that() -> None:
-    recorded = record(Recipe(settle=(5.0, 2.0, 0.5), stops=(3.0,) * 8))
-    options = DwellOptions(settle_time=1.0, force_threshold=100.0)
-    assert len(find_dwells(recorded.log, options)) == 8
 
 
 @pytest.mark.parametrize("drift", [0.1, 0.5, -0.5])
