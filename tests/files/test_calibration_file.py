@@ -25,6 +25,8 @@ from tdfscal.files.calibration.document import (
 from tdfscal.files.outputs import replacing
 from tdfscal.files.rig.reading import load_rig, parse_rig
 from tdfscal.files.saving import to_yaml, write_text
+from tdfscal.files.writers.campaign import write_run
+from tdfscal.simulation import Options, Recorder, SurveyOptions, reference_rig, run
 from tests.cli.running import SAMPLES
 from tests.files.edits import edits
 from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration, lacking
@@ -434,3 +436,25 @@ def test_a_file_without_a_digest_is_read(made: dict[str, Any]) -> None:
     content = {key: value for key, value in made.items() if key != "content_sha256"}
     read = parse_calibration(json.dumps(content).encode(), "c.json")
     assert file_content(read) == made
+
+
+def test_a_joint_file_states_the_contact_wrench_of_both_methods(tmp_path: Path) -> None:
+    """A limit between the two: the self-calibration is rejected by it, both together conform."""
+    options = Options(postures=12, rows="postures", recorder=Recorder(mean_sd=0.05))
+    rng = np.random.default_rng(1)
+    write_run(
+        run(reference_rig(), "self", options, rng, SurveyOptions()), tmp_path / "c", format="csv"
+    )
+    path = tmp_path / "c" / "rig.yaml"
+    rig = yaml.safe_load(path.read_text(encoding="utf-8"))
+    found: dict[str, Calibration] = {}
+    force = 1e3
+    for _ in range(2):
+        rig["acceptance"]["contact"] = {"force": force}
+        path.write_text(yaml.safe_dump(rig), encoding="utf-8")
+        found = {m: calibrate(path.parent, trials=0, method=m) for m in ("self", "joint")}
+        stated = [c.conformity for c in found.values() if c.conformity is not None]
+        force = float(np.sqrt(stated[0].force.expanded * stated[1].force.expanded))
+    assert "contact-uncertain" in {finding.code for finding in found["self"].reasons}
+    assert found["joint"].accepted
+    assert stated[1].force.conforms
