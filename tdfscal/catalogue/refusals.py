@@ -113,6 +113,25 @@ motion-fast refuses
   {rate:.3g} Hz show faithfully here
   -> record faster, or move more slowly
   @ log
+recorder-not-found refuses
+  the moves that the first recorder saw are not found in the recorder {subject}: the
+  two did not run at the same time, or saw different campaigns
+  -> give the recordings of one campaign; `tdfscal info` shows what each holds, and
+    when; of one campaign, state clock.offset in its log block, as well as it is known
+recorder-backwards refuses
+  the moves that the first recorder saw are those of the recorder {subject} run
+  backwards: the values of one of them stand in the reverse order of its times
+  -> bring its values, or its times, into the order in which they were recorded
+recorder-clock-open refuses
+  the clock of the recorder {subject} is not determined: with offsets of
+  {likelier:.6f} s and {other:.6f} s to the first recorder's clock its moves are
+  explained alike
+  -> state clock.offset in its log block as well as it is known, such as a value of
+    {likelier:.6f} with a std of 0.5, or record moves that do not repeat
+recorders-overlap-nowhere refuses
+  by its clock the recorder {subject} ran from {begin:.1f} s to {end:.1f} s, where
+  the first ran from 0 s to {span:.1f} s: the two do not overlap
+  -> correct clock.offset in its log block, or give the recordings of one campaign
 streams-short refuses
   the log is too short to tell a motion
   -> record at least a few seconds of every stream; check the unit of its time

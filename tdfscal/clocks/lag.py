@@ -8,12 +8,19 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.clocks.activity import Peak, activity, during, peaks
 from tdfscal.clocks.balance import Balance, Model
-from tdfscal.clocks.moves import lag_by_moves, moves
-from tdfscal.clocks.refinement import refine
-from tdfscal.clocks.tracks import Track, Tracks
+from tdfscal.clocks.refinement import lag_by_moves, moves, refine
+from tdfscal.clocks.tracks import (
+    Peak,
+    Track,
+    Tracks,
+    activity,
+    correlation_time,
+    during,
+    peaks,
+)
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
 _WIDTH = 0.1  # s, of a bin of activity
@@ -21,11 +28,10 @@ _BINS = 1 << 16
 _OVERLAP = 0.25  # shortest, as a share of the shorter recording
 _CANDIDATES, _LEAST = 24, 8  # lags looked at, at most and at least,
 _FAINT = 0.1  # by their share of the best one's evidence
-_REFINED = 5  # candidates whose lags are brought to the least misfit,
-_NEAR = 5.0  # where theirs is this many times the least, at most
 _INSTANTS = 240  # on which a candidate is judged
 _SPACING = 0.08  # s, of instants at the least
-_STEP = 0.3  # s, between the lags of which a parabola is the misfit
+_STEP = 0.3  # s, by which a statement may be off beside its uncertainty,
+_SAME = 0.6  # and up to which two lags are one
 _DENSE = 10_000  # instants on which offset and rate are refined
 _ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
@@ -34,18 +40,26 @@ _CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
+_UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
 _ALSO = 0.6  # share of it from which another lag is as likely
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom."""
+    """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom.
+
+    rows : independent equations of it. model : what balances; None where none does.
+    """
 
     peak: Peak
-    lag: float
-    misfit: float
-    rows: float
-    model: Model | None
+    misfit: float = np.inf
+    rows: float = 0.0
+    model: Model | None = None
+
+    @property
+    def lag(self) -> float:
+        """Seconds."""
+        return self.peak.lag
 
 
 def find_clocks(
@@ -144,17 +158,15 @@ class _Search:
         """The lag that explains both recordings."""
         found = [self._judged(peak) for peak in self.candidates()]
         found.sort(key=lambda candidate: candidate.misfit)
-        near = [c for c in found[:_REFINED] if c.misfit <= _NEAR * found[0].misfit]
-        fine = [self._nearer(candidate) for candidate in near]
-        fine = _apart(sorted(fine, key=lambda candidate: candidate.misfit))
-        if not fine:
-            raise _not_found(name)
-        best, *others = fine
+        if not found:
+            raise DataError(Finding("recorder-not-found", (name,)))
+        best, *others = found
         rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
         usual = float(np.median(rest)) if rest else np.inf
         if np.isfinite(self.std) or _is_clear(best, usual):
             for other in others:
-                if not np.isfinite(self.std) and self._alike(best, other, usual):
+                apart = abs(other.peak.lag - best.peak.lag) > _SAME
+                if apart and not np.isfinite(self.std) and self._alike(best, other, usual):
                     raise self._undecided(name, best, other)
             return best
         return self._by_activity(name, found)
@@ -163,7 +175,7 @@ class _Search:
         """The lag by the moves alone, where the balance does not tell."""
         best, *others = sorted(found, key=lambda c: -c.peak.evidence)
         if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
-            raise _not_found(name)
+            raise DataError(Finding("recorder-not-found", (name,)))
         if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
             raise self._undecided(name, best, others[0])
         return replace(best, model=None)  # whose moves do not balance
@@ -181,28 +193,24 @@ class _Search:
         return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
 
     def _judged(self, peak: Peak) -> _Candidate:
-        misfit, rows, model = self._misfit(peak.lag, None)
-        return _Candidate(peak, peak.lag, misfit, rows, model)
-
-    def _misfit(self, lag: float, start: FloatArray | None) -> tuple[float, float, Model | None]:
-        """Misfit for its degrees of freedom at a lag, independent equations, and the model."""
-        time = self._instants(lag, _INSTANTS)
+        """The lag with the misfit of the balance there."""
+        time = self._instants(peak.lag, _INSTANTS)
         model = None
         if self.balance is not None and len(time) > 6:
-            model = self.balance.fit(time, lag, start)
+            model = self.balance.fit(time, peak.lag)
         if model is None or self.balance is None:
-            return np.inf, 0.0, None
-        rows = 6.0 * (time[-1] - time[0]) / self.correlation_time
+            return _Candidate(peak)
+        rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time
         free = rows - self.balance.parameters
         if free < 0.25 * self.balance.parameters:
-            return np.inf, rows, model
-        return model.misfit * float(np.sqrt(rows / free)), rows, model
+            return _Candidate(peak, np.inf, rows, model)
+        return _Candidate(peak, model.misfit * float(np.sqrt(rows / free)), rows, model)
 
     @cached_property
     def correlation_time(self) -> float:
         """Time, s, in which the positions, or else the forces, tell something new."""
         told = [track for track, _ in self.positions or self.forces]
-        return _correlation_time(told, max(self.spans))
+        return correlation_time(told, max(self.spans))
 
     def _instants(self, lag: float, most: int) -> FloatArray:
         """Instants of the first clock, from its begin, at which both recorders run."""
@@ -211,37 +219,10 @@ class _Search:
             return np.empty(0)
         return np.linspace(begin, end, min(most, max(int((end - begin) / _SPACING), 2)))
 
-    def _nearer(self, candidate: _Candidate) -> _Candidate:
-        """The same at the least misfit near it, by parabolas of its square."""
-        if candidate.model is None:
-            return candidate
-        best, step = candidate, 2.0 * _STEP
-        for _ in range(2):
-            at = [best.lag - step, best.lag + step]
-            assert best.model is not None
-            sides = [self._misfit(lag, best.model.rotation) for lag in at]
-            low, middle, high = sides[0][0] ** 2, best.misfit**2, sides[1][0] ** 2
-            bend = low - 2.0 * middle + high
-            if not np.isfinite(bend):
-                break
-            move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high)
-            lag = best.lag + step * float(np.clip(move, -1.0, 1.0))
-            misfit, rows, model = self._misfit(lag, best.model.rotation)
-            if misfit < best.misfit:
-                best = _Candidate(best.peak, lag, misfit, rows, model)
-            step *= 0.5
-        return best
-
     def _undecided(self, name: str, a: _Candidate, b: _Candidate) -> NotIdentifiableError:
         shift = self.second.begin - self.first.begin
-        lags = " and ".join(f"{shift + c.lag:.6f} s" for c in (a, b))
-        return NotIdentifiableError(
-            f"the clock of the recorder {name} is not determined: with offsets of {lags} to the "
-            "first recorder's clock its moves are explained alike",
-            hint="state clock.offset in its log block as well as it is known, such as "
-            f"`clock: {{offset: {{value: {shift + a.lag:.6f}, std: 0.5}}}}`, or record moves that "
-            "do not repeat",
-        )
+        values: dict[str, Value] = {"likelier": shift + a.lag, "other": shift + b.lag}
+        return NotIdentifiableError(Finding("recorder-clock-open", (name,), values=values))
 
     def refined(self, candidate: _Candidate, name: str) -> RecorderClock:
         """The clock with offset and rate by the balance during the moves."""
@@ -249,7 +230,8 @@ class _Search:
         time = self._instants(candidate.lag, _DENSE)
         middle = 0.5 * float(time[0] + time[-1])
         line: FloatArray = np.array([candidate.lag, 0.0])
-        covariance: FloatArray = np.diag([_WIDTH**2 + slowest**2, self.prior.rate_std**2])
+        told = _WIDTH if candidate.peak.r >= _LIKE else _UNKNOWN
+        covariance: FloatArray = np.diag([told**2 + slowest**2, self.prior.rate_std**2])
         by_moves = self._by_moves(candidate, slowest)
         if self.balance is not None and candidate.model is not None:
             line, covariance = refine(
@@ -283,15 +265,11 @@ class _Search:
             return None
         # Of each kind what the second holds, or else all.
         both = [[s for s in kind if s[1]] or kind for kind in (self.positions, self.forces)]
-        lags, found = [candidate.peak.lag, candidate.lag], None
-        for _ in range(2):
-            tries = [lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) for lag in lags]
-            clear = [one for one in tries if one is not None]
-            if not clear:
-                break
-            found = min(clear, key=lambda one: float(one[1][0]))
-            lags = [float(found[0][0])]
-        return found
+        first = lag_by_moves(both[0], both[1], self._moves(candidate.lag), candidate.lag, slowest)
+        if first is None:
+            return None
+        lag = float(first[0][0])
+        return lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) or first
 
     @cached_property
     def _in_part(self) -> bool:
@@ -302,13 +280,9 @@ class _Search:
     def _moves(self, lag: float) -> list[tuple[float, float]]:
         """Moves from rest to rest by the positions, s of the first clock."""
         late = not self.first.positions
-        return [(a - lag * late, b - lag * late) for a, b in self._moves_of_positions]
-
-    @cached_property
-    def _moves_of_positions(self) -> list[tuple[float, float]]:
-        late = not self.first.positions
         tracks = self.second if late else self.first
-        return moves(tracks.positions, self.spans[late], tracks.period)
+        found = moves(tracks.positions, self.spans[late], tracks.period)
+        return [(a - lag * late, b - lag * late) for a, b in found]
 
     def _with_stated(
         self, line: FloatArray, covariance: FloatArray
@@ -331,28 +305,6 @@ def _streams(
     return both
 
 
-def _correlation_time(tracks: Sequence[Track], span: float) -> float:
-    time = np.linspace(0.0, span, max(int(min(span / 0.1, 1 << 15)), 16))
-    values = np.hstack([track.at(time)[0] for track in tracks])
-    values = values - values.mean(axis=0)
-    size = 1 << (2 * len(time) - 1).bit_length()
-    power = np.abs(np.fft.rfft(values, size, axis=0)) ** 2
-    course = np.fft.irfft(power.sum(axis=1), size)[: len(time) // 2]
-    if course[0] <= 0:
-        return span
-    alike = (course / course[0]) ** 2
-    return float((time[1] - time[0]) * max(2.0 * alike.sum() - 1.0, 1.0))
-
-
-def _apart(candidates: Sequence[_Candidate]) -> list[_Candidate]:
-    """Candidates whose lags differ by more than a step; the best of those that do not."""
-    kept: list[_Candidate] = []
-    for candidate in candidates:
-        if all(abs(candidate.lag - other.lag) > 2.0 * _STEP for other in kept):
-            kept.append(candidate)
-    return kept
-
-
 def _evidence(candidate: _Candidate, balance: Balance | None, usual: float) -> float:
     """Log-likelihood ratio of a lag against those that balance by chance."""
     if balance is None or not np.isfinite(candidate.misfit):
@@ -368,35 +320,18 @@ def _is_clear(best: _Candidate, usual: float) -> bool:
     return ratio > _CLEAR and best.rows * np.log(ratio) > _CERTAIN
 
 
-def _not_found(name: str) -> DataError:
-    return DataError(
-        f"the moves that the first recorder saw are not found in the recorder {name}: the two did "
-        "not run at the same time, or saw different campaigns",
-        hint="give the recordings of one campaign; `tdfscal info` shows what each holds, and when; "
-        "of one campaign, state clock.offset in its log block, as well as it is known",
-    )
-
-
 def _check_order(first: Tracks, second: Tracks, name: str) -> None:
     """Raise DataError where the second's moves are the first's, if they are read backwards."""
     try:
         _Search(first, second.backwards(), ClockPrior()).chosen(name)
     except (DataError, NotIdentifiableError):
         return
-    raise DataError(
-        f"the moves that the first recorder saw are those of the recorder {name} run backwards: "
-        "the values of one of them stand in the reverse order of its times",
-        hint="bring its values, or its times, into the order in which they were recorded",
-    )
+    raise DataError(Finding("recorder-backwards", (name,)))
 
 
 def _check_overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> None:
-    begin, end = clock.to_first(np.array([second.begin, second.end]))
-    if end > first.begin and begin < first.end:
-        return
-    raise DataError(
-        f"by its clock the recorder {clock.recorder} ran from {begin - first.begin:.1f} s to "
-        f"{end - first.begin:.1f} s, where the first ran from 0 s to "
-        f"{first.end - first.begin:.1f} s: the two do not overlap",
-        hint="correct clock.offset in its log block, or give the recordings of one campaign",
-    )
+    begin, end = clock.to_first(np.array([second.begin, second.end])) - first.begin
+    span = first.end - first.begin
+    if end <= 0.0 or begin >= span:
+        values: dict[str, Value] = {"begin": float(begin), "end": float(end), "span": span}
+        raise DataError(Finding("recorders-overlap-nowhere", (clock.recorder,), values=values))
