@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.checks import log_against_rig
+from tdfscal.checks import exchanges, log_against_rig
 from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
@@ -187,7 +187,7 @@ def _descended(
 
 
 def _renamed(rig: Rig, seen: Postures) -> Iterator[Undone]:
-    for ways in (log_against_rig.rewired, log_against_rig.channels_exchanged):
+    for ways in (exchanges.rewired, exchanges.channels_exchanged):
         for words, other in ways(rig, seen):
             yield Undone(other, words)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.checks import log_against_rig
+from tdfscal.checks import exchanges, log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import nominal, starting_state
@@ -285,7 +285,7 @@ def misread(
     time: FloatArray | None = None,
 ) -> DataError:
     """The error that names a mistake with its evidence; parameters as in `misreading`."""
-    if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
+    if found.names == exchanges.REACTION.format(exchanges.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     number = np.arange(len(present.postures)) + 1 if number is None else number

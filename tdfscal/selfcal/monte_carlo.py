@@ -19,8 +19,8 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import Estimate, simulate_angles
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.estimator import Fit, statistic

@@ -18,7 +18,7 @@ from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import MonteCarlo
+from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import Rival, describe

@@ -9,7 +9,8 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
-from tdfscal.numerics.distributions import MonteCarlo, coverage_factor, propagate
+from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.monte_carlo import MonteCarlo, propagate
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal.instrument import observe

@@ -152,7 +152,7 @@ def test_impossible_requests_are_refused() -> None:
     with pytest.raises(UsageError, match="0 postures"):
         make_plan(rig, Request(limits(rig), candidates=50), 0, RNG(9))
     silent = replace(rig, declared=replace(rig.declared, force_noise=0.0))
-    with pytest.raises(UsageError, match="--noise"):
+    with pytest.raises(UsageError, match="force noise"):
         make_plan(silent, Request(limits(rig), noise=0.0), 8, RNG(9))
 
 

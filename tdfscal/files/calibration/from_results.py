@@ -33,7 +33,8 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import MonteCarlo, coverage_factor
+from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.planning.recorded_postures import prospects
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.selfcal.covariance import joint_posterior
