@@ -112,8 +112,11 @@ class McapFile(Recording):
             if opcode != Opcode.MESSAGE or len(self._loose) >= _LOOSE_BYTES:
                 yield from self._flushed()
             self.position = file.tell()
-        if file.tell() + len(_MAGIC) != self._size:
-            raise DataError(f"bytes follow the end of the recording at byte {file.tell()}")
+        self._start = file.tell()
+        if self._start + len(_MAGIC) > self._size:
+            raise _CutShortError
+        if self._start + len(_MAGIC) < self._size:
+            raise DataError(f"bytes follow the end of the recording at byte {self._start}")
         self.checked = self._covered or (self.checked and self._counted)
 
     def _record(self, file: BinaryIO) -> tuple[int, bytes]:
