@@ -17,7 +17,6 @@ from tdfscal.numerics.distributions import widening
 from tdfscal.numerics.passing import line_through, times_of_passing
 from tdfscal.records import FloatArray
 
-_CLEAR = 40.0  # change / noise, from which a move shows its time
 _LONGEST = 60.0  # s; a longer way from rest to rest is no single move
 _REST = 0.6  # s, shortest
 _EDGE = 0.2  # s next to a move, in which forces are not yet settled or the lag is not yet known
@@ -83,15 +82,9 @@ def lag_by_moves(
 
 def _passing(value: FloatArray, time: FloatArray, begin: float, end: float) -> FloatArray | None:
     """Times at which streams (N, C) pass the levels on their way; None where it is unclear."""
-    before, after = time < begin - _EDGE, time > end + _EDGE
-    low, high = value[before].mean(axis=0), value[after].mean(axis=0)
-    size = float((high - low) @ (high - low))
-    if size == 0.0:
-        return None
-    share = (value - low) @ (high - low) / size
-    if max(np.std(share[before]), np.std(share[after])) * _CLEAR > 1.0:
-        return None
-    return times_of_passing(share, time)
+    rests = [time < begin - _EDGE, time > end + _EDGE]
+    ends = np.stack([value[rest].mean(axis=0) for rest in rests])
+    return times_of_passing(value, time, ends, rests)
 
 
 def refine(

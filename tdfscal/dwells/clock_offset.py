@@ -16,7 +16,6 @@ from tdfscal.findings import Finding, Value
 from tdfscal.numerics.passing import line_through, times_of_passing
 from tdfscal.records import BoolArray, Dwells, FloatArray
 
-_CLEAR = 40.0  # change / noise of a bin's mean, from which a move shows its time
 _LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
 _MARGIN = 0.5  # s looked at beyond the dwells' edges
 _FEWEST, _MOST = 5, 100  # moves
@@ -119,15 +118,6 @@ def _passing(
     value : (3n, T), known in some bins (T,), at times (T,), s. level : (2, 3n), before and after.
     end : s, of the dwell before.
     """
-    change = level[1] - level[0]
-    size = float(change @ change)
-    if known.sum() < 4 or size == 0.0:
-        return None
     if not known.all():
         value, time = value[:, known], time[known]
-    share = change @ (value - level[0][:, None]) / size
-    still = time < end
-    noise = float(np.std(share[still])) if still.sum() > 3 else np.inf
-    if noise * _CLEAR > 1.0:
-        return None
-    return times_of_passing(share, time)
+    return times_of_passing(value.T, time, level, [time < end])

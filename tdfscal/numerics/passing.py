@@ -7,13 +7,16 @@ compared by when they pass the same levels. The rate is the median slope over al
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.numerics.distributions import widening
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 
+_CLEAR = 40.0  # change / noise, from which a move shows its time
+_FEWEST = 4  # instants of a rest that tell the noise
 _LEVELS = (0.25, 0.5, 0.75)
 _EFFICIENCY = 0.4  # of a median deviation as a standard deviation: degrees of freedom per value
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
@@ -34,11 +37,21 @@ class Line:
     span: float
 
 
-def times_of_passing(share: FloatArray, time: FloatArray) -> FloatArray | None:
-    """Times (3,) at which a share (T,) of the way, at times (T,), passes the levels.
+def times_of_passing(
+    value: FloatArray, time: FloatArray, ends: FloatArray, rests: Sequence[BoolArray]
+) -> FloatArray | None:
+    """Times (3,) at which streams (T, c), at times (T,), pass the levels on their way.
 
-    None where one is passed more than once, or never.
+    ends : (2, c), where they rest before and after. rests : which instants (T,) are of rests.
+    None where a level is passed more than once or never, or noise hides when.
     """
+    change = ends[1] - ends[0]
+    size = float(change @ change)
+    if size == 0.0 or min(rest.sum() for rest in rests) < _FEWEST:
+        return None
+    share = (value - ends[0]) @ change / size
+    if max(float(np.std(share[rest])) for rest in rests) * _CLEAR > 1.0:
+        return None
     times = []
     for level in _LEVELS:
         across = np.flatnonzero(np.diff(np.sign(share - level)) != 0)
