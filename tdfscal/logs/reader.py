@@ -34,7 +34,6 @@ def read_log(
     supports: Sequence[str],
     *,
     axes: BoolArray | None = None,
-    window: TimeWindow | None = None,
 ) -> Log:
     """Read recorded logs into memory: `iter_log` put together.
 
@@ -44,7 +43,6 @@ def read_log(
     recorders : how each recorder names things; none for the default names, m and N.
     supports : the supports wanted, in the order of the result.
     axes : (n, 3), what their sensors measure; the log need not hold the others, which read 0.
-    window : the part of the log that is wanted.
 
     Returns
     -------
@@ -57,7 +55,7 @@ def read_log(
     DataError : a file is damaged, or is not what the mapping says; recorders do not go together.
     NotIdentifiableError : recorders go together in two ways.
     """
-    return concatenate(iter_log(paths, recorders, supports, axes=axes, window=window))
+    return concatenate(iter_log(paths, recorders, supports, axes=axes))
 
 
 def iter_log(
