@@ -213,6 +213,14 @@ def test_spatial_analyzer_uncertainties(
     assert np.isnan(read.points.std[1]).all()
 
 
+@pytest.mark.parametrize("names", ["[U-x, U-y, U-z]", "[U-x], [U-y], [U-z]"])
+def test_names_bracketed_as_optional(tmp_path: Path, names: str) -> None:
+    text = SA_U.format(d=", ", blank="", sigma="1.0 sigma").replace("U-x, U-y, U-z", names)
+    std = read_points(write(tmp_path, text), length_unit=None).std
+    assert std is not None
+    assert std[0] == pytest.approx([2e-5, 4e-5, 6e-5], rel=1e-12)
+
+
 def test_spatial_analyzer_uncertainties_without_column_names(tmp_path: Path) -> None:
     lines = SA_U.format(d=" ", blank="", sigma="1 sigma").splitlines()
     text = "\n".join(lines[:3] + lines[4:])

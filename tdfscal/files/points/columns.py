@@ -113,9 +113,15 @@ def is_column_name(text: str) -> bool:
     return _parsed(text) is not None or text.strip().lower() in (*_POINT, *_TARGET, *_GROUP)
 
 
+def _without_bracket(name: str) -> str:
+    """A name that is bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`."""
+    name = name.removeprefix("[")
+    return name.removesuffix("]") if name.count("]") > name.count("[") else name
+
+
 def read_header(cells: Sequence[str], where: str) -> Columns:
     """Columns from the cells of a header line; DataError where they do not make a point table."""
-    names = [cell.strip() for cell in cells]
+    names = [_without_bracket(cell.strip()) for cell in cells]
     folded = [name.lower() for name in names]
     units: dict[int, str | None] = {}
     kinds: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
