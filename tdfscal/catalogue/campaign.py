@@ -151,7 +151,7 @@ postures-rejected rejects
   {limit:.0%}
 contact-uncertain rejects
   the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty
-  of {size} (95.45 %), above the limit of {limit:g}; its error exceeds the limit
+  of {size} (k = 2, 95.45 %), above the limit of {limit:g}; its error exceeds the limit
   with a probability of {exceeding:.1g}
 contact-below-threshold warns
   of the {subject} that must be told from none, {limit:g}, a machine sees {size} at

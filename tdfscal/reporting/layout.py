@@ -15,7 +15,6 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.errors import visible
-from tdfscal.findings import Finding
 from tdfscal.records import ANGLES, InputFile, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
@@ -225,13 +224,9 @@ def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
 
 
 def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
-    """Stretches of a motion with why each was left out."""
-    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {reason(s.reason)}" for s in left_out)
-
-
-def reason(why: str | Finding) -> str:
-    """Return why something was left out, as a file or a record has it."""
-    return why if isinstance(why, str) else sentence(why)
+    """Stretches of a motion with why each was left out, in words of a file or as a finding."""
+    said = ((s, s.reason if isinstance(s.reason, str) else sentence(s.reason)) for s in left_out)
+    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {why}" for s, why in said)
 
 
 def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:
@@ -286,7 +281,7 @@ def begun(text: str, end: str = "") -> str:
 
 
 def plain(value: Any) -> Any:
-    """Records, arrays and findings as JSON values; None for what is not finite."""
+    """Arrays, and what holds them, as JSON values; None for what is not finite."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, float):
