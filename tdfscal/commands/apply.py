@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class ApplyResult(Result):
     """Contact wrenches of a log.
 

@@ -39,7 +39,7 @@ _OLD = 86400.0
 _AGED = 0.5
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class CapabilityResult(Result):
     """Thresholds and smallest contacts along a path, with what was asked and what was found.
 

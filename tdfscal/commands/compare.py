@@ -21,7 +21,7 @@ from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class CompareResult(Result):
     """The first calibration against each of the others.
 

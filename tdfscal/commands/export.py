@@ -30,7 +30,7 @@ from tdfscal.reporting.layout import Drawing
 Target = Literal["urdf", "ros", "csv", "c", "dcc"]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class ExportResult(Result):
     """A calibration in another form. content : the text. output : the file that holds it.
 

@@ -19,7 +19,7 @@ from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class InfoResult(Result):
     """What is in some logs. description : fields, rates, gaps, dwells, problems, a mapping."""
 

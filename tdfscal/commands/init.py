@@ -24,7 +24,7 @@ from tdfscal.reporting.layout import Drawing
 _GRAVITY = 9.80665
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class InitResult(Result):
     """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm."""
 

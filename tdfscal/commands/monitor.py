@@ -43,7 +43,7 @@ from tdfscal.reporting.history import day
 from tdfscal.reporting.layout import LISTED, Drawing, Report
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class MonitorResult(Result):
     """A rig's history. alarms : those that count, of all in `life`."""
 

@@ -135,7 +135,10 @@ def _fits(value: Any, kind: Any) -> bool:
     if origin in (Sequence, Iterable):
         if isinstance(value, list | tuple):
             return bool(value) and all(_fits(one, inside[0]) for one in value)
-        return isinstance(value, Iterable) and not isinstance(value, str)
+        empty = isinstance(value, Sized) and not len(value)
+        return isinstance(value, Iterable) and not (
+            empty or isinstance(value, str | bytes | Mapping)
+        )
     return isinstance(value, origin or kind) and value != ""
 
 

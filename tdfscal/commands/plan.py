@@ -50,7 +50,7 @@ DEFAULT_DENSITY = 0.1
 Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 

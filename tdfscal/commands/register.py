@@ -25,7 +25,7 @@ from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class RegisterResult(Result):
     """Best-fit transform reference → measured. registration : it. findings : of the files."""
 

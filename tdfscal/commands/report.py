@@ -24,7 +24,7 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, put_side_by_side, several_document, several_report
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class ReportResult(Result):
     """Calibrations to look at. named : name and content of each, in the order given.
 

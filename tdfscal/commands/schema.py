@@ -13,7 +13,7 @@ from tdfscal.commands.result import Result
 from tdfscal.files.schema import write_schemas
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class SchemaResult(Result):
     """Schemas that were written. files : where."""
 

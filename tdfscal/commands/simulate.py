@@ -26,7 +26,7 @@ _SCENARIOS = (
 )
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class SimulateResult(Result):
     """A campaign folder that was written. run : what was simulated, with its truth."""
 

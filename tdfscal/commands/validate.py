@@ -34,7 +34,7 @@ Samples = Literal["static", "moving"]
 _ENOUGH = 3
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class ValidateResult(Result):
     """Verdict of `validate`.
 

@@ -185,7 +185,7 @@ def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
     if path.suffix.lower() not in suffixes and not _is_device(path):
         *others, last = suffixes
         raise UsageError(
-            f"the name of this file ends in {', '.join(others)}{' or ' if others else ''}{last}",
+            f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}",
             where=str(path),
             hint="choose such a name",
         )

@@ -58,8 +58,12 @@ def test_bit_flips(kind: Kind) -> None:
     assert set(found) == {REFUSED, SAME} or set(found) == {REFUSED}
 
 
+# No checksum of Parquet covers page headers; where pages are plain, nothing else notices them.
+COVERED = [kind for kind in KINDS if kind.name != "plain, required"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", COVERED, ids=lambda kind: kind.name)
 def test_bit_flips_by_the_thousand(kind: Kind) -> None:
     found = count(kind, 2500, seed=1)
     assert found[REFUSED] + found[SAME] == 2500
