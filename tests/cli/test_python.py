@@ -199,7 +199,7 @@ def test_errors_are_those_of_the_command(
         lambda: tdfscal.apply("own.yaml", []),
         lambda: tdfscal.report(),
         lambda: tdfscal.report([]),
-        lambda: tdfscal.report({}),  # type: ignore[arg-type]
+        lambda: tdfscal.report({}),
         lambda: tdfscal.report(set()),
         lambda: tdfscal.calibrate(b"campaign"),  # type: ignore[arg-type]
         lambda: tdfscal.compare("own.yaml", None),  # type: ignore[arg-type]
