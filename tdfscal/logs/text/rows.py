@@ -155,7 +155,10 @@ class RowParser:
             what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
         elif not cell:
             what, hint = "the cell is empty", "a log has no holes"
-        return DataError(what, where=f"column {name}", hint=hint, fields=(name, bare))
+        # What is written there is no reading; nothing there may be an axis that nobody measures.
+        unread = cell.strip().lower() in ("", "nan")
+        fields = (name, bare) if unread else ()
+        return DataError(what, where=f"column {name}", hint=hint, fields=fields)
 
 
 def _whole_signals(value: FloatArray) -> bool:
