@@ -129,9 +129,20 @@ recorder-clock-open refuses
   -> state clock.offset in its log block as well as it is known, such as a value of
     {likelier:.6f} with a std of 0.5, or record moves that do not repeat
 recorders-overlap-nowhere refuses
-  by its clock the recorder {subject} ran from {begin:.1f} s to {end:.1f} s, where
-  the first ran from 0 s to {span:.1f} s: the two do not overlap
-  -> correct clock.offset in its log block, or give the recordings of one campaign
+  with clock.offset as it is stated, {offset:.6f} s, the recorder {subject} ran from
+  {begin:.1f} s to {end:.1f} s, where the first ran from 0 s to {span:.1f} s: the two
+  do not overlap
+  ? found , and their moves agree with an offset of {likelier:.6f} s
+  ? reversed : the sign is turned
+  -> correct clock.offset in its log block, which is its stamps minus the first's, or
+    give the recordings of one campaign
+recorder-clock-misstated refuses
+  clock.offset of the recorder {subject} is stated as {offset:.6f} s with a std of
+  {std:.3g} s, and its moves are the first recorder's with an offset of
+  {likelier:.6f} s
+  ? reversed : the sign is turned
+  -> correct clock.offset in its log block, which is its stamps minus the first's, or
+    state its std as unknown
 streams-short refuses
   the log is too short to tell a motion
   -> record at least a few seconds of every stream; check the unit of its time

@@ -3,63 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.clocks.balance import Balance, Model
-from tdfscal.clocks.refinement import lag_by_moves, moves, refine
-from tdfscal.clocks.tracks import (
-    Peak,
-    Track,
-    Tracks,
-    activity,
-    correlation_time,
-    during,
-    peaks,
-)
+from tdfscal.clocks.search import CLEAR, SAME, Search
+from tdfscal.clocks.tracks import Tracks, during
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import ClockPrior, FloatArray, RecorderClock
-
-_WIDTH = 0.1  # s, of a bin of activity
-_BINS = 1 << 16
-_OVERLAP = 0.25  # shortest, as a share of the shorter recording
-_CANDIDATES, _LEAST = 24, 8  # lags looked at, at most and at least,
-_FAINT = 0.1  # by their share of the best one's evidence
-_INSTANTS = 240  # on which a candidate is judged
-_SPACING = 0.08  # s, of instants at the least
-_STEP = 0.3  # s, by which a statement may be off beside its uncertainty,
-_SAME = 0.6  # and up to which two lags are one
-_DENSE = 10_000  # instants on which offset and rate are refined
-_ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
-_REPEATS = 0.1  # where positions repeat to this part of their travel,
-_HALF = 0.5  # or by this part of the evidence at least
-_CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
-_CERTAIN = 20.0  # and its log-likelihood ratio
-_CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
-_LIKE = 0.85  # and its correlation
-_UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
-_ALSO = 0.6  # share of it from which another lag is as likely
-
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom.
-
-    rows : independent equations of it. model : what balances; None where none does.
-    """
-
-    peak: Peak
-    misfit: float = np.inf
-    rows: float = 0.0
-    model: Model | None = None
-
-    @property
-    def lag(self) -> float:
-        """Seconds."""
-        return self.peak.lag
+from tdfscal.records import ClockPrior, RecorderClock
 
 
 def find_clocks(
@@ -94,11 +46,14 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     Raises
     ------
     DataError
-        The two do not overlap, or the moves of one are not found in the other.
+        The two do not overlap by what is stated, their moves contradict it, or the moves of one
+        are not found in the other.
     NotIdentifiableError
         Two lags explain both alike.
     """
-    search = _Search(first, second, prior)
+    search = Search(first, second, prior)
+    if np.isfinite(search.std):
+        _check_statement(search, name)
     if prior.exact:
         clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
     else:
@@ -108,230 +63,44 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
             _check_order(first, second, name)
             raise
         clock = search.refined(chosen, name)
-    _check_overlap(first, second, clock)
     lag = clock.offset - (second.begin - first.begin)
     return replace(clock, activity=during(*search.courses, search.width, lag))
 
 
-class _Search:
-    def __init__(self, first: Tracks, second: Tracks, prior: ClockPrior) -> None:
-        self.first, self.second, self.prior = first, second, prior
-        self.spans = first.end - first.begin, second.end - second.begin
-        #: Lag from begin to begin that is stated, and its standard uncertainty.
-        self.stated = float(prior.offset.value) - (second.begin - first.begin)
-        self.std = float(prior.offset.std)
-        self.positions, self.forces = _streams(first, second)
-        #: None where a support's position or force is with neither, or a channel is.
-        complete = len(self.positions) == len(self.forces) >= 3 and all(
-            np.ptp(track.value, axis=0).all() for track, _ in self.forces
-        )
-        self.balance = Balance(self.positions, self.forces) if complete else None
+def _check_statement(search: Search, name: str) -> None:
+    """Raise DataError where the recorders do not overlap by it, or their moves contradict it.
 
-    @cached_property
-    def width(self) -> float:
-        """Width, s, of a bin of activity."""
-        slowest = max(self.first.period, self.second.period)
-        return max(_WIDTH, 1.5 * slowest, max(self.spans) / _BINS)
-
-    @cached_property
-    def courses(self) -> tuple[FloatArray, FloatArray]:
-        """Log-activity of both recorders."""
-        first, second = (
-            activity(tracks.forces or tracks.positions, self.width, span)
-            for tracks, span in zip((self.first, self.second), self.spans, strict=True)
-        )
-        return first, second
-
-    def candidates(self) -> list[Peak]:
-        """Lags at which both are active together, the likeliest first."""
-        longest, courses = max(self.spans), self.courses
-        found = peaks(*courses, self.width, _OVERLAP * min(self.spans), _CANDIDATES)
-        faint = _FAINT * found[0].evidence if found else 0.0
-        found = [p for k, p in enumerate(found) if k < _LEAST or p.evidence > faint]
-        if np.isfinite(self.std):
-            reach = 5.0 * self.std + self.prior.rate_std * longest + _STEP
-            found = [p for p in found if abs(p.lag - self.stated) <= reach]
-            found.append(Peak(self.stated, 0.0, min(self.spans)))
-        return found
-
-    def chosen(self, name: str) -> _Candidate:
-        """The lag that explains both recordings."""
-        found = [self._judged(peak) for peak in self.candidates()]
-        found.sort(key=lambda candidate: candidate.misfit)
-        if not found:
-            raise DataError(Finding("recorder-not-found", (name,)))
-        best, *others = found
-        rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
-        usual = float(np.median(rest)) if rest else np.inf
-        if np.isfinite(self.std) or _is_clear(best, usual):
-            for other in others:
-                apart = abs(other.peak.lag - best.peak.lag) > _SAME
-                if apart and not np.isfinite(self.std) and self._alike(best, other, usual):
-                    raise self._undecided(name, best, other)
-            return best
-        return self._by_activity(name, found)
-
-    def _by_activity(self, name: str, found: Sequence[_Candidate]) -> _Candidate:
-        """The lag by the moves alone, where the balance does not tell."""
-        best, *others = sorted(found, key=lambda c: -c.peak.evidence)
-        if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
-            raise DataError(Finding("recorder-not-found", (name,)))
-        if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
-            raise self._undecided(name, best, others[0])
-        return replace(best, model=None)  # whose moves do not balance
-
-    def _alike(self, best: _Candidate, other: _Candidate, usual: float) -> bool:
-        """Whether another lag explains both as well: moves that repeat, or few of them."""
-        if other.misfit > _ALIKE * best.misfit:
-            return False
-        if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
-            return True
-        tracks = [track for track, _ in self.positions or self.forces]
-        shift = abs(other.lag - best.lag)
-        time = np.linspace(0.0, max(self.spans) - shift, _INSTANTS)
-        here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
-        return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
-
-    def _judged(self, peak: Peak) -> _Candidate:
-        """The lag with the misfit of the balance there."""
-        time = self._instants(peak.lag, _INSTANTS)
-        model = None
-        if self.balance is not None and len(time) > 6:
-            model = self.balance.fit(time, peak.lag)
-        if model is None or self.balance is None:
-            return _Candidate(peak)
-        rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time
-        free = rows - self.balance.parameters
-        if free < 0.25 * self.balance.parameters:
-            return _Candidate(peak, np.inf, rows, model)
-        return _Candidate(peak, model.misfit * float(np.sqrt(rows / free)), rows, model)
-
-    @cached_property
-    def correlation_time(self) -> float:
-        """Time, s, in which the positions, or else the forces, tell something new."""
-        told = [track for track, _ in self.positions or self.forces]
-        return correlation_time(told, max(self.spans))
-
-    def _instants(self, lag: float, most: int) -> FloatArray:
-        """Instants of the first clock, from its begin, at which both recorders run."""
-        begin, end = max(0.0, -lag), min(self.spans[0], self.spans[1] - lag)
-        if end <= begin:
-            return np.empty(0)
-        return np.linspace(begin, end, min(most, max(int((end - begin) / _SPACING), 2)))
-
-    def _undecided(self, name: str, a: _Candidate, b: _Candidate) -> NotIdentifiableError:
-        shift = self.second.begin - self.first.begin
-        values: dict[str, Value] = {"likelier": shift + a.lag, "other": shift + b.lag}
-        return NotIdentifiableError(Finding("recorder-clock-open", (name,), values=values))
-
-    def refined(self, candidate: _Candidate, name: str) -> RecorderClock:
-        """The clock with offset and rate by the balance during the moves."""
-        slowest = max(self.first.period, self.second.period)
-        time = self._instants(candidate.lag, _DENSE)
-        middle = 0.5 * float(time[0] + time[-1])
-        line: FloatArray = np.array([candidate.lag, 0.0])
-        told = _WIDTH if candidate.peak.r >= _LIKE else _UNKNOWN
-        covariance: FloatArray = np.diag([told**2 + slowest**2, self.prior.rate_std**2])
-        by_moves = self._by_moves(candidate, slowest)
-        if self.balance is not None and candidate.model is not None:
-            line, covariance = refine(
-                self.balance,
-                candidate.model,
-                time,
-                candidate.lag,
-                candidate.rows,
-                self.prior.rate_std,
-                slowest,
-            )
-        # By one of several amplifiers the balance would tell how its sensors settle.
-        better = self._in_part or (by_moves and by_moves[1][0] ** 2 < covariance[0, 0])
-        if by_moves is not None and better:
-            line, std, middle = by_moves
-            share = 1.0 / (1.0 + (std[1] / self.prior.rate_std) ** 2)
-            line = line * np.array([1.0, share])
-            covariance = np.diag(std**2 * np.array([1.0, share]))
-        line, covariance = self._with_stated(line, covariance)
-        # At the first stamp of the first clock, where the offset is told.
-        back = np.array([1.0, -middle])
-        offset = self.second.begin - self.first.begin + float(back @ line)
-        rate, rate_std = float(line[1]), float(np.sqrt(covariance[1, 1]))
-        offset_std = float(np.sqrt(back @ covariance @ back))
-        return RecorderClock(name, self.first.begin, offset, offset_std, rate, rate_std)
-
-    def _by_moves(
-        self, candidate: _Candidate, slowest: float
-    ) -> tuple[FloatArray, FloatArray, float] | None:
-        if not (self.positions and self.forces):
-            return None
-        # Of each kind what the second holds, or else all.
-        both = [[s for s in kind if s[1]] or kind for kind in (self.positions, self.forces)]
-        first = lag_by_moves(both[0], both[1], self._moves(candidate.lag), candidate.lag, slowest)
-        if first is None:
-            return None
-        lag = float(first[0][0])
-        return lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) or first
-
-    @cached_property
-    def _in_part(self) -> bool:
-        """Whether the second holds some of the forces, or of the positions, and not all."""
-        return any(0 < sum(late for _, late in kind) < len(kind)
-                   for kind in (self.positions, self.forces))  # fmt: skip
-
-    def _moves(self, lag: float) -> list[tuple[float, float]]:
-        """Moves from rest to rest by the positions, s of the first clock."""
-        late = not self.first.positions
-        tracks = self.second if late else self.first
-        found = moves(tracks.positions, self.spans[late], tracks.period)
-        return [(a - lag * late, b - lag * late) for a, b in found]
-
-    def _with_stated(
-        self, line: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Lag and rate with what is stated of the offset."""
-        if not np.isfinite(self.std):
-            return line, covariance
-        gain = covariance[:, 0] / (covariance[0, 0] + self.std**2)
-        return line + gain * (self.stated - line[0]), covariance - np.outer(gain, covariance[0])
-
-
-def _streams(
-    first: Tracks, second: Tracks
-) -> tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]]:
-    """Positions and forces of both, in the supports' order; with whether each is the second's."""
-    both: tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]] = [], []
-    for number in sorted({*first.streams, *second.streams}):
-        late = number not in first.streams
-        both[number % 2].append(((second if late else first).streams[number], late))
-    return both
-
-
-def _evidence(candidate: _Candidate, balance: Balance | None, usual: float) -> float:
-    """Log-likelihood ratio of a lag against those that balance by chance."""
-    if balance is None or not np.isfinite(candidate.misfit):
-        return 0.0
-    return (candidate.rows - balance.parameters) * float(np.log(usual / candidate.misfit))
-
-
-def _is_clear(best: _Candidate, usual: float) -> bool:
-    """Whether a lag balances far better than lags do by chance."""
-    if not np.isfinite(best.misfit):
-        return False
-    ratio = usual / max(best.misfit, 1e-12)
-    return ratio > _CLEAR and best.rows * np.log(ratio) > _CERTAIN
+    That they do takes a lag which the recordings tell clearly without the statement; if by
+    their balance, this is far worse at all lags which the statement allows.
+    """
+    alone = Search(search.first, search.second, ClockPrior(rate_std=search.prior.rate_std))
+    try:
+        best = alone.chosen(name)
+    except (DataError, NotIdentifiableError):
+        best = None
+    allowed = [search.judged(peak) for peak in search.candidates()]
+    shift = search.second.begin - search.first.begin
+    values: dict[str, Value] = {
+        "begin": -search.stated, "end": search.spans[1] - search.stated, "span": search.spans[0],
+        "offset": float(search.prior.offset.value), "std": search.std,
+    }  # fmt: skip
+    if best is not None:
+        told, stated = shift + best.lag, float(search.prior.offset.value)
+        values |= {"found": True, "likelier": told}
+        values["reversed"] = abs(stated + told) <= max(search.reach, SAME)
+    if not allowed:
+        raise DataError(Finding("recorders-overlap-nowhere", (name,), values=values))
+    if best is None or abs(best.lag - search.stated) <= max(search.reach, SAME):
+        return
+    by_moves = best.model is None
+    if by_moves or min(c.misfit for c in allowed) > CLEAR * best.misfit:
+        raise DataError(Finding("recorder-clock-misstated", (name,), values=values))
 
 
 def _check_order(first: Tracks, second: Tracks, name: str) -> None:
     """Raise DataError where the second's moves are the first's, if they are read backwards."""
     try:
-        _Search(first, second.backwards(), ClockPrior()).chosen(name)
+        Search(first, second.backwards(), ClockPrior()).chosen(name)
     except (DataError, NotIdentifiableError):
         return
     raise DataError(Finding("recorder-backwards", (name,)))
-
-
-def _check_overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> None:
-    begin, end = clock.to_first(np.array([second.begin, second.end])) - first.begin
-    span = first.end - first.begin
-    if end <= 0.0 or begin >= span:
-        values: dict[str, Value] = {"begin": float(begin), "end": float(end), "span": span}
-        raise DataError(Finding("recorders-overlap-nowhere", (clock.recorder,), values=values))

@@ -137,9 +137,60 @@ def test_values_in_the_reverse_order_of_their_times_are_named() -> None:
     assert code(refused.value) == "recorder-backwards"
 
 
-def test_clocks_by_which_recorders_do_not_overlap_are_refused() -> None:
-    moves, loads = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
-    exact = ClockPrior(UncertainValue.exact(5000.0), 0.0)
+@pytest.fixture(scope="module")
+def pair() -> tuple[Tracks, Tracks]:
+    """Two recorders of one campaign, the second's stamps 81234.5 s less than the first's."""
+    how = Apart(-81234.5, 30e-6)
+    moves, loads = recorded_apart(campaign("self", 5), how, np.random.default_rng(1))
+    return tracks(moves), tracks(loads)
+
+
+def stated(offset: float, std: float, rate_std: float = 1e-4) -> ClockPrior:
+    return ClockPrior(UncertainValue(np.array(offset), np.array(std)), rate_std)
+
+
+@pytest.mark.parametrize("rate_std", [0.0, 1e-4])
+@pytest.mark.parametrize("std", [0.0, 0.5])
+@pytest.mark.parametrize("off", [2.0 * 81234.5, 1e3, -1e3, 1e9])
+def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
+    pair: tuple[Tracks, Tracks], off: float, std: float, rate_std: float
+) -> None:
+    """What their moves say instead is told, and whether it is but the sign."""
     with pytest.raises(DataError) as refused:
-        find_clock(tracks(moves), tracks(loads), exact, "daq")
+        find_clock(*pair, stated(off - 81234.5, std, rate_std), "daq")
     assert code(refused.value) == "recorders-overlap-nowhere"
+    values = refused.value.finding.values if refused.value.finding else {}
+    assert values["likelier"] == pytest.approx(-81234.5, abs=0.3)
+    assert values["reversed"] is (off == 2.0 * 81234.5)
+    assert values["begin"] == pytest.approx(-off, abs=0.1)
+
+
+@pytest.mark.parametrize("off", [-30.0, -3.5, 10.0])
+def test_a_stated_offset_that_the_moves_contradict_is_refused(
+    pair: tuple[Tracks, Tracks], off: float
+) -> None:
+    with pytest.raises(DataError) as refused:
+        find_clock(*pair, stated(off - 81234.5, 0.5), "daq")
+    assert code(refused.value) == "recorder-clock-misstated"
+    values = refused.value.finding.values if refused.value.finding else {}
+    assert values["likelier"] == pytest.approx(-81234.5, abs=0.3)
+
+
+@pytest.mark.parametrize("rate_std", [0.0, 1e-3, 1.0])
+@pytest.mark.parametrize("off", [-1.0, 0.0, 1.0])
+def test_an_offset_stated_within_its_uncertainty_is_mended(
+    pair: tuple[Tracks, Tracks], off: float, rate_std: float
+) -> None:
+    clock = find_clock(*pair, stated(off - 81234.5, 0.5, rate_std), "daq")
+    assert abs(clock.offset + 81234.5) < 3.0 * clock.offset_std
+
+
+def test_recorders_of_different_times_are_refused_by_what_is_stated() -> None:
+    """Their moves then tell nothing."""
+    moves, _ = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
+    _, loads = recorded_apart(campaign("self", 6), Apart(), np.random.default_rng(1))
+    with pytest.raises(DataError) as refused:
+        find_clock(tracks(moves), tracks(loads), stated(5000.0, 0.5), "daq")
+    assert code(refused.value) == "recorders-overlap-nowhere"
+    assert refused.value.finding is not None
+    assert "likelier" not in refused.value.finding.values

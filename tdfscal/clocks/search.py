@@ -1,0 +1,273 @@
+"""The lags that two recorders' moves allow, which of them balances, and the clock by it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tdfscal.clocks.balance import Balance, Model
+from tdfscal.clocks.refinement import lag_by_moves, moves, refine
+from tdfscal.clocks.tracks import (
+    Peak,
+    Track,
+    Tracks,
+    activity,
+    correlation_time,
+    peaks,
+)
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.findings import Finding, Value
+from tdfscal.records import ClockPrior, FloatArray, RecorderClock
+
+_WIDTH = 0.1  # s, of a bin of activity
+_BINS = 1 << 16
+_OVERLAP = 0.25  # shortest, as a share of the shorter recording
+_CANDIDATES, _LEAST = 24, 8  # lags looked at, at most and at least,
+_FAINT = 0.1  # by their share of the best one's evidence
+_INSTANTS = 240  # on which a candidate is judged
+_SPACING = 0.08  # s, of instants at the least
+_STEP = 0.3  # s, by which a statement may be off beside its uncertainty,
+SAME = 0.6  # and up to which two lags are one
+_DENSE = 10_000  # instants on which offset and rate are refined
+_ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
+_REPEATS = 0.1  # where positions repeat to this part of their travel,
+_HALF = 0.5  # or by this part of the evidence at least
+CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
+_CERTAIN = 20.0  # and its log-likelihood ratio
+_CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
+_LIKE = 0.85  # and its correlation
+_UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
+_ALSO = 0.6  # share of it from which another lag is as likely
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom.
+
+    rows : independent equations of it. model : what balances; None where none does.
+    """
+
+    peak: Peak
+    misfit: float = np.inf
+    rows: float = 0.0
+    model: Model | None = None
+
+    @property
+    def lag(self) -> float:
+        """Seconds."""
+        return self.peak.lag
+
+
+class Search:
+    """What two recorders hold, and what is stated of the second one's clock."""
+
+    def __init__(self, first: Tracks, second: Tracks, prior: ClockPrior) -> None:
+        self.first, self.second, self.prior = first, second, prior
+        self.spans = first.end - first.begin, second.end - second.begin
+        #: Lag from begin to begin that is stated, and its standard uncertainty.
+        self.stated = float(prior.offset.value) - (second.begin - first.begin)
+        self.std = float(prior.offset.std)
+        self.positions, self.forces = _streams(first, second)
+        #: None where a support's position or force is with neither, or a channel is.
+        complete = len(self.positions) == len(self.forces) >= 3 and all(
+            np.ptp(track.value, axis=0).all() for track, _ in self.forces
+        )
+        self.balance = Balance(self.positions, self.forces) if complete else None
+
+    @cached_property
+    def width(self) -> float:
+        """Width, s, of a bin of activity."""
+        slowest = max(self.first.period, self.second.period)
+        return max(_WIDTH, 1.5 * slowest, max(self.spans) / _BINS)
+
+    @cached_property
+    def courses(self) -> tuple[FloatArray, FloatArray]:
+        """Log-activity of both recorders."""
+        first, second = (
+            activity(tracks.forces or tracks.positions, self.width, span)
+            for tracks, span in zip((self.first, self.second), self.spans, strict=True)
+        )
+        return first, second
+
+    def candidates(self) -> list[Peak]:
+        """Lags at which both are active together, the likeliest first."""
+        found = peaks(*self.courses, self.width, _OVERLAP * min(self.spans), _CANDIDATES)
+        faint = _FAINT * found[0].evidence if found else 0.0
+        found = [p for k, p in enumerate(found) if k < _LEAST or p.evidence > faint]
+        if np.isfinite(self.std):
+            found = [p for p in found if abs(p.lag - self.stated) <= self.reach]
+            found.append(Peak(self.stated, 0.0, min(self.spans)))
+        return [p for p in found if -self.spans[0] < p.lag < self.spans[1]]
+
+    @property
+    def reach(self) -> float:
+        """By how much, s, the lag may be off what is stated."""
+        return 5.0 * self.std + self.prior.rate_std * max(self.spans) + _STEP
+
+    def chosen(self, name: str) -> Candidate:
+        """The lag that explains both recordings."""
+        found = [self.judged(peak) for peak in self.candidates()]
+        found.sort(key=lambda candidate: candidate.misfit)
+        if not found:
+            raise DataError(Finding("recorder-not-found", (name,)))
+        best, *others = found
+        rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
+        usual = float(np.median(rest)) if rest else np.inf
+        if np.isfinite(self.std) or _is_clear(best, usual):
+            for other in others:
+                apart = abs(other.peak.lag - best.peak.lag) > SAME
+                if apart and not np.isfinite(self.std) and self._alike(best, other, usual):
+                    raise self._undecided(name, best, other)
+            return best
+        return self._by_activity(name, found)
+
+    def _by_activity(self, name: str, found: Sequence[Candidate]) -> Candidate:
+        """The lag by the moves alone, where the balance does not tell."""
+        best, *others = sorted(found, key=lambda c: -c.peak.evidence)
+        if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
+            raise DataError(Finding("recorder-not-found", (name,)))
+        if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
+            raise self._undecided(name, best, others[0])
+        return replace(best, model=None)  # whose moves do not balance
+
+    def _alike(self, best: Candidate, other: Candidate, usual: float) -> bool:
+        """Whether another lag explains both as well: moves that repeat, or few of them."""
+        if other.misfit > _ALIKE * best.misfit:
+            return False
+        if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
+            return True
+        tracks = [track for track, _ in self.positions or self.forces]
+        shift = abs(other.lag - best.lag)
+        time = np.linspace(0.0, max(self.spans) - shift, _INSTANTS)
+        here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
+        return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
+
+    def judged(self, peak: Peak) -> Candidate:
+        """The lag with the misfit of the balance there."""
+        time = self._instants(peak.lag, _INSTANTS)
+        model = None
+        if self.balance is not None and len(time) > 6:
+            model = self.balance.fit(time, peak.lag)
+        if model is None or self.balance is None:
+            return Candidate(peak)
+        rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time
+        free = rows - self.balance.parameters
+        if free < 0.25 * self.balance.parameters:
+            return Candidate(peak, np.inf, rows, model)
+        return Candidate(peak, model.misfit * float(np.sqrt(rows / free)), rows, model)
+
+    @cached_property
+    def correlation_time(self) -> float:
+        """Time, s, in which the positions, or else the forces, tell something new."""
+        told = [track for track, _ in self.positions or self.forces]
+        return correlation_time(told, max(self.spans))
+
+    def _instants(self, lag: float, most: int) -> FloatArray:
+        """Instants of the first clock, from its begin, at which both recorders run."""
+        begin, end = max(0.0, -lag), min(self.spans[0], self.spans[1] - lag)
+        if end <= begin:
+            return np.empty(0)
+        return np.linspace(begin, end, min(most, max(int((end - begin) / _SPACING), 2)))
+
+    def _undecided(self, name: str, a: Candidate, b: Candidate) -> NotIdentifiableError:
+        shift = self.second.begin - self.first.begin
+        values: dict[str, Value] = {"likelier": shift + a.lag, "other": shift + b.lag}
+        return NotIdentifiableError(Finding("recorder-clock-open", (name,), values=values))
+
+    def refined(self, candidate: Candidate, name: str) -> RecorderClock:
+        """The clock with offset and rate by the balance during the moves."""
+        slowest = max(self.first.period, self.second.period)
+        time = self._instants(candidate.lag, _DENSE)
+        middle = 0.5 * float(time[0] + time[-1])
+        line: FloatArray = np.array([candidate.lag, 0.0])
+        told = _WIDTH if candidate.peak.r >= _LIKE else _UNKNOWN
+        covariance: FloatArray = np.diag([told**2 + slowest**2, self.prior.rate_std**2])
+        by_moves = self._by_moves(candidate, slowest)
+        if self.balance is not None and candidate.model is not None:
+            line, covariance = refine(
+                self.balance,
+                candidate.model,
+                time,
+                candidate.lag,
+                candidate.rows,
+                self.prior.rate_std,
+                slowest,
+            )
+        # By one of several amplifiers the balance would tell how its sensors settle.
+        better = self._in_part or (by_moves and by_moves[1][0] ** 2 < covariance[0, 0])
+        if by_moves is not None and better:
+            line, std, middle = by_moves
+            share = self.prior.rate_std**2 / (self.prior.rate_std**2 + std[1] ** 2)
+            line = line * np.array([1.0, share])
+            covariance = np.diag(std**2 * np.array([1.0, share]))
+        line, covariance = self._with_stated(line, covariance)
+        # At the first stamp of the first clock, where the offset is told.
+        back = np.array([1.0, -middle])
+        offset = self.second.begin - self.first.begin + float(back @ line)
+        rate, rate_std = float(line[1]), float(np.sqrt(covariance[1, 1]))
+        offset_std = float(np.sqrt(back @ covariance @ back))
+        return RecorderClock(name, self.first.begin, offset, offset_std, rate, rate_std)
+
+    def _by_moves(
+        self, candidate: Candidate, slowest: float
+    ) -> tuple[FloatArray, FloatArray, float] | None:
+        if not (self.positions and self.forces):
+            return None
+        # Of each kind what the second holds, or else all.
+        both = [[s for s in kind if s[1]] or kind for kind in (self.positions, self.forces)]
+        first = lag_by_moves(both[0], both[1], self._moves(candidate.lag), candidate.lag, slowest)
+        if first is None:
+            return None
+        lag = float(first[0][0])
+        return lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) or first
+
+    @cached_property
+    def _in_part(self) -> bool:
+        """Whether the second holds some of the forces, or of the positions, and not all."""
+        return any(0 < sum(late for _, late in kind) < len(kind)
+                   for kind in (self.positions, self.forces))  # fmt: skip
+
+    def _moves(self, lag: float) -> list[tuple[float, float]]:
+        """Moves from rest to rest by the positions, s of the first clock."""
+        late = not self.first.positions
+        tracks = self.second if late else self.first
+        found = moves(tracks.positions, self.spans[late], tracks.period)
+        return [(a - lag * late, b - lag * late) for a, b in found]
+
+    def _with_stated(
+        self, line: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lag and rate with what is stated of the offset."""
+        if not np.isfinite(self.std):
+            return line, covariance
+        gain = covariance[:, 0] / (covariance[0, 0] + self.std**2)
+        return line + gain * (self.stated - line[0]), covariance - np.outer(gain, covariance[0])
+
+
+def _streams(
+    first: Tracks, second: Tracks
+) -> tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]]:
+    """Positions and forces of both, in the supports' order; with whether each is the second's."""
+    both: tuple[list[tuple[Track, bool]], list[tuple[Track, bool]]] = [], []
+    for number in sorted({*first.streams, *second.streams}):
+        late = number not in first.streams
+        both[number % 2].append(((second if late else first).streams[number], late))
+    return both
+
+
+def _evidence(candidate: Candidate, balance: Balance | None, usual: float) -> float:
+    """Log-likelihood ratio of a lag against those that balance by chance."""
+    if balance is None or not np.isfinite(candidate.misfit):
+        return 0.0
+    return (candidate.rows - balance.parameters) * float(np.log(usual / candidate.misfit))
+
+
+def _is_clear(best: Candidate, usual: float) -> bool:
+    """Whether a lag balances far better than lags do by chance."""
+    if not np.isfinite(best.misfit):
+        return False
+    ratio = usual / max(best.misfit, 1e-12)
+    return ratio > CLEAR and best.rows * np.log(ratio) > _CERTAIN
