@@ -151,7 +151,8 @@ turns-visible notes
   a turn since {subject} would have been seen with {power:.0%} probability from this
   size on, whatever the angle: {turns}
 campaign-unsound rejects
-  {subject} says nothing of any turn: calibrate rejects it by itself: {why}
+  {subject} could not be judged and says nothing of any turn, since calibrate rejects it
+  by itself: {why}
 campaign-postures-rejected rejects
   {number:.0f} of {postures} postures of {subject} had to be rejected, above the
   limit of {limit:.0%}

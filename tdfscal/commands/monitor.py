@@ -34,9 +34,9 @@ from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.comparison.rig_history import life_of
-from tdfscal.errors import UsageError
+from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
@@ -45,7 +45,10 @@ from tdfscal.reporting.layout import LISTED, Drawing, Report
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class MonitorResult(Result):
-    """A rig's history. alarms : those that count, of all in `life`."""
+    """A rig's history. alarms : those that count, of all in `life`.
+
+    findings : what its reader must know; those that reject name campaigns that were not judged.
+    """
 
     rig: Rig
     life: Life
@@ -54,25 +57,28 @@ class MonitorResult(Result):
 
     @property
     def exit_status(self) -> int:
-        """1 on an alarm."""
-        return 1 if self.alarms else 0
+        """1 on an alarm, or where a campaign that matters could not be judged."""
+        return 1 if self.alarms or rejecting(self.findings) else 0
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
-        """Lay out verdict, alarms, state, angles."""
+        """Lay out verdict, what was not judged, alarms, state, angles."""
         from tdfscal.reporting.history import history_report
 
-        report = history_report(self.life, self.alarms, drawings)
+        unjudged = rejecting(self.findings)
+        report = history_report(self.life, self.alarms, drawings, tuple(map(told, unjudged)))
+        rest = [found for found in self.findings if found not in unjudged]
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
-            warnings=tuple(map(told, (*self.findings, *_papers(self.rig)))),
+            warnings=tuple(map(told, (*rest, *_papers(self.rig)))),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
         from tdfscal.reporting.history import history_document
 
-        content = history_document(self.life, self.alarms)
+        unjudged = bool(rejecting(self.findings))
+        content = history_document(self.life, self.alarms, unjudged=unjudged)
         found = documents((*self.findings, *_papers(self.rig)))
         return {"rig": self.rig.name, **content, "findings": found}
 
@@ -119,8 +125,13 @@ def monitor(
 ) -> MonitorResult:
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
 
+    A campaign that `calibrate` rejects by itself takes no part and is named; status 1 where it is
+    the latest, of which nothing is then known.
+
     Raises
     ------
+    RejectedError
+        None could be judged.
     UsageError
         There are fewer than two, they are of different rigs, or one recording is in two of them.
     DataError, RigError
@@ -140,19 +151,26 @@ def monitor(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
     checks: list[Earlier | Read] = [*known, *reads]
-    rig = max(checks, key=lambda check: check.measured.month).rig
+    latest = max(check.measured.month for check in checks)
     rejected = unsound(reads)
-    if len(known) + len(reads) - len(rejected) < 2:
-        rejected = {}
+    late = {read.name for read in reads if read.measured.month == latest}
     reads = [read for read in reads if read.name not in rejected]
     checks = [*known, *reads]
+    lost = tuple(
+        finding
+        for name, why in rejected.items()
+        for finding in left_out({name: why}, rejects=name in late or len(checks) < 2)
+    )
+    if not checks:
+        raise RejectedError("; ".join(map(told, lost)))
+    rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
     life, noisy = life_of(rig, known, [recorded(read) for read in reads])
     return MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*left_out(rejected), *noisy, *_findings(life, checks), *_contact(life, rig, known)),
+        (*lost, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
     )
 
 

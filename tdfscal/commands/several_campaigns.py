@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -34,6 +35,8 @@ from tdfscal.significance import MOST_REJECTED
 #: Mean forces of two recordings differ by more than this share of their standard uncertainty in
 #: one of nine channels or more; chance alone would bring them as near once in 10¹⁵ dwells.
 _SAME = 0.02
+#: Reasons of the gate that say how badly a campaign fits, not why.
+_SYMPTOMS = ("residuals-large", "postures-rejected")
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,10 +193,11 @@ def recorded(read: Read) -> Recorded:
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
-def rejected_alone(read: Read) -> Finding | None:
+def rejected_alone(read: Read) -> str | None:
     """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
 
-    None where it does not, or where they do not suffice to be judged alone.
+    A cause rather than how badly they fit. None where it does not reject them, or where they do
+    not suffice to be judged alone.
     """
     if read.dwells is None or not len(read.dwells):
         return None
@@ -203,19 +207,26 @@ def rejected_alone(read: Read) -> Finding | None:
         alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
     except TdfscalError:
         return None
-    return next(iter(alone.reasons), None)
+    reasons = sorted(alone.reasons, key=lambda found: found.code in _SYMPTOMS)
+    if not reasons:
+        return None
+    why = sentence(reasons[0])
+    if reasons[0].code == "postures-rejected":
+        spoilt = Counter(map(sentence, alone.rejected.values()))
+        why = f"{why}: {spoilt.most_common(1)[0][0]}"
+    return why
 
 
-def unsound(campaigns: Sequence[Read]) -> dict[str, Finding]:
+def unsound(campaigns: Sequence[Read]) -> dict[str, str]:
     """Campaigns whose own data do not agree among themselves, by name, each with why."""
     return {read.name: why for read in campaigns if (why := rejected_alone(read)) is not None}
 
 
-def left_out(campaigns: Mapping[str, Finding], *, rejects: bool = False) -> tuple[Finding, ...]:
-    """Say that these campaigns say nothing of any turn; rejects : since too few others do."""
+def left_out(campaigns: Mapping[str, str], *, rejects: bool = False) -> tuple[Finding, ...]:
+    """Say that these campaigns say nothing of any turn; rejects : and the result wants them."""
     code = "campaign-unsound" if rejects else "campaign-left-out"
     return tuple(
-        Finding(code, (name,), values={"why": sentence(why)}, rejects=rejects)
+        Finding(code, (name,), values={"why": why}, rejects=rejects)
         for name, why in campaigns.items()
     )
 

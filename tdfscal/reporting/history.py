@@ -71,17 +71,23 @@ def sentence(life: Life, alarm: Alarm) -> str:
 
 
 def history_report(
-    life: Life, alarms: tuple[Alarm, ...], drawings: tuple[Drawing, ...] = ()
+    life: Life,
+    alarms: tuple[Alarm, ...],
+    drawings: tuple[Drawing, ...] = (),
+    unjudged: tuple[str, ...] = (),
 ) -> Report:
-    """Lay out a history; alarms : those that count, of all in `life`."""
+    """Lay out a history; alarms : those that count, of all in `life`.
+
+    unjudged : what is said first of campaigns that take no part, though the result wants them.
+    """
     kinds = dict.fromkeys(alarm.kind for alarm in alarms)
     facts = Facts(_facts(life, alarms))
     return Report(
-        title=f"History of {len(life.names)} checks",
+        title=f"History of {_checks(life)}",
         subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement",
-        verdict="ALARM" if alarms else "NO ALARM",
-        accepted=not alarms,
-        reasons=tuple(sentence(life, alarm) for alarm in alarms),
+        verdict=_verdict(alarms, unjudged=bool(unjudged)).upper(),
+        accepted=not alarms and not unjudged,
+        reasons=(*unjudged, *(sentence(life, alarm) for alarm in alarms)),
         summary=(facts,),
         sections=(
             Section("State", (facts,)),
@@ -90,6 +96,15 @@ def history_report(
         ),
         advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
     )
+
+
+def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:
+    """Where nothing is known of a campaign, that there is no alarm would say too much."""
+    return "alarm" if alarms else "not all judged" if unjudged else "no alarm"
+
+
+def _checks(life: Life) -> str:
+    return f"{len(life.names)} check{'s' if len(life.names) > 1 else ''}"
 
 
 def _facts(life: Life, alarms: tuple[Alarm, ...]) -> tuple[tuple[str, str], ...]:
@@ -150,14 +165,16 @@ def _angles(life: Life) -> Table:
     return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
 
 
-def history_document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:
+def history_document(
+    life: Life, alarms: tuple[Alarm, ...], *, unjudged: bool = False
+) -> dict[str, Any]:
     """Plain JSON values: SI units, rad, dates in ISO 8601."""
     due = life.due
     dates = [None if when is None else day_or_far(when) for when in (due.month, due.earliest)]
     return layout.document(
         life,
         "supports false_alarms_per_year=rate birge",
-        verdict="alarm" if alarms else "no alarm",
+        verdict=_verdict(alarms, unjudged=unjudged),
         checks=[_check(life, k) for k in range(len(life.names))],
         alarms=[_alarm(life, alarm) for alarm in alarms],
         older_alarms=[_alarm(life, a) for a in life.alarms if a not in alarms],

@@ -1,0 +1,99 @@
+"""Campaigns that cannot be judged take no part, and nobody is told that all is well."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal.files.writers.campaign import write_run
+from tdfscal.records import CampaignInfo, Rig
+from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
+from tests.cli.running import run
+
+RPY = np.array([[0.01, -0.02, 0.03], [-0.015, 0.005, -0.04], [0.02, 0.012, 0.025]])
+SLIPPED = Faults(slips=(Slip(1, 8, (0.0, 8e-3, 0.0)),))
+
+
+def of(month: int) -> Rig:
+    """One rig whose load and hinges are exact: every campaign is of the same machine."""
+    rig = reference_rig()
+    return replace(
+        rig,
+        declared=replace(rig.declared, hinge=0.0),
+        mass=replace(rig.mass, std=np.array(0.0)),
+        barycentre=replace(rig.barycentre, std=np.zeros(3)),
+        campaign=CampaignInfo(date=f"2026-{month:02d}-01"),
+    )
+
+
+def write(
+    home: Path, name: str, month: int, *, scenario: str = "self", faults: Faults | None = None
+) -> None:
+    options = Options(
+        postures=15, squeeze=200.0, rpy=RPY, rows="postures", faults=faults or Faults()
+    )
+    played = scenarios.run(of(month), scenario, options, np.random.default_rng(month), None)
+    write_run(played, home / name, format="csv")
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three sound months; then one whose second sensor slipped, and one that was saturated."""
+    home = tmp_path_factory.mktemp("rig")
+    for month in (1, 2, 3):
+        write(home, f"sound{month}", month)
+    write(home, "slipped", 4, faults=SLIPPED)
+    write(home, "saturated", 5, scenario="saturation")
+    return home
+
+
+def monitored(capsys: pytest.CaptureFixture[str], status: int, *paths: Path) -> Any:
+    done = run(capsys, "monitor", *paths, "--json", "-q")
+    assert done.status == status, done.err
+    return json.loads(done.out)
+
+
+def unjudged(result: Any) -> list[tuple[str, str]]:
+    """Name and reason of campaigns for whose sake the result is not all well."""
+    return [(f["subject"][0], f["text"]) for f in result["findings"] if f["severity"] == "rejects"]
+
+
+@pytest.mark.parametrize(("name", "why"), [("slipped", "ncp2"), ("saturated", "capacity")])
+def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
+    home: Path, capsys: pytest.CaptureFixture[str], name: str, why: str
+) -> None:
+    """Alone beside a calibration, and after others; the others' numbers stay what they are."""
+    base = home / "base.yaml"
+    run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
+    monitored(capsys, 0, base, home / "sound2")
+    for others in ([base], [base, home / "sound2"]):
+        result = monitored(capsys, 1, *others, home / name)
+        ((subject, text),) = unjudged(result)
+        assert subject == str(home / name)
+        assert why in text
+        assert result["alarms"] == []
+        assert len(result["checks"]) == len(others)
+    assert result["checks"] == monitored(capsys, 0, *others)["checks"]
+
+
+def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(home, "later", 6)
+    sound = [home / "sound1", home / "sound2", home / "later"]
+    result = monitored(capsys, 0, *sound, home / "slipped")
+    assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
+    assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+
+
+def test_where_none_can_be_judged_there_is_no_history(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run(capsys, "monitor", home / "slipped", home / "saturated", "-q")
+    assert (done.status, done.out) == (1, "")
+    assert str(home / "slipped") in done.err
