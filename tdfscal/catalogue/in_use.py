@@ -34,24 +34,24 @@ _CHANGES = entries(
     """
 change-sensor-turned rejects
   the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the
-  BCS, ± {change_std:rad}
+  BCS, ± {change_95:rad} (95 %)
   -> look at the mounting of this sensor, then calibrate again
 change-zero-drifted rejects
   the zero of {subject} {stated:is off what the rig file states|has drifted} by
-  {change:N} along x, y, z of the sensor, ± {change_std:N}
+  {change:N} along x, y, z of the sensor, ± {change_95:N} (95 %)
   -> tare, and validate again; if it returns, calibrate again
 change-gain rejects
-  the gain of {subject} has changed by {change:+.3f} ± {change_std:.3f} % along
-  {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
+  the gain of {subject} has changed by {change:+.3f} ± {change_95:.3f} % (95 %)
+  along {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
   -> have this sensor, its amplifier and its cable checked; calibrate again with
     uncertainty.force_sensitivity declared until then
 change-load rejects
-  the terminal's mass has changed by {mass:+.3f} ± {mass_std:.3f} kg, and its
-  barycentre by {barycentre:m}, ± {barycentre_std:m}
+  the terminal's mass has changed by {mass:+.3f} ± {mass_95:.3f} kg, and its
+  barycentre by {barycentre:m}, ± {barycentre_95:m} (95 %)
   -> correct the load, or the rig file and calibrate again
 change-base-tilted rejects
   the base is no longer level as it was: {change:rad} about x, y of the BCS, ±
-  {change_std:rad}
+  {change_95:rad} (95 %)
   -> level the base, or calibrate again with gravity.tilt_std declared
 change-contact rejects
   contact in {more:postures|posture} {postures}: {size}, {torque:N·m}
@@ -127,6 +127,9 @@ channels-as-calibrated notes
 zeros-moved notes
   the zeros have moved since the calibration, by up to {size}, as a tare moves them
   -> bring the new ones in by `tdfscal update`
+zeros-beside-change notes
+  the zeros, estimated together with that change, are off the calibration's by up to
+  {size}
 change-unexplained rejects
   the residual wrench is not what the stated uncertainties explain, and no single
   cause explains it ({p})

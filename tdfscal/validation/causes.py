@@ -21,7 +21,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.scatter import likeliest
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
-from tdfscal.validation.known_noise import Whitened, basis
+from tdfscal.validation.known_noise import Linearised, Whitened, basis
 
 Kind = Literal[
     "sensor turned",
@@ -140,6 +140,25 @@ def causes(given: Whitened) -> Causes:
     tried = len(models) + (len(given.own) if contacts else 0)
     found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
     return Causes(tuple(sorted(found, key=_WEIGHT, reverse=True)), tried)
+
+
+def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
+    """Derivative (m, q) of residuals by what a cause changes; none of a zero, nor of a scatter."""
+    place, load = layout(at.sensors), ("mass", "barycentre")
+    match cause.kind:
+        case "sensor turned" | "gain changed":
+            assert cause.support is not None
+            q = len(cause.std)
+            group = "rotation" if cause.kind == "sensor turned" else "sensitivity"
+            first = place[group].start + q * cause.support
+            return at.columns[:, first : first + q][:, cause.std > 0]
+        case "load changed":
+            return np.concatenate([at.columns[:, place[name]] for name in load], axis=1)
+        case "base tilted":
+            return at.columns[:, place["tilt"]]
+        case "contact":
+            return _touching(at.own, cause.postures)
+    return at.columns[:, :0]
 
 
 def _models(given: Whitened) -> list[_Model]:
@@ -269,11 +288,16 @@ def _scatter_cause(
 
 
 def _contact(given: Whitened, postures: Sequence[int]) -> _Model:
-    columns = np.zeros((len(given.own), 6, 6 * len(postures)))
-    for place, k in enumerate(postures):
-        columns[k, :, 6 * place : 6 * place + 6] = given.own[k]
-    white = given.white(columns.reshape(-1, columns.shape[2]))
+    white = given.white(_touching(given.own, postures))
     return _Model("contact", None, tuple(sorted(postures)), white)
+
+
+def _touching(own: FloatArray, postures: Sequence[int]) -> FloatArray:
+    """Derivative (6K, 6c) of residual wrenches by a contact wrench in each of c postures."""
+    columns = np.zeros((len(own), 6, 6 * len(postures)))
+    for place, k in enumerate(postures):
+        columns[k, :, 6 * place : 6 * place + 6] = own[k]
+    return columns.reshape(-1, columns.shape[2])
 
 
 def _contacts(given: Whitened, rival: Cause) -> list[Cause]:

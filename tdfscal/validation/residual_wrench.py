@@ -21,7 +21,7 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
-from tdfscal.validation.causes import Cause, Causes
+from tdfscal.validation.causes import Cause
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise, Linearised, Whitened, moving_zeros
 from tdfscal.validation.misread import refuse_misread
 from tdfscal.validation.verdict import Judged, Verdict, searched
@@ -116,25 +116,27 @@ def validate(
 
 
 def _judged(white: Whitened, known: KnownNoise) -> Judged:
-    found = causes.causes(white)
-    return Judged(white, found, *_chances(white, found, known))
-
-
-def _chances(white: Whitened, found: Causes, known: KnownNoise) -> tuple[float, float]:
-    """Probability of all residuals together, and of what looks most like one single cause.
+    """Residuals held against chance: all together, and what looks most like one single cause.
 
     A posture counts as far off as it would have to be with normal noise to be as improbable.
     """
+    found = causes.causes(white)
     spared = known.as_normal(white)
-    if spared is not white:
-        found = causes.causes(spared)
+    likest = found if spared is white else causes.causes(spared)
     overall = known.chi2_sf(spared.chi2, spared.dof) if white.dof > 0 else 1.0
 
     def chance(cause: Cause) -> float:
         rest = spared.chi2 - cause.gain
         return known.gain_sf(cause.gain, cause.unknowns, rest, spared.dof - cause.unknowns)
 
-    return overall, searched(found, chance)
+    return Judged(
+        white,
+        found,
+        overall,
+        searched(likest, chance),
+        noise_dof=known.freedom,
+        tails=spared is not white,
+    )
 
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[Finding, ...]]:

@@ -16,8 +16,10 @@ from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import NOISE, Cause, Causes
 from tdfscal.validation.known_noise import Whitened
 
-#: Of false alarms, the part of the search for one cause; of that, the part of turned sensors.
-_SEARCH = 0.75 * VALIDATION_ALARM
+#: Of false alarms, the part of the search for one cause, and that of all residuals together.
+SEARCH_LIMIT = 0.75 * VALIDATION_ALARM
+CHI2_LIMIT = VALIDATION_ALARM - SEARCH_LIMIT
+#: Of the search, the part of turned sensors.
 _TURNED = 2.0 / 3.0
 
 
@@ -27,7 +29,8 @@ class Judged:
 
     white : the residual wrench, all that correlates it taken away. causes : held against each
     other. p_value : of its χ². search_p : as `searched` has it. tared : as white, by zeros drawn
-    anew; what stands out of it passes for no tare.
+    anew; what stands out of it passes for no tare. noise_dof : degrees of freedom with which the
+    noise behind p_value is known, ∞ as stated; tails : postures in its tails count for less there.
     """
 
     white: Whitened
@@ -35,11 +38,13 @@ class Judged:
     p_value: float
     search_p: float
     tared: Whitened | None = None
+    noise_dof: float = np.inf
+    tails: bool = False
 
     @property
     def holds(self) -> bool:
         """Neither all residuals together nor the likeliest single cause are beyond chance."""
-        return self.search_p >= _SEARCH and self.p_value >= VALIDATION_ALARM - _SEARCH
+        return self.search_p >= SEARCH_LIMIT and self.p_value >= CHI2_LIMIT
 
     @property
     def merit(self) -> tuple[bool, float]:
@@ -70,8 +75,9 @@ class Zeros:
     """Zeros at the time of a log, n sensors, N, sensor frames.
 
     moved : they are not those of the calibration, as after a tare; the verdict takes them as drawn
-    anew from what the rig file states. change : (n, 3), from the calibration's zeros to these, its
-    std beside it; ∞ where the log does not tell. value : (n, 3), the zeros now, and covariance
+    anew from what the rig file states. Where a change of the rig is suspected, the zeros are
+    estimated together with the likeliest. change : (n, 3), from the calibration's zeros to these,
+    its std beside it; ∞ where the log does not tell. value : (n, 3), the zeros now, and covariance
     (3n, 3n).
     """
 
@@ -122,6 +128,11 @@ class Verdict:
         return self.judged.search_p
 
     @property
+    def decided_by_search(self) -> bool:
+        """The search for one cause is farther below its limit than χ², or nearer above it."""
+        return self.search_p / SEARCH_LIMIT < self.p_value / CHI2_LIMIT
+
+    @property
     def chi2(self) -> float:
         """χ² of the residual wrench with its full covariance."""
         return self.white.chi2
@@ -137,7 +148,7 @@ class Verdict:
 
         With probability DETECTION_POWER, though the zeros may have been tared; ∞ where none is.
         """
-        threshold = special.chdtri(3, _SEARCH * _TURNED / self.rig.n)
+        threshold = special.chdtri(3, SEARCH_LIMIT * _TURNED / self.rig.n)
         offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
         white = self.judged.tared or self.white
         turns = white.columns[:, layout(self.rig.n)["rotation"]]

@@ -17,7 +17,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
-from tdfscal.validation.causes import NOISE, Cause
+from tdfscal.validation.causes import NOISE, Cause, unknown_columns
 from tdfscal.validation.known_noise import Linearised, Whitened, basis, whiten
 from tdfscal.validation.verdict import Judged, Zeros
 
@@ -63,7 +63,8 @@ def judged_with_zeros(
     rivals = tuple(cause for cause in same.causes.best if no_tare(cause))
     moved = _moved(same, fresh, rivals)
     chosen = replace(fresh if moved else same, tared=fresh.white)
-    return chosen, _zeros(at, given, step, std, moved=moved)
+    changed = next(iter(() if chosen.holds else chosen.causes.suspected), None)
+    return chosen, _zeros(at, given, step, std, moved=moved, changed=changed)
 
 
 def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
@@ -97,22 +98,32 @@ def _evidence(cause: Cause) -> float:
 
 
 def _zeros(
-    at: Linearised, given: Calibrated, step: FloatArray, std: FloatArray, *, moved: bool
+    at: Linearised,
+    given: Calibrated,
+    step: FloatArray,
+    std: FloatArray,
+    *,
+    moved: bool,
+    changed: Cause | None,
 ) -> Zeros:
     """Zeros of a log by its residuals, the calibration's joint covariance and what is stated.
 
     With x = (calibrated parameters d, own ones, new zeros less the calibration's m), m ~ N(step,
     std²), the residuals are −J x with the zeros' columns at m; m − d_zero is by how much they
-    moved. Nothing stated is as wide as the load.
+    moved. Nothing stated is as wide as the load. changed : what the rig changed by, of which
+    nothing is known; zeros would take the part of it that looks alike.
     """
     zero, n = layout(at.sensors)["zero"], at.sensors
+    if changed is not None and changed.kind == "zero drifted" and changed.support is not None:
+        std = np.where(np.arange(3 * n) // 3 == changed.support, np.inf, std)
     widest = float(given.state.mass) * given.rig.gravity
     J = np.concatenate([at.columns, at.zero_columns], axis=1)
     J[:, zero] = 0.0
     root = block_diagonal(given.root, at.own_root, np.diag(np.minimum(std, widest)))
     unknown = np.concatenate([given.open, at.own_unknown, np.zeros(3 * n, dtype=np.bool_)])
     unknown[zero] = False
-    free = basis(J[:, unknown])
+    aside = [] if changed is None else [unknown_columns(changed, at)]
+    free = basis(np.concatenate([J[:, unknown], *aside], axis=1))
     B, r = J @ root, at.residual + at.zero_columns @ step
     B, r = B - free @ (free.T @ B), r - free @ (free.T @ r)
     half = np.linalg.inv(np.linalg.cholesky(np.eye(B.shape[1]) + B.T @ B)).T

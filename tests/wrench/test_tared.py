@@ -56,6 +56,20 @@ def test_a_sensor_turned_by_4_mrad_is_named_through_a_tare() -> None:
     assert named >= 0.9 * RUNS
 
 
+def test_zeros_beside_a_turn_are_those_of_the_tare() -> None:
+    """A turn of 8 mrad moves readings by newtons, as zeros would: it is no part of theirs."""
+    squares = []
+    for t in range(RUNS):
+        dwells, shift = tared(turned(world(TRIALS), t, 1, np.array([0.0, 8e-3, 0.0])), t)
+        v = verdict(t, dwells)
+        assert not v.holds
+        assert v.zeros.moved
+        squares.append(((v.zeros.change - shift) / v.zeros.change_std) ** 2)
+    total = np.sum(squares, axis=0)
+    assert np.all(stats.chi2.cdf(total, RUNS) < 1 - 1e-4)
+    assert np.all(stats.chi2.cdf(total, RUNS) > 1e-4)
+
+
 def test_a_zero_far_beyond_what_is_stated_is_named() -> None:
     named = 0
     for t in range(RUNS):

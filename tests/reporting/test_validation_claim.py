@@ -1,0 +1,97 @@
+"""What a verdict rests on, and what it advises: the JSON's findings, and the deciding p in text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.reporting.layout import p_value
+from tdfscal.reporting.text import render
+from tdfscal.reporting.validation import validation_document, validation_report
+from tdfscal.reporting.validation_changes import change
+from tdfscal.significance import VALIDATION_ALARM
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise
+from tdfscal.validation.residual_wrench import Validation, validate
+from tests.wrench.held_out import turned, world
+from tests.wrench.test_tared import tared
+
+TRIALS = 100
+#: Noise as a calibration of this many degrees of freedom knows it.
+KNOWN = KnownNoise(birge=1.001, dof=90)
+
+
+def validation(turn: float, trial: int = 0, known: KnownNoise = AS_STATED) -> Validation:
+    """Of a rig tared anew whose second sensor turned about y, rad."""
+    held = world(TRIALS)
+    dwells = turned(held, trial, 1, np.array([0.0, turn, 0.0])) if turn else held.held(trial)
+    return validate(held.given[trial], tared(dwells, trial)[0], known=known)
+
+
+def written(v: Validation) -> tuple[dict[str, Any], str]:
+    return validation_document(v, ()), " ".join(render(validation_report(v, ())).split())
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.5e-3, 2e-3, 8e-3])
+def test_the_verdict_is_what_its_own_numbers_say(turn: float) -> None:
+    v = validation(turn)
+    found, text = written(v)
+    below = {
+        "search": found["search_p_value"] < found["search_limit"],
+        "chi2": found["p_value"] < found["chi2_limit"],
+    }
+    assert found["holds"] is not any(below.values())
+    assert found["search_limit"] + found["chi2_limit"] == pytest.approx(VALIDATION_ALARM)
+    # What decides is among what rejects, and stands in the text with its limit.
+    key = {"search": ("search_p_value", "search_limit"), "chi2": ("p_value", "chi2_limit")}
+    p, limit = (found[name] for name in key[found["decided_by"]])
+    assert below[found["decided_by"]] or found["holds"]
+    claim = text.split("Residual contact wrench")[0]
+    assert f"{p_value(p)}, limit {limit:.3g}" in claim
+    for name, (p, limit) in key.items():
+        printed = f"{p_value(found[p])}, limit {found[limit]:.3g}" in claim
+        assert printed or not (below[name] or found["holds"])
+
+
+def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
+    """The search alone rejects here: a p of χ² above its limit would contradict the verdict."""
+    tested = [validation(2e-3, t, KNOWN) for t in range(8)]
+    alone = [v for v in tested if not v.holds and v.p_value >= 0.01]
+    assert alone
+    for v in alone:
+        found = written(v)[0]
+        assert found["decided_by"] == "search"
+        assert p_value(v.p_value) not in found["why"]
+
+
+def test_by_what_a_p_was_found_is_told() -> None:
+    stated, known = (written(validation(0.0, known=each))[0] for each in (AS_STATED, KNOWN))
+    assert stated["chi2_noise_dof"] is None
+    assert known["chi2_noise_dof"] == KNOWN.dof
+    assert known["why"] != stated["why"]
+
+
+def codes(found: dict[str, Any]) -> dict[str, str | None]:
+    return {each["code"]: each["cure"] for each in found["findings"]}
+
+
+def test_no_tare_is_advised_where_the_rig_changed() -> None:
+    v = validation(8e-3)
+    assert v.zeros.moved
+    said = codes(written(v)[0])
+    assert "change-sensor-turned" in said
+    assert "zeros-moved" not in said
+    assert said["zeros-beside-change"] is None
+    held = validation(0.0)
+    assert held.zeros.moved
+    assert set(codes(written(held)[0])) == {"zeros-moved"}
+
+
+def test_the_interval_of_a_turn_is_of_95_percent() -> None:
+    v = validation(8e-3)
+    (cause, *_) = v.suspected
+    half = change(v, cause).values["change_95"]
+    assert half == pytest.approx((coverage_factor(0.95) * cause.std).tolist())
+    assert "(95 %)" in written(v)[1]
