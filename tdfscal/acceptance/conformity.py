@@ -3,7 +3,7 @@
 The error of the contact force is a vector with the calibration's covariance Σ; what is limited is
 its length. The expanded uncertainty U is the length that it stays below with the probability that
 k = 2 gives in one dimension, 95.45 %; for an error along one line it is 2σ. The decision rule is
-simple acceptance behind a guard band of width U: conforming where U ≤ limit.
+guarded acceptance with a guard band of width U: conforming where U ≤ limit.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ class Calibration(Result, CalibrationFile):
     def of(cls, file: CalibrationFile, records: Records | None = None) -> Self:
         """Take over the content of a checked calibration file."""
         made = cls.model_construct(**{name: getattr(file, name) for name in cls.model_fields})
-        made._records = records
+        made._records, made._read = records, file._read
         return made
 
     @property

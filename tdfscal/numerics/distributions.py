@@ -43,6 +43,11 @@ def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
     return np.asarray(np.where(finite, t, special.ndtri(p)), dtype=np.float64)
 
 
+def coverage(k: float, dof: float = np.inf) -> float:
+    """Probability within ±k standard uncertainties, of Student's t with dof degrees of freedom."""
+    return float(1.0 - 2.0 * (special.stdtr(dof, -k) if np.isfinite(dof) else special.ndtr(-k)))
+
+
 def widening(dof: float) -> float:
     """Factor on a standard error of so many degrees of freedom: three of them cover 99.73 %."""
     return float(coverage_factor(_THREE, dof)) / 3.0

@@ -86,7 +86,7 @@ def _half_width(mounting: Mounting) -> list[float]:
 
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on."""
-    which = "each" if c.determined.all() else "each that is determined"
+    which = "each by itself" if c.determined.all() else "each that is determined, by itself,"
     half = float(half_widths(c).max())
     said = f"{which} within ± {1e3 * half:.2g} mrad (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":

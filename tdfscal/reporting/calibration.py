@@ -7,8 +7,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from tdfscal.files.calibration.consistency import UNCONFIRMED
-from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import student_dof
 from tdfscal.records import ANGLES
@@ -16,7 +15,13 @@ from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise, half_widths, headline
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
-from tdfscal.reporting.traceability import campaign, exact_tables, overdue, provenance
+from tdfscal.reporting.traceability import (
+    campaign,
+    exact_tables,
+    provenance,
+    report_digest,
+    warnings,
+)
 from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 
 
@@ -51,18 +56,15 @@ def calibration_report(
         sections=(
             *layout.illustrated(drawings, blocks),
             *more,
-            Section("Statistics", (Facts(_statistics(c)), *layout.listed("Notes", notes))),
+            Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
         ),
-        warnings=(
-            *overdue(c),
-            *(f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED),
-        ),
+        warnings=warnings(c),
         advice=advise(c),
         created=layout.utc(c.created),
-        number=str(file_content(c)["content_sha256"])[:8],
+        number=report_digest(c)[:8],
     )
 
 
@@ -144,8 +146,15 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
         (name, f"{value:.3f}", "open" if std is None else f"{std:.3f}")
         for name, value, std in found
     )
+    gains = tuple(
+        (f"{s.name} {axis}", *(f"{value:.5f}" for value in row))
+        for s in c.supports
+        for axis, row in zip("xyz", s.sensitivity or (), strict=False)
+    )
+    sensitivity = Table("Sensitivity, sensor frames", ("sensor", "x", "y", "z"), gains)
     return (
         Table("Zero offsets, N, sensor frames", ("sensor", "x", "y", "z"), zeros),
+        *((sensitivity,) if gains else ()),
         Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), terminal),
     )
 
@@ -173,7 +182,7 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     return tuple(tiles)
 
 
-def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
+def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     """How well the fit agrees with what is stated, and the largest correlation of two angles."""
     facts = []
     if c.fit is not None:
@@ -184,7 +193,7 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
-            ("Fit", chi_squared(f.chi2, f.dof, f.p_value)),
+            ("Fit", chi_squared(f.chi2, f.dof, f.p_value) + _scaled(c)),
         ]
     if c.tracker is not None:
         t = {name: float(str(c.tracker[name])) for name in ("chi2", "dof", "p_value")}
@@ -204,6 +213,15 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         names = c.covariance.parameters
         facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
     return tuple(facts)
+
+
+def _scaled(c: Calibration) -> str:
+    """That the residuals widened every uncertainty; by one factor only in a campaign at rest."""
+    of_stops = c.estimator != "linear" and c.motion is None and not c.campaigns
+    if c.fit is None or c.fit.birge <= 1 or not of_stops:
+        return ""
+    scale = f"{c.fit.birge:.2f} (Birge ratio)"
+    return f"; noise, and its part of every uncertainty, is scaled by {scale}"
 
 
 def _coverage(c: Calibration) -> str:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import ExactQuantityResult
+from tdfscal.files.calibration.consistency import UNCONFIRMED
+from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
-from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
-from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
+from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, probability, utc
+from tdfscal.significance import EXPANDED_COVERAGE, MOST_REJECTED
 
 #: Days of a month; months beyond which nothing is said.
 _MONTH, _FOREVER = 30.4375, 1200.0
@@ -26,6 +27,10 @@ _CAPTION = (
 )
 _UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
           "of it": (100.0, "%")}  # fmt: skip
+_UNSEALED = (
+    "not sealed: the calibration file was edited since it was written, or written by another "
+    "program"
+)
 #: Quantities named in one sentence, and the share of the half width from which on they are.
 _NAMED, _NOTABLE = 3, 0.1
 #: Standard uncertainties of the rig file's block, by the words for what they are of.
@@ -75,9 +80,36 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
 
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """What is in no uncertainty, and when a result is accepted."""
+    """What is in no uncertainty, when a result is accepted, and how its contact wrench fares."""
     exact = ", ".join(_exact(c)) or "nothing"
-    return ("Taken as exact", exact), ("Decision rule", _decision_rule(c))
+    said = ("Taken as exact", exact), ("Decision rule", _decision_rule(c))
+    return said if c.conformity is None else (*said, ("Contact wrench", _contact(c.conformity)))
+
+
+def report_digest(c: Calibration) -> str:
+    """SHA-256 of the calibration's content; a report's number is its first eight digits."""
+    return str(file_content(c)["content_sha256"])
+
+
+def warnings(c: Calibration) -> tuple[str, ...]:
+    """What to know before the result is used; the lines of a draft stand by themselves."""
+    found = (f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED)
+    return (*((_UNSEALED,) if c.unsealed else ()), *_overdue(c), *found)
+
+
+def _contact(found: ConformityResult) -> str:
+    """Expanded uncertainty of force and torque against their limits."""
+    said = []
+    for name, unit, part in (("force", "N", found.force), ("torque", "N·m", found.torque)):
+        if part.limit is None:
+            continue
+        verdict = "conforms" if part.conforms else "does not conform"
+        said.append(
+            f"{name} {verdict}: U = {part.expanded:.3g} {unit}, limit {part.limit:g} {unit}, "
+            f"exceeded with probability {probability(part.exceeding)}"
+        )
+    rpy = ", ".join(f"{angle:g}" for angle in found.rpy)
+    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad"
 
 
 def _next_due(c: Calibration) -> str:
@@ -100,7 +132,7 @@ def _ends(c: Calibration) -> list[tuple[str, str]]:
     return [(s.sensor.due, s.name) for s in c.rig.supports if s.sensor and s.sensor.due]
 
 
-def overdue(c: Calibration) -> tuple[str, ...]:
+def _overdue(c: Calibration) -> tuple[str, ...]:
     """Sensors whose own certificate had ended when the data were recorded."""
     day = (c.measured.end if c.measured is not None else c.created)[:10]
     return tuple(
@@ -159,6 +191,7 @@ def provenance(c: Calibration) -> Section:
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
         ("Command", c.command),
         ("Created", utc(c.created)),
+        ("Content", f"SHA-256 {report_digest(c)}"),
         ("Software", f"{c.software.name} {c.software.version}"),
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
@@ -189,12 +222,14 @@ def _decision_rule(c: Calibration) -> str:
         f"{1e3 * limits.angle_std:.3g} mrad, the scatter at most {limits.birge_max:.2g} times what "
         "is stated (Birge ratio)"
     )
-    if c.method != "tracker":
+    if c.motion is not None:
+        rule += f", and at most {MOST_REJECTED:.0%} of the motion is left out"
+    elif c.method != "tracker":
         rule += f", and at most {MOST_REJECTED:.0%} of the postures are rejected"
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
     if limits.contact is not None:
         rule += (
-            "; contact wrench: simple acceptance behind a guard band of the expanded uncertainty, "
-            f"k = {COVERAGE_FACTOR:g} (JCGM 106)"
+            "; contact wrench: guarded acceptance, the guard band being the expanded uncertainty "
+            f"of its length, coverage {100 * EXPANDED_COVERAGE:.2f} % (JCGM 106)"
         )
     return rule

@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 import xmlschema
 
+from tdfscal.catalogue import document as finding_document
 from tdfscal.exports.certificate import VERSION, certificate
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import MeasuredResult
+from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY, MeasuredResult
 from tdfscal.files.rig.model import Sensor
+from tdfscal.findings import Finding
+from tdfscal.records import ANGLES
+from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.layout import Table
 from tests.export.rules import write_schemas
 from tests.reporting.samples import NASTY, by_hand, changed, run, sample, saved
 
@@ -31,30 +36,80 @@ def content(element: ET.Element) -> str:
     return str(element.findtext("dcc:name/dcc:content", namespaces=NAMES))
 
 
-def test_numbers_come_back_to_the_bit() -> None:
-    root = ET.fromstring(certificate(C))
-    found = {
+def quantities(c: Calibration) -> dict[str, ET.Element | None]:
+    return {
         content(quantity): quantity.find("si:real", NAMES)
-        for quantity in root.iterfind(".//dcc:quantity", NAMES)
+        for quantity in ET.fromstring(certificate(c)).iterfind(".//dcc:quantity", NAMES)
     }
+
+
+def test_numbers_keep_two_digits_beyond_those_of_the_uncertainty() -> None:
+    """The last of four digits of U is at most a thousandth of U, and half of it is rounded off."""
+    found = quantities(C)
     for support, mounting in zip(C.supports, C.mounted, strict=True):
-        for k, angle in enumerate(("roll", "pitch", "yaw")):
+        for k, angle in enumerate(ANGLES):
             real = found[f"{angle} of {support.name}"]
             assert real is not None
-            assert float(str(real.findtext("si:value", namespaces=NAMES))) == mounting.rpy[k]
+            said = float(str(real.findtext("si:value", namespaces=NAMES)))
+            std = mounting.rpy_std[k]
+            assert said == pytest.approx(mounting.rpy[k], abs=1.01e-3 * std, rel=0)
+            assert said != mounting.rpy[k]
             assert real.findtext("si:unit", namespaces=NAMES) == "\\radian"
             place = real.find("si:measurementUncertaintyUnivariate/si:expandedMU", NAMES)
             assert place is not None
             U, factor, p = (float(str(part.text)) for part in place)
-            assert U / factor == pytest.approx(mounting.rpy_std[k], rel=1e-14)
+            assert pytest.approx(factor * std, rel=5e-4) == U
             assert factor == 2.0
-            assert p == pytest.approx(0.9545, abs=5e-5)
+            assert p == pytest.approx(0.9545, abs=5e-5)  # noise as stated: ν = ∞
         zeros = [found[f"zero {a} of {support.name}"] for a in "xyz"]
         values = [float(str(z.findtext("si:value", namespaces=NAMES))) for z in zeros if z]
-        assert values == list(support.zero)
+        stds = np.array(support.zero_std, dtype=np.float64)
+        off = np.abs(np.array(values) - np.array(support.zero, dtype=np.float64))
+        assert np.all(off <= 1.01e-3 * stds)
         path = "si:measurementUncertaintyUnivariate/si:expandedMU/si:valueExpandedMU"
         expanded = [float(str(z.findtext(path, namespaces=NAMES))) for z in zeros if z]
-        assert expanded == [2.0 * std for std in support.zero_std if std is not None]
+        np.testing.assert_allclose(expanded, 2.0 * stds, rtol=5e-4)
+
+
+def test_few_degrees_of_freedom_cover_less() -> None:
+    """An interval of ± 2 standard uncertainties for 95 % says itself that k = 2 covers 95 %."""
+    found = quantities(by_hand(C.model_dump()))
+    place = "si:measurementUncertaintyUnivariate/si:expandedMU/si:coverageProbability"
+    angles = [real for name, real in found.items() if name.split()[0] in ANGLES]
+    assert len(angles) == 9
+    for real in angles:
+        assert real is not None
+        assert float(str(real.findtext(place, namespaces=NAMES))) == 0.95
+
+
+def test_sensitivities_stand_in_certificate_and_report(tmp_path: Path) -> None:
+    document = C.model_dump()
+    S = np.array([[1.003, 0.001, 0.0], [0.001, 0.998, -0.002], [0.0, -0.002, 1.0]])
+    document["supports"][1]["sensitivity"] = S.tolist()
+    document["convention"] = CONVENTION_WITH_SENSITIVITY
+    c = by_hand(document)
+    found = quantities(c)
+    for a, b in np.ndindex(3, 3):
+        real = found[f"sensitivity {'xyz'[a]}{'xyz'[b]} of support_2"]
+        assert real is not None
+        assert float(str(real.findtext("si:value", namespaces=NAMES))) == S[a, b]
+    assert "sensitivity xx of support_1" not in found
+    check(certificate(c), tmp_path)
+    blocks = [b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Table)]
+    (table,) = (t for t in blocks if t.caption.startswith("Sensitivity"))
+    assert [[float(cell) for cell in row[1:]] for row in table.rows] == S.tolist()
+
+
+def test_a_provisional_result_names_its_lines(tmp_path: Path) -> None:
+    keys = ("terminal.mass (line 12)", "gravity (line 3)")
+    draft = finding_document(Finding("draft-unconfirmed", keys, len(keys)))
+    text = certificate(changed(C, status="provisional", findings=[draft]))
+    name = ET.fromstring(text).findtext(
+        ".//dcc:measurementResult/dcc:name/dcc:content", namespaces=NAMES
+    )
+    assert str(name).startswith("PROVISIONAL")
+    assert all(key in text for key in keys)
+    check(text, tmp_path)
 
 
 def documented() -> Calibration:

@@ -180,5 +180,5 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
     half = half_widths(c).max()
-    assert f"each that is determined within ± {1e3 * half:.2g} mrad (95 %)" in said
+    assert f"each that is determined, by itself, within ± {1e3 * half:.2g} mrad (95 %)" in said
     assert re.search(r"support_4\s+undetermined", said)

@@ -70,7 +70,7 @@ def test_a_summary_fits_a_terminal() -> None:
             for m in c.mounted
             for low, value, high in zip(m.interval.low, m.rpy, m.interval.high, strict=True)
         )
-        assert f"each within ± {1e3 * half:.2g} mrad (95 %)" in said
+        assert f"each by itself within ± {1e3 * half:.2g} mrad (95 %)" in said
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
+from pathlib import Path
 from typing import Any
 
+from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.text import render
-from tests.reporting.samples import changed, sample, surveyed
+from tests.reporting.samples import changed, fit_with, sample, saved, surveyed
 
 
 def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
@@ -24,6 +27,11 @@ def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
 def facts(c: Calibration) -> dict[str, str]:
     blocks = (b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Facts))
     return {name: text for block in blocks for name, text in block.rows}
+
+
+def lines(c: Calibration) -> list[str | None]:
+    """Sentences of the certificate."""
+    return [e.text for e in ET.fromstring(certificate(c)).iter(f"{{{SPACES['dcc']}}}content")]
 
 
 def test_papers_of_rig_and_sensors() -> None:
@@ -48,9 +56,8 @@ def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     c = changed(c, measured=measured)
     found = facts(c)
     assert (found["Tracker"], found["Scale"]) == (papers["tracker"], papers["scale"])
-    lines = [e.text for e in ET.fromstring(certificate(c)).iter(f"{{{SPACES['dcc']}}}content")]
     names = ("Tracker", "Scale", "Measured", "Taken as exact", "Decision rule")
-    assert {f"{name}: {found[name]}" for name in names} <= set(lines)
+    assert {f"{name}: {found[name]}" for name in names} <= set(lines(c))
     assert found["Measured"].endswith("by the file's date")
 
 
@@ -82,6 +89,53 @@ def test_the_rule_states_the_limits_of_the_rig() -> None:
     rule = facts(stated(acceptance=limits))["Decision rule"]
     assert "at most 2 mrad" in rule
     assert "at most 1.5 times what is stated" in rule
-    assert "guard band of the expanded uncertainty" in rule
+    assert "guarded acceptance" in rule
     assert "expanded uncertainty" not in facts(stated())["Decision rule"]
     assert "postures" not in facts(surveyed()[0])["Decision rule"]
+    assert "Contact wrench" not in facts(stated())
+
+
+def test_conformity_stands_beside_the_rule() -> None:
+    """On the page and in the certificate, each quantity whose limit is stated."""
+    limits = {"angle_std": 2e-3, "contact": {"force": 5.0}}
+    part = {"expanded": 1.25, "exceeding": 1e-4, "conforms": True}
+    judged = {"rpy": [0.0, 0.0, 0.0], "force": part | {"limit": 5.0}, "torque": part}
+    c = changed(stated(acceptance=limits), conformity=judged)
+    said = facts(c)["Contact wrench"]
+    assert "force conforms: U = 1.25 N, limit 5 N" in said
+    assert "torque" not in said
+    assert f"Contact wrench: {said}" in lines(c)
+
+
+def test_the_certificate_warns_as_the_report_does() -> None:
+    """Of a sensor's certificate that had ended, residuals beyond what is stated, and scaled U."""
+    found = {"code": "noise-understated", "severity": "warns", "text": "noise was scaled up"}
+    late = stated(due="2020-01-01")
+    c = changed(late, findings=[found], fit=fit_with(late, 1.87))
+    warned, written = calibration_report(c).warnings, lines(c)
+    assert len(warned) == 2
+    assert {f"Warning: {text}" for text in warned} <= set(written)
+    fit = facts(c)["Fit"]
+    assert "1.87" in fit
+    assert f"Fit: {fit}" in written
+
+
+def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
+    """On the page and in the certificate; a sealed file and a result in memory are not."""
+    path = saved(stated(), tmp_path, "c.json")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    del content["content_sha256"]
+    bare = tmp_path / "bare.json"
+    bare.write_text(json.dumps(content), encoding="utf-8")
+    for c, marks in ((stated(), 0), (load_calibration(path), 0), (load_calibration(bare), 1)):
+        assert sum("not sealed" in text for text in calibration_report(c).warnings) == marks
+        assert sum("not sealed" in str(text) for text in lines(c)) == marks
+
+
+def test_certificate_and_page_have_one_number() -> None:
+    """The first digits of the content's digest, which stands in full on both."""
+    c = stated()
+    digest = file_content(c)["content_sha256"]
+    assert calibration_report(c).number == digest[:8]
+    assert digest in facts(c)["Content"]
+    assert f"Report: {digest[:8]}, content SHA-256 {digest}" in lines(c)

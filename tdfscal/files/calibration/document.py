@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import parts
@@ -112,6 +112,7 @@ class Calibration(Strict):
         exclude=True,
     )
     """Of all that stands in a file beside it, as tdfscal wrote it; none in files of others."""
+    _read: bool = PrivateAttr(default=False)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -131,6 +132,11 @@ class Calibration(Strict):
     def accepted(self) -> bool:
         """The quality gate accepts it, if provisionally; `reasons` says why not."""
         return self.status != "rejected"
+
+    @property
+    def unsealed(self) -> bool:
+        """It was read from a file without `content_sha256`: nobody vouches for what it says."""
+        return self._read and self.content_sha256 is None
 
     @property
     def reasons(self) -> tuple[parts.FindingResult, ...]:
@@ -276,4 +282,6 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
 def _from_document(document: Document) -> Calibration:
     require_format(document, parts.CALIBRATION_FORMAT, DataError)
-    return checked(Calibration, document, DataError)
+    calibration = checked(Calibration, document, DataError)
+    calibration._read = True
+    return calibration
