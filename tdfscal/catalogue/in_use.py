@@ -106,6 +106,21 @@ calibrations-incompatible-together rejects
   are ({p})
 compared-rejected rejects
   not verified: {names} was rejected by the quality gate
+compared-same-data rejects
+  {first} and {second} stand on the same recordings: they are no two results, and
+  that they agree says nothing
+  -> compare with a calibration from other recordings
+compared-overlapping rejects
+  {first} and {second} have recordings in common, and each has some of its own: they
+  are no two results, and how far they may differ is not known
+  -> compare calibrations that share no recording
+compared-nothing-added rejects
+  {whole} stands on the recordings of {part}, and what it has besides adds next to
+  nothing to any angle: they are no two results
+  -> compare with a calibration from other recordings
+compared-nested notes
+  {whole} stands on all recordings of {part} and on more: U is of what the others
+  changed (the difference of both covariances){walked:, drift.angle included|}
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
 calibration-rejected warns

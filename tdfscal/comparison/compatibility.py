@@ -16,7 +16,7 @@ from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.information import Contrast, inverse, p_value
+from tdfscal.numerics.information import Contrast, gain, inverse, p_value
 from tdfscal.numerics.least_squares import block_diagonal, gauss_newton
 from tdfscal.records import FloatArray, Rotations
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
@@ -26,12 +26,13 @@ ANGLES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A against B, taken as independent.
+    """A against B, independent or one of them with all data of the other.
 
     rotation_vector : (n, 3), rad, d_i = log(X_{A,i} X_{B,i}ᵀ) in the BCS; its covariance (3n, 3n)
-    is the sum of both. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π];
-    rpy_std : its standard uncertainty. en : (n, 3), |rpy| / √(U_A² + U_B²), U with k = 2.
-    chi2 of all rotation vectors together, its dof 3n and p_value.
+    is the sum of both where they are independent, their difference where one has all data of the
+    other. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π]; rpy_std : its
+    standard uncertainty. en : (n, 3), |rpy| / (2 rpy_std).
+    chi2 of all rotation vectors together, its dof (3n; fewer where little was added) and p_value.
     verified : χ² is plausible; E_n only explains, since of nine angles one exceeds 1 by chance in a
     third of sound comparisons.
     detectable : (n, 3), rad, the smallest change of each angle alone that the test would have seen
@@ -72,6 +73,18 @@ class Comparison:
             "of": self.en.size,
         }
         return Finding(code, self.names, p_value=self.p_value, values=values)
+
+
+@dataclass(frozen=True, slots=True)
+class Nested:
+    """One of two estimates, A and B, has all data of the other, and more.
+
+    whole : 0 where A has, 1 where B. walk : rad², variance of each turn about a BCS axis that is
+    declared for the time between them.
+    """
+
+    whole: int
+    walk: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +129,13 @@ def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
     )
 
 
-def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparison:
-    """A minus B. Two calibrations that share an input (a weighing, a drawing) agree better than
-    independent ones would, and the test sees less of a real difference then.
+def compare_pair(
+    a: tuple[str, Rotations], b: tuple[str, Rotations], nested: Nested | None = None
+) -> Comparison:
+    """A minus B. Two calibrations that share a weighing or a drawing agree better than independent
+    ones would, and the test sees less of a real difference then.
+
+    nested : where one has all recordings of the other; otherwise they share none.
 
     Raises DataError where the supports differ or a covariance is not positive definite.
     """
@@ -126,14 +143,14 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
     for name, rotations in (a, b):
         _require_covariance(name, rotations)
     d = so3.log(first.rotation @ np.swapaxes(second.rotation, 1, 2))
-    # Both know every turn: the one may be as sure as a reference that counts as exact.
-    covariance = first.covariance + second.covariance
-    known = inverse(covariance)
-    departure = Contrast(known, known @ d.reshape(-1))
-    chi2, dof = departure.chi2()
+    covariance, known, seen = _of_difference(first, second, nested)
+    chi2, dof = Contrast(known, known @ d.reshape(-1)).chi2()
     p = p_value((chi2, dof))
     rpy = so3.deviations(first.rotation, second.rotation)
-    std = np.hypot(rpy_std(first), rpy_std(second))
+    if nested is None:  # each by its own angles, which matters where they are far apart
+        std = np.hypot(rpy_std(first), rpy_std(second))
+    else:
+        std = np.sqrt(so3.rpy_variance(first.rotation, covariance))
     en = np.abs(rpy) / (COVERAGE_FACTOR * std)
     verified = p >= INCOMPATIBLE
     return Comparison(
@@ -148,8 +165,25 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
         dof=dof,
         p_value=p,
         verified=verified,
-        detectable=smallest_changes(first.rotation, departure, dof, INCOMPATIBLE),
+        detectable=smallest_changes(
+            first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE
+        ),
     )
+
+
+def _of_difference(
+    first: Rotations, second: Rotations, nested: Nested | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariance of A − B, information on it, and on a turn between the two; all (3n, 3n)."""
+    if nested is None:
+        # Both know every turn: the one may be as sure as a reference that counts as exact.
+        covariance = first.covariance + second.covariance
+        known = inverse(covariance)
+        return covariance, known, known
+    whole, part = (first, second) if nested.whole == 0 else (second, first)
+    size = len(part.covariance)
+    found = gain(part.covariance + nested.walk * np.eye(size), whole.covariance)
+    return found.covariance, found.information, found.seen
 
 
 def smallest_changes(

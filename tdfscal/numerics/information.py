@@ -112,6 +112,38 @@ def without(whole: Information, part: Information) -> Information:
     return out
 
 
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """What further data changed of an estimate; all (C, C).
+
+    covariance : of the change. information : on the change, none in directions to which the data
+    added next to nothing. seen : on an error of the further data's constants, by the change.
+    """
+
+    covariance: FloatArray
+    information: FloatArray
+    seen: FloatArray
+
+
+def gain(before: FloatArray, after: FloatArray) -> Gain:
+    """Return what is known of the change of an estimate by further data, from covariances (C, C).
+
+    The best estimate from all data is uncorrelated with its difference from any other unbiased one
+    of the same constants, or else a mixture of both were better (Gauss and Markov): the change has
+    C_before − C_after. The further data alone differ from the earlier estimate by the change times
+    C_before (C_before − C_after)⁻¹. Below 1 % of C_before no change is told from what the linear
+    model leaves out; as covariance that much is returned.
+    """
+    share, basis, dual = _shares(before - after, before)
+    told = share > _TELLING
+    change, part = dual[told], share[told]
+    return Gain(
+        (basis * np.maximum(share, _TELLING)) @ basis.T,
+        (change.T / part) @ change,
+        (change.T * part) @ change,
+    )
+
+
 def _shares(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Directions in which both are diagonal: whole = B Bᵀ, part = B diag(f) Bᵀ; all (C, C).
 

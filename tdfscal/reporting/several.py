@@ -13,6 +13,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.comparison.compatibility import Comparison, History, compare, compare_pair
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.findings import Finding
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad, utc
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
@@ -119,8 +120,11 @@ def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
 
 def _verdict(c: Comparison) -> str:
     """Return whether two calibrations agree, in words."""
-    said = sentence(c.finding)
-    return said if c.obstacle is None else f"{sentence(c.obstacle)} ({said})"
+    if c.obstacle is None:
+        return sentence(c.finding)
+    if not np.isfinite(c.p_value):  # there are no two results, and nothing agrees
+        return sentence(c.obstacle)
+    return f"{sentence(c.obstacle)} ({sentence(c.finding)})"
 
 
 def _instant(c: Calibration) -> datetime:
@@ -180,24 +184,29 @@ def _marked(en: Any) -> layout.Cell:
     return lambda i, j: f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}"
 
 
-def comparison_report(c: Comparison) -> Report:
-    """Lay out differences, their uncertainties and E_n of one pair."""
-    columns = {
-        "difference": mrad(c.rpy, "+.3f"),
-        "U": mrad(COVERAGE_FACTOR * c.rpy_std),
-        "E_n": _marked(c.en),
-        "detectable": mrad(c.detectable),
-    }
+def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
+    """Lay out differences, their uncertainties and E_n of one pair; of no two results the first."""
+    columns = {"difference": mrad(c.rpy, "+.3f")}
+    caption, together = f"{c.names[0]} minus {c.names[1]}, mrad", ""
+    if np.isfinite(c.p_value):
+        columns |= {
+            "U": mrad(COVERAGE_FACTOR * c.rpy_std),
+            "E_n": _marked(c.en),
+            "detectable": mrad(c.detectable),
+        }
+        caption += f"; U with {_K}"
+        together = (
+            f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle "
+            f"as large as its last column would have been seen with {DETECTION_POWER:.0%} "
+            "probability."
+        )
     header, rows = ("sensor", "angle", *columns), by_angle(c.supports, *columns.values())
-    caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with {_K}"
-    together = (
-        f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle as "
-        f"large as its last column would have been seen with {DETECTION_POWER:.0%} probability."
-    )
+    said = (*([together] if together else ()), *(f"{sentence(remark)}." for remark in remarks))
+    blocks = (Table(caption, header, rows, left=2), *said)
     return Report(
         title=layout.begun(_verdict(c)),
         accepted=c.verified,
-        sections=(Section("Differences", (Table(caption, header, rows, left=2), together)),),
+        sections=(Section("Differences", blocks),),
     )
 
 

@@ -1,0 +1,171 @@
+"""Two estimates of which one has the data of the other: what differs, and how far by chance."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import tdfscal
+from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair
+from tdfscal.comparison.pooling import Recorded as Campaign
+from tdfscal.comparison.pooling import pool
+from tdfscal.comparison.shared_data import Recorded, Relation, relation
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.records import Drift, FloatArray, Rig, Rotations
+from tdfscal.simulation import Recorder, reference_rig
+from tests.cli.running import run
+from tests.comparison.histories import history
+from tests.comparison.test_pooling import estimate
+
+NAMES = ("ncp1", "ncp2", "ncp3")
+
+
+def level(covariance: FloatArray, turn: float = 0.0) -> Rotations:
+    """All sensors level; the second one's yaw is given."""
+    rotation = np.tile(np.eye(3), (3, 1, 1))
+    rotation[1, :2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    return Rotations(NAMES, rotation, covariance)
+
+
+def test_the_difference_of_nested_estimates_in_closed_form() -> None:
+    """5 mrad, then 3 with the further data: the change has √(25 − 9) = 4 mrad."""
+    part, whole = level(25e-6 * np.eye(9), 4e-3), level(9e-6 * np.eye(9))
+    pair = compare_pair(("part", part), ("whole", whole), Nested(1))
+    assert pair.rpy_std == pytest.approx(np.full((3, 3), 4e-3), rel=1e-12)
+    assert pair.en[1, 2] == pytest.approx(4 / 8, rel=1e-9)
+    assert pair.chi2 == pytest.approx(1.0, rel=1e-9)
+    assert pair.dof == 9
+    turned = compare_pair(("whole", whole), ("part", part), Nested(0))
+    assert turned.chi2 == pytest.approx(pair.chi2, rel=1e-9)
+    # A turn before the further data is seen as by these alone: 1 / (1/9 − 1/25) mrad² besides 25.
+    alone = level(1e-6 / (1 / 9 - 1 / 25) * np.eye(9))
+    apart = compare_pair(("part", part), ("alone", alone))
+    assert pair.detectable == pytest.approx(apart.detectable, rel=1e-9)
+
+
+def test_no_test_in_directions_to_which_nothing_was_added() -> None:
+    before, after = 25e-6 * np.eye(9), 25e-6 * np.eye(9)
+    after[5, 5] = 9e-6
+    pair = compare_pair(("part", level(before)), ("whole", level(after)), Nested(1))
+    assert pair.dof == 1
+    assert np.isfinite(pair.en).all()
+    nothing = compare_pair(("part", level(before)), ("whole", level(before)), Nested(1))
+    assert nothing.dof == 0
+
+
+def nested_pairs(rig: Rig, seed: int, draws: int) -> list[tuple[Comparison, Comparison]]:
+    """A month against itself with the next one; as nested, and as if they were independent."""
+    rng, found = np.random.default_rng(seed), []
+    for _ in range(draws):
+        campaigns, _ = history(rig, rng, months=2, postures_each=12, walk=rig.drift.angle)
+        part, whole = rotations(rig, campaigns[:1]), rotations(rig, campaigns)
+        nested = Nested(1, rig.drift.angle**2)
+        pair = (("a", part), ("ab", whole))
+        found.append((compare_pair(*pair, nested), compare_pair(*pair)))
+    return found
+
+
+def rotations(rig: Rig, campaigns: list[Campaign]) -> Rotations:
+    return Rotations(rig.supports, *estimate(rig, pool(campaigns), len(campaigns) - 1))
+
+
+@pytest.mark.parametrize("walk", [0.0, 2e-4])
+def test_nested_months_differ_as_far_as_is_said(walk: float) -> None:
+    """χ² of 40 draws is that of 9 each; taken as independent it is far from it without a walk."""
+    rig = replace(reference_rig(), drift=Drift(angle=walk))
+    pairs = nested_pairs(rig, 7, 40)
+    law = stats.chi2(sum(nested.dof for nested, _ in pairs))
+    total = sum(nested.chi2 for nested, _ in pairs)
+    assert law.ppf(0.001) < total < law.ppf(0.999)
+    if not walk:
+        assert sum(apart.chi2 for _, apart in pairs) < law.ppf(0.001)
+    # Of 360 angles 4.55 % are beyond E_n = 1, about nine in ten of them independent.
+    beyond = sum(int((nested.en > 1).sum()) for nested, _ in pairs)
+    assert 0.015 * 360 < beyond < 0.09 * 360
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ("a", "b", "apart"),
+        ("a", "ab", "first"),
+        ("ab", "b", "second"),
+        ("ab", "ab", "same"),
+        ("ab", "bc", "overlapping"),
+    ],
+)
+def test_what_two_have_in_common(first: str, second: str, expected: Relation) -> None:
+    assert relation([*map(Recorded, first)], [*map(Recorded, second)]) == expected
+
+
+def test_parts_of_one_recording() -> None:
+    begin, end, most = (Recorded("a", span) for span in ((0.0, 10.0), (10.0, 20.0), (0.0, 15.0)))
+    assert relation([begin], [end]) == "apart"
+    assert relation([begin], [most]) == "same"
+    assert relation([begin], [most, Recorded("b")]) == "first"
+    assert relation([most], [begin, Recorded("b")]) == "overlapping"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Calibrations of three months: alone, updated, pooled."""
+    home = tmp_path_factory.mktemp("shared")
+    simulate_to_folder(
+        home / "rig",
+        scenario="months",
+        postures=8,
+        months=8,
+        seed=11,
+        rows="postures",
+        recorder=Recorder(mean_sd=0.0),
+    )
+    first, second, third = sorted(p for p in (home / "rig").iterdir() if p.is_dir())[:3]
+    out = {name: home / f"{name}.yaml" for name in ("a", "b", "ab", "pooled", "bc")}
+    tdfscal.calibrate(first, trials=0, output=out["a"])
+    tdfscal.calibrate(second, trials=0, output=out["b"])
+    tdfscal.update(out["a"], [second], trials=0, output=out["ab"])
+    tdfscal.calibrate([first, second], trials=0, output=out["pooled"])
+    tdfscal.calibrate([second, third], trials=0, output=out["bc"])
+    return out
+
+
+def codes(document: dict[str, list[dict[str, str]]]) -> list[str]:
+    return [finding["code"] for finding in document["findings"]]
+
+
+def test_an_update_against_what_it_stands_on(
+    made: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for whole in ("ab", "pooled"):
+        done = run(capsys, "compare", made["a"], made[whole], "--json", "-q")
+        found = json.loads(done.out)
+        assert (done.status, codes(found)) == (0, ["compared-nested"])
+        a, ab = (tdfscal.load_calibration(made[name]) for name in ("a", whole))
+        assert np.all(np.array(found["difference_rpy_std"]) < a.rpy_std)
+        assert np.all(np.array(found["difference_rpy_std"]) < np.hypot(a.rpy_std, ab.rpy_std))
+    apart = json.loads(run(capsys, "compare", made["a"], made["b"], "--json", "-q").out)
+    assert codes(apart) == []
+
+
+@pytest.mark.parametrize(
+    ("pair", "code"),
+    [(("ab", "pooled"), "compared-same-data"), (("ab", "bc"), "compared-overlapping")],
+)
+def test_the_same_data_are_no_second_result(
+    made: dict[str, Path],
+    pair: tuple[str, str],
+    code: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    files = [made[name] for name in pair]
+    done = run(capsys, "compare", *files, "--json", "-q")
+    found = json.loads(done.out)
+    assert (done.status, found["verified"], codes(found)) == (1, False, [code])
+    assert found["p_value"] is None
+    assert not any(value for row in found["en"] for value in row)
+    assert "ompatible" not in run(capsys, "compare", *files, "-q").out
