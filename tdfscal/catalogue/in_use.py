@@ -168,6 +168,8 @@ wrench-large warns
 turns-visible notes
   a turn since {subject} would have been seen with {power:.0%} probability from this
   size on, whatever the angle: {turns}
+postures-left-out warns
+  {number:.0f} of {postures} postures were left out (mostly: {reason})
 campaign-unsound rejects
   {subject} could not be judged and says nothing of any turn, since calibrate rejects it
   by itself: {why}

@@ -6,6 +6,7 @@ These checks come before any estimate: a mislabelled log must not become a plaus
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -27,6 +28,8 @@ _SIZE = 0.02
 _WEIGHT = 0.2
 #: Forces a thousand times too small may be rounded by up to this factor.
 _COARSELY = 2.0
+#: Forces below this share of the weight carry no terminal.
+_TINY = 0.01
 #: Units of length, m: those that a rig file can declare, and others that a recorder may write.
 _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
@@ -220,7 +223,8 @@ def check_weight(rig: Rig, postures: Postures, state: State) -> None:
 def check_unit(rig: Rig, force: FloatArray) -> None:
     """Look whether readings (K, n, 3), N, are a thousand times too large or too small.
 
-    Asked before a channel is called dead: in the wrong unit, with few digits, it does not move.
+    Asked before a channel is called dead: in the wrong unit, with few digits, it does not move;
+    and before a load is said to have changed.
 
     Raises
     ------
@@ -228,8 +232,11 @@ def check_unit(rig: Rig, force: FloatArray) -> None:
         kN where N is declared, or the other way round.
     """
     mass = float(rig.mass.value)
-    measured = np.where(rig.axes, force, 0.0)
-    ratio = float(np.median(weight_share(nominal(rig), rig.gravity, measured)))
+    measured, state = np.where(rig.axes, force, 0.0), nominal(rig)
+    held = float(np.median(np.linalg.norm(measured, axis=2).sum(axis=1)))
+    if held < _TINY * mass * rig.gravity:  # zeros in N would hide what little there is
+        state = replace(state, zero=np.zeros_like(state.zero))
+    ratio = float(np.median(weight_share(state, rig.gravity, measured)))
     for factor, unit in UNITS.items():
         if abs(np.log10(factor)) >= 3 and 1 / _COARSELY < abs(ratio) / factor < _COARSELY:
             raise _unit_error(ratio, mass, unit)

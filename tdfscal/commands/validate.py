@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tdfscal.catalogue import told
+from tdfscal.catalogue import sentence, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, window
 from tdfscal.commands.calibration import Calibration
@@ -18,7 +19,7 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.errors import TdfscalError
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
@@ -139,7 +140,7 @@ def validate(
     with log.explaining():
         result = _tested(use, log, samples)
     # What the log says of itself comes with its dwells.
-    found = (*use.findings, *_used_before(use, log, result), *result.findings)
+    found = (*use.findings, *_used_before(use, log, result), *_left_out(result), *result.findings)
     asked, inputs = (use.name, command), tuple(log.inputs)
     return ValidateResult(result, use.calibration, found, inputs, asked)
 
@@ -197,6 +198,15 @@ def _used_before(use: InUse, log: LogPass, tested: Validation | MovingValidation
     return [
         Finding("log-used-before", (entry.path,)) for entry in log.inputs if entry.sha256 in used
     ]
+
+
+def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
+    """Say on how many postures the verdict does not rest, and why; a motion says its own."""
+    if isinstance(tested, MovingValidation) or not tested.left_out:
+        return []
+    (reason, _), *_ = Counter(map(sentence, tested.left_out.values())).most_common(1)
+    values: dict[str, Value] = {"postures": len(tested.dwells), "reason": reason}
+    return [Finding("postures-left-out", size=len(tested.left_out), values=values)]
 
 
 def _times_used(c: Calibration) -> FloatArray | None:

@@ -28,7 +28,8 @@ def extent(v: Tested) -> str:
     """How much was tested."""
     if isinstance(v, MovingValidation):
         return f"{v.seconds:.0f} s of motion"
-    return f"{len(v.used)} postures"
+    whole = f" of {len(v.dwells)}" if v.left_out else ""
+    return f"{len(v.used)}{whole} postures"
 
 
 def reasons(v: Tested) -> list[str]:

@@ -70,9 +70,10 @@ def validate_moving(
     ------
     DataError
         The log cannot serve, its positions do not fit the hinges, or its forces are not what their
-        fields are called.
+        fields are called, or in another unit.
     """
     rig = rig or given.rig
+    log_against_rig.check_unit(rig, slow.force)
     usable = usable_samples(rig, slow)
     place, force = (each[usable.keep][::_EVERY] for each in (slow.position, slow.force))
     log_against_rig.check_geometry(rig, place, force)

@@ -69,11 +69,13 @@ def validate(
     ------
     DataError
         There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, no
-        noise is stated anywhere, or the forces are not what their fields are called.
+        noise is stated anywhere, or the forces are not what their fields are called, or in
+        another unit.
     """
     rig = rig or given.rig
     if len(dwells) == 0:
         raise no_dwell(dwells)
+    log_against_rig.check_unit(rig, dwells.force)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     screened = faulty_sensors.screen(rig, dwells)
     used = np.flatnonzero(screened.keep)

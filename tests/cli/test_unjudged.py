@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+import yaml
 
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.records import CampaignInfo, Rig
@@ -89,6 +91,32 @@ def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
     result = monitored(capsys, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+
+
+def at_capacity(folder: Path) -> int:
+    """Postures, a row each, of which a reading stands at its capacity."""
+    rig = yaml.safe_load((folder / "rig.yaml").read_text())
+    log = pd.read_csv(folder / "log.csv")
+    full = [
+        (log[rig["log"]["supports"][support["name"]]["force"]].abs() >= support["capacity"])
+        for support in rig["supports"]
+    ]
+    return int(np.any(np.concatenate(full, axis=1), axis=1).sum())
+
+
+def test_a_validation_names_the_postures_that_it_does_not_rest_on(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = home / "first.yaml"
+    run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
+    done = run(capsys, "validate", base, home / "saturated", "--json", "-q")
+    result = json.loads(done.out)
+    assert result["holds"]
+    (found,) = (f for f in result["findings"] if f["code"] == "postures-left-out")
+    assert found["size"] == len(result["left_out"]) == 15 - len(result["postures"])
+    assert found["size"] == at_capacity(home / "saturated") > 0
+    done = run(capsys, "validate", base, home / "sound2", "--json", "-q")
+    assert "postures-left-out" not in done.out
 
 
 def test_where_none_can_be_judged_there_is_no_history(
