@@ -125,6 +125,8 @@ def compare(
     for other, rig in zip(read[1:], rigs[1:], strict=True):
         pair, remark = _compared(first, other)
         found = _obstacle(pair, rejected, other_rig(rigs[0], rig))
+        if pair.obstacle is not None and found is not pair.obstacle:
+            remark = (*remark, pair.obstacle)
         pairs.append(replace(pair, verified=pair.verified and found is None, obstacle=found))
         remarks.append(remark)
     renamed = tuple(
@@ -236,9 +238,7 @@ def _obstacle(
     if differences:
         found: dict[str, Value] = {"differences": "; ".join(differences)}
         return Finding("compared-other-rig", pair.names[1:], values=found)
-    if pair.obstacle is not None:
-        return pair.obstacle
     blamed = tuple(name for name in pair.names if name in rejected)
     if not blamed:
-        return None
+        return pair.obstacle
     return Finding("compared-rejected", blamed, values={"names": " and ".join(blamed)})
