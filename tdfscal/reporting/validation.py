@@ -23,6 +23,7 @@ from tdfscal.reporting.validation_changes import (
     changes,
     lengths,
     start,
+    zeros_known,
 )
 from tdfscal.reporting.validation_claim import chi2_test, extent, reasons, search_test
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
@@ -201,8 +202,8 @@ def validation_report(
 
 
 def _zero_table(v: Tested) -> tuple[Table, ...]:
-    """By how much the zeros have moved, each sensor; none where the rig changed unexplained."""
-    if not v.zeros.moved or not (v.holds or v.suspected):
+    """By how much the zeros have moved, each sensor, where that is known."""
+    if not zeros_known(v):
         return ()
     beside = "" if v.holds else ", estimated with the likeliest change"
     rows = tuple(

@@ -27,14 +27,19 @@ def changes(v: Tested) -> list[Finding]:
         return [Finding("change-unexplained", p_value=p, rejects=True)]
     found = [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
     # A zero that drifted says so itself.
-    beside = v.suspected[0].kind not in ("zero drifted", "zeros moved")
-    return found + (_zeros(v, "zeros-beside-change") if beside else [])
+    drifted = v.suspected[0].kind == "zero drifted"
+    return found if drifted else found + _zeros(v, "zeros-beside-change")
+
+
+def zeros_known(v: Tested) -> bool:
+    """The zeros moved, and by how much is known: not where the noise, or all of it, is not."""
+    return v.zeros.moved and (v.holds or any(c.kind not in NOISE for c in v.suspected[:1]))
 
 
 def _zeros(v: Tested, code: str) -> list[Finding]:
     """By how much the zeros moved, where they did and the log tells."""
     size = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)])
-    if not v.zeros.moved or not size.size:
+    if not zeros_known(v) or not size.size:
         return []
     return [Finding(code, size=float(size.max()), unit="N")]
 
