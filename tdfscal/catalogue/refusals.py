@@ -115,7 +115,9 @@ motion-fast refuses
   @ log
 recorder-not-found refuses
   the moves that the first recorder saw are not found in the recorder {subject}: the
-  two did not run at the same time, or saw different campaigns
+  two, of {first:.1f} s and {second:.1f} s, did not run at the same time, or saw
+  different campaigns
+  ? short , or too few moves are left in the shorter, as of a file that was cut short
   -> give the recordings of one campaign; `tdfscal info` shows what each holds, and
     when; of one campaign, state clock.offset in its log block, as well as it is known
 recorder-backwards refuses

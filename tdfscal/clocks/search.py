@@ -25,6 +25,7 @@ from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 _WIDTH = 0.1  # s, of a bin of activity
 _BINS = 1 << 16
 _OVERLAP = 0.25  # shortest, as a share of the shorter recording
+_COMPLETE = 0.9  # share of the longer one, below which a recording may be cut short
 _CANDIDATES, _LEAST = 24, 8  # lags looked at, at most and at least,
 _FAINT = 0.1  # by their share of the best one's evidence
 _INSTANTS = 240  # on which a candidate is judged
@@ -32,7 +33,7 @@ _SPACING = 0.08  # s, of instants at the least
 _STEP = 0.3  # s, by which a statement may be off beside its uncertainty,
 SAME = 0.6  # and up to which two lags are one
 _DENSE = 10_000  # instants on which offset and rate are refined
-_ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
+ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
 CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
@@ -40,7 +41,7 @@ _CERTAIN = 20.0  # and its log-likelihood ratio
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
 _UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
-_ALSO = 0.6  # share of it from which another lag is as likely
+ALSO = 0.6  # share of it from which another lag is as likely
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +113,7 @@ class Search:
         found = [self.judged(peak) for peak in self.candidates()]
         found.sort(key=lambda candidate: candidate.misfit)
         if not found:
-            raise DataError(Finding("recorder-not-found", (name,)))
+            raise self._not_found(name)
         best, *others = found
         rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
         usual = float(np.median(rest)) if rest else np.inf
@@ -128,14 +129,14 @@ class Search:
         """The lag by the moves alone, where the balance does not tell."""
         best, *others = sorted(found, key=lambda c: -c.peak.evidence)
         if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
-            raise DataError(Finding("recorder-not-found", (name,)))
-        if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
+            raise self._not_found(name)
+        if others and others[0].peak.evidence > ALSO * best.peak.evidence:
             raise self._undecided(name, best, others[0])
         return replace(best, model=None)  # whose moves do not balance
 
     def _alike(self, best: Candidate, other: Candidate, usual: float) -> bool:
         """Whether another lag explains both as well: moves that repeat, or few of them."""
-        if other.misfit > _ALIKE * best.misfit:
+        if other.misfit > ALIKE * best.misfit:
             return False
         if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
             return True
@@ -162,8 +163,9 @@ class Search:
     @cached_property
     def correlation_time(self) -> float:
         """Time, s, in which the positions, or else the forces, tell something new."""
-        told = [track for track, _ in self.positions or self.forces]
-        return correlation_time(told, max(self.spans))
+        told = self.positions or self.forces
+        span = min(self.spans[late] for _, late in told)
+        return correlation_time([track for track, _ in told], span)
 
     def _instants(self, lag: float, most: int) -> FloatArray:
         """Instants of the first clock, from its begin, at which both recorders run."""
@@ -171,6 +173,12 @@ class Search:
         if end <= begin:
             return np.empty(0)
         return np.linspace(begin, end, min(most, max(int((end - begin) / _SPACING), 2)))
+
+    def _not_found(self, name: str) -> DataError:
+        first, second = self.spans
+        short = min(self.spans) < _COMPLETE * max(self.spans)
+        values: dict[str, Value] = {"first": first, "second": second, "short": short}
+        return DataError(Finding("recorder-not-found", (name,), values=values))
 
     def _undecided(self, name: str, a: Candidate, b: Candidate) -> NotIdentifiableError:
         shift = self.second.begin - self.first.begin

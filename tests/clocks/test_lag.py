@@ -129,12 +129,48 @@ def test_a_stated_clock_is_believed_where_a_channel_is_missing() -> None:
     assert clock.offset_std == pytest.approx(0.05, rel=1e-2)
 
 
-def test_values_in_the_reverse_order_of_their_times_are_named() -> None:
-    moves, loads = recorded_apart(campaign("self", 5), Apart(3.7), np.random.default_rng(1))
+@pytest.mark.parametrize(("scenario", "seed"), [("self", 5), ("stops", 4), ("stops", 5)])
+def test_values_in_the_reverse_order_of_their_times_are_named(scenario: str, seed: int) -> None:
+    """Even where stops that follow each other evenly are alike at several lags."""
+    moves, loads = recorded_apart(campaign(scenario, seed), Apart(3.7), np.random.default_rng(1))
     turned = tuple(Series(s.time, np.ascontiguousarray(s.value[::-1])) for s in loads.force)
     with pytest.raises(DataError) as refused:
         find_clock(tracks(moves), tracks(replace(loads, force=turned)), ClockPrior(), "daq")
     assert code(refused.value) == "recorder-backwards"
+
+
+def until(log: Log, end: float) -> Log:
+    """What a recorder wrote up to a time, s."""
+
+    def first(series: Series) -> Series:
+        kept = series.time < end
+        return Series(series.time[kept], series.value[kept])
+
+    return replace(
+        log, position=tuple(map(first, log.position)), force=tuple(map(first, log.force))
+    )
+
+
+@pytest.mark.parametrize("seed", [4, 5, 9, 12])
+@pytest.mark.parametrize("which", [0, 1])
+def test_one_recorder_that_ended_early_is_found_by_half_of_the_moves(seed: int, which: int) -> None:
+    both = list(recorded_apart(campaign("self", seed), Apart(3.7), np.random.default_rng(1)))
+    series = (both[0].position, both[1].force)[which][0]
+    both[which] = until(both[which], float(series.time[0] + 0.52 * np.ptp(series.time)))
+    clock = find_clock(tracks(both[0]), tracks(both[1]), ClockPrior(), "daq")
+    assert abs(clock.offset - 3.7) < 3.0 * clock.offset_std < 0.3
+
+
+def test_a_recorder_with_too_few_moves_is_refused_with_what_each_lasts() -> None:
+    moves, loads = recorded_apart(campaign("self", 5), Apart(3.7), np.random.default_rng(1))
+    begin = float(moves.position[0].time[0])
+    with pytest.raises(DataError) as refused:
+        find_clock(tracks(until(moves, begin + 15.0)), tracks(loads), ClockPrior(), "daq")
+    assert code(refused.value) == "recorder-not-found"
+    values = refused.value.finding.values if refused.value.finding else {}
+    assert values["short"] is True
+    assert values["first"] == pytest.approx(15.0, abs=0.05)
+    assert values["second"] == pytest.approx(np.ptp(loads.force[0].time), abs=0.05)
 
 
 @pytest.fixture(scope="module")
