@@ -16,6 +16,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad, utc
+from tdfscal.reporting.traceability import UNSEALED
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 _K = f"k = {COVERAGE_FACTOR:g}"
@@ -147,6 +148,11 @@ def _warnings(view: Several) -> tuple[str, ...]:
         f"{name} was rejected by the quality gate"
         for name, c in zip(view.letters, view.content, strict=True)
         if c.status == "rejected"
+    ]
+    found += [
+        f"{name} is {UNSEALED}"
+        for name, c in zip(view.letters, view.content, strict=True)
+        if c.unsealed
     ]
     if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")

@@ -27,7 +27,7 @@ _CAPTION = (
 )
 _UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
           "of it": (100.0, "%")}  # fmt: skip
-_UNSEALED = (
+UNSEALED = (
     "not sealed: the calibration file was edited since it was written, or written by another "
     "program"
 )
@@ -94,7 +94,7 @@ def report_digest(c: Calibration) -> str:
 def warnings(c: Calibration) -> tuple[str, ...]:
     """What to know before the result is used; the lines of a draft stand by themselves."""
     found = (f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED)
-    return (*((_UNSEALED,) if c.unsealed else ()), *_overdue(c), *found)
+    return (*((UNSEALED,) if c.unsealed else ()), *_overdue(c), *found)
 
 
 def _contact(found: ConformityResult) -> str:

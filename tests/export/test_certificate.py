@@ -11,7 +11,7 @@ import xmlschema
 
 from tdfscal.catalogue import document as finding_document
 from tdfscal.exports.certificate import VERSION, certificate
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY, MeasuredResult
 from tdfscal.files.rig.model import Sensor
 from tdfscal.findings import Finding
@@ -98,6 +98,26 @@ def test_sensitivities_stand_in_certificate_and_report(tmp_path: Path) -> None:
     blocks = [b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Table)]
     (table,) = (t for t in blocks if t.caption.startswith("Sensitivity"))
     assert [[float(cell) for cell in row[1:]] for row in table.rows] == S.tolist()
+
+
+def test_a_sensitivity_has_the_uncertainty_of_its_parameter() -> None:
+    """Twice the root of its variance in the file's joint covariance; symmetric as S is."""
+    c = load_calibration(Path(__file__).parents[1] / "files/reference_1_0/joint.json")
+    found, block, support = quantities(c), c.parameters, c.supports[1]
+    assert block is not None
+    assert support.sensitivity is not None
+    place = "si:measurementUncertaintyUnivariate/si:expandedMU/si:valueExpandedMU"
+    for entry in ("xx", "yy", "zz", "yz", "zy", "xz", "zx", "xy", "yx"):
+        row = block.parameters.index(f"{support.name}.sensitivity.{''.join(sorted(entry))}")
+        std = float(np.sqrt(np.array(block.matrix)[row, row]))
+        real = found[f"sensitivity {entry} of {support.name}"]
+        assert real is not None
+        assert float(str(real.findtext(place, namespaces=NAMES))) == pytest.approx(
+            2 * std, rel=5e-4
+        )
+        value = support.sensitivity["xyz".index(entry[0])]["xyz".index(entry[1])]
+        said = float(str(real.findtext("si:value", namespaces=NAMES)))
+        assert said == pytest.approx(value, abs=1.01e-3 * std, rel=0)
 
 
 def test_a_provisional_result_names_its_lines(tmp_path: Path) -> None:

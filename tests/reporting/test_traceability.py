@@ -12,6 +12,7 @@ from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Facts, Table
+from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tests.reporting.samples import changed, fit_with, sample, saved, surveyed
 
@@ -130,6 +131,8 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
     for c, marks in ((stated(), 0), (load_calibration(path), 0), (load_calibration(bare), 1)):
         assert sum("not sealed" in text for text in calibration_report(c).warnings) == marks
         assert sum("not sealed" in str(text) for text in lines(c)) == marks
+        both = several_report(put_side_by_side((("a", stated()), ("b", c))))
+        assert sum("not sealed" in text for text in both.warnings) == marks
 
 
 def test_certificate_and_page_have_one_number() -> None:
