@@ -129,6 +129,37 @@ class Acceptance:
 
 
 @dataclass(frozen=True, slots=True)
+class ExactMoves:
+    """How parameters, or scores of them, move with errors of a quantity taken as exact.
+
+    error : typical, in `unit`, of each of its components. common : (P, c), by that error of each
+    component by itself, which is the rig's and the same in all campaigns. apart : (P, c'), by
+    errors that are others in each campaign, or under each terminal.
+    """
+
+    name: str
+    error: float
+    unit: str
+    common: FloatArray
+    apart: FloatArray
+
+    @property
+    def columns(self) -> FloatArray:
+        """All of them (P, c + c'), independent of each other."""
+        return np.concatenate([self.common, self.apart], axis=1)
+
+    def by(self, matrix: FloatArray) -> ExactMoves:
+        """Return what follows from it by a matrix (Q, P)."""
+        sides = matrix @ self.common, matrix @ self.apart
+        return ExactMoves(self.name, self.error, self.unit, *sides)
+
+    def all_apart(self) -> ExactMoves:
+        """Return the same where another campaign has none of these errors in common with it."""
+        sides = self.common[:, :0], self.columns
+        return ExactMoves(self.name, self.error, self.unit, *sides)
+
+
+@dataclass(frozen=True, slots=True)
 class JointPrior:
     """What earlier campaigns know of the rig's constants: one Gaussian of all of them together.
 
@@ -136,7 +167,8 @@ class JointPrior:
     of `model.parameters.layout`; those of which nothing is known here have columns of 0.
     rotation : (n, 3, 3), estimate. vector : (P,), estimates of the other constants.
     root : (m, P), W with WᵀW the information on a deviation from the estimate; SI, rad, BCS.
-    chi2, dof : of the fits behind it.
+    chi2, dof : of the fits behind it. exact : (P,) rows, moves of the estimate by errors of what
+    they took as exact.
     """
 
     rotation: FloatArray
@@ -144,6 +176,7 @@ class JointPrior:
     root: FloatArray
     chi2: float
     dof: int
+    exact: tuple[ExactMoves, ...] = ()
 
     @property
     def places(self) -> BoolArray:

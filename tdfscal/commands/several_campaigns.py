@@ -24,10 +24,11 @@ from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.records import Acceptance, Dwells, InputFile, Measured, Rig, Rotations
+from tdfscal.records import Acceptance, Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
@@ -106,12 +107,16 @@ def _copied(a: Recording, b: Recording) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Read(Recording):
-    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured."""
+    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
+
+    exact : how the survey moves with errors of what it took as exact.
+    """
 
     measured: Measured
     rig: Rig
     log: LogPass
     survey: Rotations | None = None
+    exact: tuple[ExactMoves, ...] = ()
 
 
 def read_campaigns(
@@ -138,13 +143,14 @@ def read_campaigns(
 
 def _read(name: str, log: LogPass) -> Read:
     dwells, survey = None, None
+    exact: tuple[ExactMoves, ...] = ()
     inputs: Sequence[InputFile] = log.inputs
     if log.campaign.logs:
         with _naming(name), log.explaining():
             dwells = log.dwells()
     else:
         found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
-        survey = found.rotations
+        survey, exact = found.rotations, found.exact
     return Read(
         name=name,
         inputs=tuple(inputs),
@@ -154,6 +160,7 @@ def _read(name: str, log: LogPass) -> Read:
         samples=log.samples,
         log=log,
         survey=survey,
+        exact=exact,
     )
 
 
@@ -185,11 +192,12 @@ def recorded(read: Read) -> Recorded:
     """
     rig, month = read.rig, read.measured.month
     if read.dwells is None:
-        return Recorded(read.name, month, rig, survey=read.survey)
+        return Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
     with _naming(read.name), read.log.explaining():
         moving = calibrate_motion(read.log, read.dwells, rig)
         if moving is not None:
-            return Recorded(read.name, month, rig, estimate=moving.calibrated)
+            exact = exact_quantities(moving.fit)
+            return Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 

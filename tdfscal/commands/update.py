@@ -36,14 +36,15 @@ from tdfscal.estimation.observation import eliminate, of_estimate
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
+from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.earlier import constants_known, information_of
+from tdfscal.model.earlier import constants_known, free_constants, information_of
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
-from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, InputFile, Measured, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
@@ -117,7 +118,17 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         dof=sum(fit.dof for fit in fits),
         base=None if last is None else (last.sha256, last.created),
         pooled=bool(file.campaigns),
+        exact=_exact(file, known.rig),
     )
+
+
+def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
+    """How the constants (C,) move with errors of what the calibration took as exact."""
+    stand, free = np.repeat(file.determined, 3), free_constants(rig)
+    block = {} if file.parameters is None else {"parameters": file.parameters.model_dump()}
+    rows = parameter_rows(block, rig.supports, stand)
+    moves = exact_moves_from(file.taken_as_exact, rows, len(free))
+    return tuple(one.by(np.eye(len(free))[free]) for one in moves)
 
 
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:

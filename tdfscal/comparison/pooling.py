@@ -13,6 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.comparison.common import Common, common, with_load
+from tdfscal.comparison.common_errors import (
+    others_move,
+    scores_of_estimate,
+    scores_of_fit,
+    scores_of_survey,
+)
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.comparison.walk import forward, others
 from tdfscal.estimation.fit import Priors
@@ -38,7 +44,7 @@ from tdfscal.model.parameters import (
 )
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.information import Information
-from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
+from tdfscal.records import ExactMoves, FloatArray, IntArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import alarm_level
@@ -53,6 +59,7 @@ class Recorded:
     """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
 
     estimate : of a log in motion, by what its rig file states. survey : of a tracker.
+    exact : how either moves with errors of what it took as exact.
     month : when it was measured, in months of 30.4375 days from any common instant.
     """
 
@@ -62,6 +69,7 @@ class Recorded:
     postures: Postures | None = None
     estimate: Calibrated | None = None
     survey: Rotations | None = None
+    exact: tuple[ExactMoves, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +78,8 @@ class Member:
 
     reduced : what it says by itself. fit : at the common constants; None where it has no postures.
     state : its own parameters at the common constants; None for a survey.
-    chi2, dof : of its residuals and of its departure from those before it.
+    chi2, dof : of its residuals and of its departure from those before it. exact : scores (C,) of
+    what it says, by errors of what it takes as exact.
     """
 
     name: str
@@ -81,6 +90,7 @@ class Member:
     rejected: dict[int, Finding]
     chi2: float
     dof: int
+    exact: tuple[ExactMoves, ...] = ()
 
     @property
     def own(self) -> Information:
@@ -117,7 +127,11 @@ class Pool:
         chosen = [m for k, m in enumerate(self.members) if k != index]
         chi2, dof = sum(m.chi2 for m in chosen), sum(m.dof for m in chosen)
         known = self.common.of(index, self._rest(index))
-        return joint_prior(rig, self.references[index], known, chi2, dof)
+        at = self.common.places[index]
+        own, exact = [m.own for m in self.members], [m.exact for m in self.members]
+        moved = others_move(self.common, index, exact, own, self.prior, self.steps)
+        here = [one.by(np.eye(self.common.size)[at]) for one in moved]
+        return joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
@@ -188,14 +202,28 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
             dof -= unstated(Priors(item.rig), load_alone=k > 0)
         state = _own_state(item, fits[k], reduced[k], references[k])
         chi2 = _fresh(known, reduced[k])
+        exact = _exact(item, fits[k], reduced[k], shared.places[k])
         members.append(
-            Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof)
+            Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof, exact)
         )
     birge = scatter_of([within(part, prior) for part in reduced])
     scaled = [item.scaled(ratio) for item, ratio in zip(own, birge, strict=True)]
     names, level = [item.name for item in ordered], alarm_level(np.append(gaps[1:2], gaps[1:]))
     found = not_fitting(shared, names, scaled, prior.scaled(birge.min()), steps, level)
     return Pool(shared, references, prior, steps, tuple(members), found)
+
+
+def _exact(
+    item: Recorded, at: Fit | None, part: Observation, places: IntArray
+) -> tuple[ExactMoves, ...]:
+    """Scores (C,) of what a campaign says, by errors of what it takes as exact."""
+    size = len(part.information.score)
+    if at is not None:
+        return scores_of_fit(at, part, places)
+    if item.estimate is not None:
+        return scores_of_estimate(item.estimate, item.exact, size, places)
+    assert item.survey is not None
+    return scores_of_survey(item.survey, item.exact, size)
 
 
 def _fresh(known: Information, part: Observation) -> float:

@@ -16,13 +16,14 @@ from tdfscal.comparison.history import Life, live
 from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import UsageError
+from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
 from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal
 from tdfscal.numerics.information import Information, without
-from tdfscal.records import BoolArray, FloatArray, JointPrior, Measured, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Measured, Rig
 from tdfscal.significance import ALARMS_PER_YEAR
 
 
@@ -33,6 +34,7 @@ class EarlierCalibration:
     information : on the free constants (C,) of its rig, counted from `state`. determined : (n,),
     sensors whose turns it gives. chi2, dof : of all the fits behind it. sha256 : of its file.
     base : digest and date of the calibration that it stands on. pooled : of several campaigns.
+    exact : how its constants (C,) move with errors of what it took as exact.
     """
 
     name: str
@@ -46,6 +48,7 @@ class EarlierCalibration:
     dof: int
     base: tuple[str, str] | None = None
     pooled: bool = False
+    exact: tuple[ExactMoves, ...] = ()
 
     def prior(self, rig: Rig, month: float) -> JointPrior:
         """What it says of a rig's constants at a time in months, its walk since included.
@@ -53,9 +56,15 @@ class EarlierCalibration:
         Of the terminal only where the rig file states it alike.
         """
         known = self.information.walked(self.walk(rig, month))
-        other = of_load(self.rig) & (not same_load(self.rig, rig))
-        free = free_constants(self.rig)
-        return joint_prior(rig, self.state, known, self.chi2, self.dof, free=free, but=other)
+        alike = same_load(self.rig, rig)
+        other, free = of_load(self.rig) & (not alike), free_constants(self.rig)
+        exact = [
+            one if alike or one.name not in OF_THE_TERMINAL else one.all_apart()
+            for one in self.exact
+        ]
+        return joint_prior(
+            rig, self.state, known, self.chi2, self.dof, free=free, but=other, exact=exact
+        )
 
     def walk(self, rig: Rig, month: float) -> FloatArray:
         """Variance by which a rig's angles may have walked since, at a time in months."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.information import Information, contrast, nothing
+from tdfscal.numerics.information import Information, contrast
 from tdfscal.records import FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -43,8 +43,7 @@ def forward(
 
 def backward(own: Sequence[Information], steps: Sequence[FloatArray]) -> list[Information]:
     """What the campaigns after each one say of the constants at its time."""
-    size = len(own[0].score)
-    after, now = [], nothing(size)
+    after, now = [], Information(*map(np.zeros_like, (own[0].matrix, own[0].score)))
     for k in range(len(own) - 1, -1, -1):
         after.append(now)
         now = (now + own[k]).walked(steps[k])

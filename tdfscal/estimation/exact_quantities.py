@@ -10,8 +10,8 @@ the distances between hinges alone, does to the angles is such a move.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,27 +22,31 @@ from tdfscal.estimation.suspicion import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY
-from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import ExactMoves, FloatArray, Rig
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 
-@dataclass(frozen=True, slots=True)
-class ExactQuantity:
-    """A quantity taken as exact, and what an error of it does.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExactQuantity(ExactMoves):
+    """A quantity taken as exact, and how an error of it moves an estimate's parameters (P,).
 
-    error : typical, in `unit`, of each of its components. moves : (3n, c), rad, turns of all
-    sensors in the BCS by that error of each component by itself. zeros : (3n, c), N, moves of the
-    zeros likewise. shows : (c,), χ² that such an error leaves in the residuals.
+    n : number of sensors. shows : (c + c',), χ² that such an error leaves in the residuals.
     """
 
-    name: str
-    error: float
-    unit: str
-    moves: FloatArray
-    zeros: FloatArray | None = None
+    n: int
     shows: FloatArray | None = None
+
+    @property
+    def moves(self) -> FloatArray:
+        """Turns (3n, c + c'), rad, of all sensors in the BCS."""
+        return self.columns[: 3 * self.n]
+
+    @property
+    def zeros(self) -> FloatArray:
+        """Moves (3n, c + c'), N, of the zeros."""
+        return self.columns[layout(self.n)["zero"]]
 
     @property
     def covariance(self) -> FloatArray:
@@ -66,26 +70,22 @@ _TYPICAL = (
 _TRUSTED = {"zero": 0.5}
 #: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
 _DELAY = 1e-3
+#: What is another in each campaign; all else is the rig's, or its terminal's.
+_OF_THE_CAMPAIGN = "zeros"
 #: What of these is the terminal's, and the code of its finding.
-_OF_THE_TERMINAL = {"mass": "mass-exact", "barycentre": "barycentre-exact"}
+OF_THE_TERMINAL = {"mass": "mass-exact", "barycentre": "barycentre-exact"}
 #: Share of its entry in S by which crosstalk is smaller than gain (theory, section 3).
 _CROSSTALK = np.sqrt(0.5)
 
 
-def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
-    """Each quantity of a calibration that has no uncertainty of its own."""
-    columns, parts, n = of.all_slopes(), information(of), of.rig.n
-    free, left = np.flatnonzero(of.active), parts.left[: len(columns)]
-    place = layout(n, of.still.motions)
-    P = place["drift"].stop
+def exact_rows(of: Fitted) -> tuple[ExactMoves, ...]:
+    """Each quantity that a campaign takes as exact: whitened rows (m, c) that its errors miss.
 
-    def moved(known: FloatArray) -> FloatArray:
-        """Moves (P′, c) of the parameters with errors (r, c)."""
-        out = np.zeros((len(of.active), known.shape[1]))
-        out[free] = (parts.root @ known)[: len(free)]
-        return out
-
-    stated, found = prior_std(of.rig), []
+    Of all components of a group, 0 where one is not exact.
+    """
+    columns, stated, n = of.all_slopes(), prior_std(of.rig), of.rig.n
+    place, own_priors = layout(n, of.still.motions), of.prior_jacobian[: of.still_priors]
+    P, rows, found = place["drift"].stop, len(columns) + len(of.prior_jacobian), []
     for group, name, error, unit in _TYPICAL:
         index = np.arange(place[group].start, place[group].stop)
         mass = float(of.still.mass) if group == "mass" else 1.0
@@ -96,29 +96,75 @@ def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
         trusted = ~exact & (stated[index] < _TRUSTED.get(group, 0.0) * size)
         if not (exact | trusted).any():
             continue
-        wrong = columns[:, index[exact]] * size[exact]
-        known = left.T @ wrong
-        shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
-        # What is estimated moves with what is stated, and that is off by −a.
-        own = parts.root[np.searchsorted(free, index[trusted])].T
-        pull = size[trusted] / stated[index[trusted]] ** 2
-        moves = moved(np.concatenate([known, -own * pull], axis=1))
-        left_over = (size[trusted] / stated[index[trusted]]) ** 2
-        left_over -= np.sum((own * pull) ** 2, axis=0)
-        found.append(
-            ExactQuantity(
-                name,
-                error,
-                unit,
-                moves[place["rotation"]],
-                moves[place["zero"]],
-                np.concatenate([shows, left_over]),
-            )
-        )
+        missed = np.zeros((rows, len(index)))
+        missed[: len(columns)] = columns[:, index] * np.where(exact, size, 0.0)
+        for j in np.flatnonzero(trusted):
+            # What is estimated moves with what is stated, and that is off by −a.
+            row = np.argmax(np.abs(own_priors[:, np.sum(of.active[: index[j]])]))
+            missed[len(columns) + row, j] = -size[j] / stated[index[j]]
+        none = missed[:, :0]
+        sides = (none, missed) if name == _OF_THE_CAMPAIGN else (missed, none)
+        found.append(ExactMoves(name, error, unit, *sides))
     if len(of.active) > P and not of.active[P + DELAY]:
-        moves = moved(left.T @ (_DELAY * columns[:, [P + DELAY]]))
-        found.append(ExactQuantity("delay", _DELAY, "s", moves[place["rotation"]]))
+        missed = np.zeros((rows, 1))
+        missed[: len(columns)] = _DELAY * columns[:, [P + DELAY]]
+        found.append(ExactMoves("delay", _DELAY, "s", missed, missed[:, :0]))
     return tuple(found)
+
+
+def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
+    """Each quantity of a calibration that has no uncertainty of its own.
+
+    What earlier campaigns say moves as well: with an error that they have in common with this one,
+    and with those that each had anew.
+    """
+    parts, free, n = information(of), np.flatnonzero(of.active), of.rig.n
+    taken = {one.name: one for one in exact_rows(of)}
+    earlier = {one.name: one for one in _earlier_rows(of)}
+
+    def moved(missed: FloatArray) -> FloatArray:
+        """Moves (P, c) of the parameters with errors that miss rows (m, c)."""
+        out = np.zeros((len(of.active), missed.shape[1]))
+        out[free] = (parts.root @ (parts.left.T @ missed))[: len(free)]
+        return out[: parameter_count(n)]
+
+    found = []
+    for name in dict.fromkeys((*taken, *earlier)):
+        both = [one for one in (taken.get(name), earlier.get(name)) if one is not None]
+        missed = both[0] if len(both) == 1 else _together(*both)
+        rows = missed.columns
+        shows = np.sum(rows**2, axis=0) - np.sum((parts.left.T @ rows) ** 2, axis=0)
+        sides = moved(missed.common), moved(missed.apart)
+        own = (name, missed.error, missed.unit, *sides)
+        found.append(ExactQuantity(*own, n=n, shows=shows))
+    return tuple(found)
+
+
+def _earlier_rows(of: Fitted) -> Iterator[ExactMoves]:
+    """Whitened rows (m, c) of earlier campaigns' estimate, by errors of what these had as exact."""
+    earlier = of.rig.earlier
+    if earlier is None:
+        return
+    root, data = earlier.root, len(of.all_slopes())
+    rows, first = data + len(of.prior_jacobian), data + of.still_priors - len(root)
+
+    def missed(moves: FloatArray) -> FloatArray:
+        out = np.zeros((rows, moves.shape[1]))
+        out[first : first + len(root)] = root @ moves
+        return out
+
+    for one in earlier.exact:
+        yield replace(one, common=missed(one.common), apart=missed(one.apart))
+
+
+def _together(one: ExactMoves, other: ExactMoves) -> ExactMoves:
+    """What both do: one and the same error in common, each its own apart."""
+    common = one.common
+    if common.shape == other.common.shape:
+        common = common + other.common
+    else:
+        other = other.all_apart()
+    return replace(one, common=common, apart=np.concatenate([one.apart, other.apart], axis=1))
 
 
 def exact_caveats(fit: Fitted, uncertainty: Uncertainty) -> list[Finding]:
@@ -129,12 +175,12 @@ def exact_caveats(fit: Fitted, uncertainty: Uncertainty) -> list[Finding]:
     to show, moves a zero by far more than it would have to move a residual.
     """
     place = layout(fit.rig.n, fit.still.motions)
-    if all(fit.active[place[group]].all() for group in _OF_THE_TERMINAL):
+    if all(fit.active[place[group]].all() for group in OF_THE_TERMINAL):
         return []
     certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))
     std, found = uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
     for quantity in exact_quantities(fit):
-        if quantity.name not in _OF_THE_TERMINAL or quantity.zeros is None:
+        if quantity.name not in OF_THE_TERMINAL:
             continue
         known = (std > 0) & np.isfinite(std)
         size = np.abs(quantity.zeros) / np.where(known, std, np.inf)[:, None]
@@ -143,7 +189,7 @@ def exact_caveats(fit: Fitted, uncertainty: Uncertainty) -> list[Finding]:
         if size[i, j] / shown[j] > HARMFUL_SHIFT * certain:
             found.append(
                 Finding(
-                    _OF_THE_TERMINAL[quantity.name],
+                    OF_THE_TERMINAL[quantity.name],
                     size=quantity.error,
                     unit=quantity.unit,
                     values={

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from tdfscal.model.parameters import (
     vector,
 )
 from tdfscal.numerics.information import Information
-from tdfscal.records import BoolArray, FloatArray, JointPrior, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Rig
 
 #: A sensor that was mounted anew turns by about this much, rad per axis. Postures are not called
 #: outliers for a turn that all of them share.
@@ -83,21 +84,24 @@ def joint_prior(
     *,
     free: BoolArray | None = None,
     but: BoolArray | None = None,
+    exact: Sequence[ExactMoves] = (),
 ) -> JointPrior:
     """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit.
 
     free : (P,), which parameters they are, by default the rig's. but : (C,), those of them that do
-    not hold for this campaign.
+    not hold for this campaign. exact : (C,) rows, how the mean moves with what is taken as exact.
 
     Estimates of a sensor that measures one axis have no common spin axis, and seem to say something
     of the spin: that is taken from them.
     """
     free = free_constants(rig) if free is None else free.copy()
-    step = np.zeros(len(free))
-    mean = known.mean
+    step, shown = np.zeros(len(free)), np.eye(int(free.sum()))
     for spin in _open_spins(rig, known, reference.rotation):
-        mean -= spin * (spin @ mean)
-    step[free] = mean
+        shown -= np.outer(spin, spin)
+    step[free] = shown @ known.mean
+    placed = np.zeros((len(free), len(shown)))
+    placed[free] = shown
+    moves = tuple(one.by(placed) for one in exact)
     estimate = retract(reference, step)
     matrix = known.matrix
     for spin in _open_spins(rig, known, estimate.rotation):
@@ -109,7 +113,7 @@ def joint_prior(
         matrix, free[np.flatnonzero(free)[but]] = kept[np.ix_(~but, ~but)], False
     root = np.zeros((int(free.sum()), len(free)))
     root[:, free] = np.linalg.cholesky(matrix).T
-    return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof)
+    return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof, moves)
 
 
 def information_of(rig: Rig, prior: JointPrior) -> Information:

@@ -25,7 +25,10 @@ _TELLING = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """Λ (C, C) and η (C,) with Λ x = η at the mean, x counted from some common reference."""
+    """Λ (C, C) and η (C,) with Λ x = η at the mean, x counted from some common reference.
+
+    Sums, walks and means take several scores beside each other as well, (C, c).
+    """
 
     matrix: FloatArray
     score: FloatArray

@@ -242,10 +242,11 @@ def _exact_quantities(
 
     rotation : (n, 3, 3), of the sensors.
     """
-    n, found = len(supports), []
+    n = len(supports)
+    found, none = [], np.zeros((3 * n, 0))
     if misalignment == 0:
         turns = _MISALIGNMENT * np.eye(3 * n)
-        found.append(ExactQuantity("body against axes", _MISALIGNMENT, "rad", turns))
+        found.append(ExactQuantity("body against axes", _MISALIGNMENT, "rad", turns, none, n=n))
     if session.drawing == 0 and session.nominal.std is None:
         moves = np.zeros((3 * n, 3 * n))
         for i, name in enumerate(supports):
@@ -256,7 +257,7 @@ def _exact_quantities(
             values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
             rows = slice(3 * i, 3 * i + 3)
             moves[rows, rows] = rotation[i] @ (_DRAWING * vectors / np.sqrt(values))
-        found.append(ExactQuantity("target drawing", _DRAWING, "m", moves))
+        found.append(ExactQuantity("target drawing", _DRAWING, "m", moves, none, n=n))
     return tuple(found)
 
 

@@ -17,6 +17,7 @@ import tdfscal
 from tdfscal.commands.several_campaigns import Recording, refuse_repeated
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
+from tdfscal.numerics import so3
 from tdfscal.records import Measured
 from tdfscal.simulation import MOVING, Recorder, reference_rig, scenarios
 from tests.cli.running import run
@@ -103,6 +104,47 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     assert len(updated["campaigns"]) == 4
     assert len(updated["history"]) == 3
     assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
+
+
+@pytest.mark.parametrize("command", ["calibrate", "update"])
+def test_a_level_that_all_months_have_wrong_moves_the_angles_as_stated(
+    months: Path, tmp_path: Path, command: str
+) -> None:
+    """1 mrad in all positions, a rotation of the base against gravity."""
+    known, moves = folders(months, 0, 3), list[np.ndarray]()
+    rig = yaml.safe_load((known[0] / "rig.yaml").read_text())
+    assert not rig["gravity"].get("tilt_std")
+
+    def made(turn: np.ndarray) -> dict[str, Any]:
+        home = tmp_path / f"{len(moves)}-{np.abs(turn).sum()}"
+        for folder in known:
+            shutil.copytree(folder, home / folder.name)
+            log = home / folder.name / "log.csv"
+            rows = pd.read_csv(log)
+            for i in range(1, len(rig["supports"]) + 1):
+                at = [f"NCP{i}_ActPos{axis}" for axis in "XYZ"]
+                rows[at] = rows[at].to_numpy() @ so3.exp(turn).T
+            rows.to_csv(log, index=False, float_format="%.15g")
+        each = sorted(home.iterdir())
+        if command == "calibrate":
+            return tdfscal.calibrate(each, trials=0).model_dump(mode="json")
+        first = home.parent / f"{home.name}.yaml"
+        tdfscal.calibrate(each[0], trials=0, allow_rejected=True, output=first)
+        return tdfscal.update(first, each[1:], trials=0).model_dump(mode="json")
+
+    def rotations(content: dict[str, Any]) -> np.ndarray:
+        return np.array([support["rotation"] for support in content["supports"]])
+
+    right = made(np.zeros(3))
+    for turn in 1e-3 * np.eye(3)[:2]:
+        back = np.swapaxes(rotations(right), 1, 2)
+        # The sensors turn with the positions; what is left is the level's.
+        moves.append(so3.log(rotations(made(turn)) @ back) - turn)
+    (level,) = (one for one in right["taken_as_exact"] if one["name"] == "base level")
+    stated = np.array([support["turn"] for support in level["supports"]])
+    assert stated.max() > 2e-4
+    seen = np.sqrt(np.sum(np.square(moves), axis=0))
+    np.testing.assert_allclose(seen, stated, atol=0.05 * stated.max())
 
 
 def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:

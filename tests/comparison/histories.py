@@ -31,11 +31,12 @@ def history(
     steps: Sequence[Step] = (),
     creep: Sequence[Step] = (),
     heavier: Sequence[float] | FloatArray = (),
+    tilt: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[list[Recorded], FloatArray]:
     """Campaigns one month apart, and the true rotations (months, n, 3, 3).
 
     walk : rad per axis and month. creep : from that month on, per month. heavier : per month, kg,
-    than in the others.
+    than in the others. tilt : rad, of gravity about X and Y, in all months.
     """
     sizes = [postures_each] * months if isinstance(postures_each, int) else list(postures_each)
     campaigns: list[Recorded] = []
@@ -44,7 +45,9 @@ def history(
     for month in range(months):
         options = Options(postures=sizes[month], squeeze=200.0)
         stage = set_stage(rig, options, rng.spawn(1)[0], 1)
-        first = first or stage.truth
+        if first is None:
+            level = so3.exp(np.array([*tilt, 0.0]))
+            first = replace(stage.truth, gravity=stage.truth.gravity @ level.T)
         turn = walk * rng.standard_normal((rig.n, 3)) * (month > 0)
         for when, sensor, step in steps:
             turn[sensor] += np.asarray(step) * (when == month)

@@ -198,10 +198,10 @@ def swap_supports(content: dict[str, Any]) -> None:
     content["supports"][:2] = content["supports"][1::-1]
 
 
-def exact_for(*names: str) -> Change:
-    """A quantity taken as exact, with its effect on these supports."""
+def exact_for(*names: str, **moves: Any) -> Change:
+    """A quantity taken as exact, with its effect on these supports, and moves of parameters."""
     effects = [{"name": name, "turn": [1e-3, 0.0, 0.0]} for name in names]
-    quantity = {"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects}
+    quantity = {"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects, **moves}
     return put("taken_as_exact", [quantity])
 
 
@@ -256,6 +256,8 @@ BROKEN = [
     (drop("budget", "angles", 8), "ncp1, ncp2, ncp3", "budget.angles"),
     (put("budget", "angles", 3, "angle", "yaw"), "ncp1, ncp2, ncp3", "budget.angles"),
     (exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    (exact_for(*NAMES, common=[[1e-3]]), "rows of one length", "taken_as_exact[0].common"),
+    (exact_for(*NAMES, apart=[[]]), "rows of one length", "taken_as_exact[0].apart"),
     (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "row per support", "monte_carlo.low"),
     (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
     (put("findings", [REJECTING | {"severity": "notes"}]), "less", "findings[0].severity"),

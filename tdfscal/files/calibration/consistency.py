@@ -221,6 +221,14 @@ def _check_names(c: Calibration) -> None:
             for k, one in enumerate(c.taken_as_exact)
         ),
     ]
+    rows = 3 * len(stand) if c.parameters is None else len(c.parameters.parameters)
+    for k, one in enumerate(c.taken_as_exact):
+        for side, matrix in (("common", one.common), ("apart", one.apart)):
+            if matrix is not None and (
+                len(matrix) != rows or len({len(row) for row in matrix}) != 1 or not matrix[0]
+            ):
+                what = f"must have {rows} rows of one length"
+                raise fault(what, "taken_as_exact", k, side, hint=ALTERED)
     if c.budget is not None:
         named = [(entry.support, entry.angle) for entry in c.budget.angles]
         lists.append((named, product(stand, ANGLES), ("budget", "angles")))

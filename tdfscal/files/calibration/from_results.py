@@ -19,7 +19,12 @@ from tdfscal.estimation.fit import factored_information
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parameters import parameters_document, turn_parameters
+from tdfscal.files.calibration.parameters import (
+    exact_moves_document,
+    parameter_rows,
+    parameters_document,
+    turn_parameters,
+)
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
     CONVENTION,
@@ -169,11 +174,14 @@ def from_joint(
     }
     # With its weight in the joint estimate, C C_a⁻¹, each method moves it by what it has as exact,
     # and has the share C C_a⁻¹ C of its covariance, whose sum is C.
+    # Zeros and load follow the turns by their correlation.
     of_self, of_tracker = (
         np.asarray(np.linalg.solve(covariance, C).T)
         for covariance in (own.uncertainty.covariance, tracker.rotations.covariance)
     )
-    weighted = ((exact_quantities(own.fit), of_self), (tracker.exact, of_tracker))
+    follow = np.asarray(np.linalg.solve(C, given.covariance[: len(C)]).T)
+    exact = [_followed(one, of_self, follow) for one in exact_quantities(own.fit)]
+    exact += [_followed(one, of_tracker, follow) for one in tracker.exact]
     return _file(
         origin,
         Angles(R, C, determined),
@@ -182,9 +190,24 @@ def from_joint(
             "self-calibration": so3.rpy_variance(R, of_self @ C),
             "tracker": so3.rpy_variance(R, of_tracker @ C),
         },
-        [replace(one, moves=weight @ one.moves) for exact, weight in weighted for one in exact],
+        exact,
         parts | _state(given.state, published_std(given, own.uncertainty.parameter_std), own.rig),
     )
+
+
+def _followed(one: ExactQuantity, weight: FloatArray, follow: FloatArray) -> ExactQuantity:
+    """Moves of all parameters (P,) where the turns are weighted with those of another method.
+
+    weight : (3n, 3n), of this method. follow : (P, 3n), moves of all by turns.
+    """
+    sides = {}
+    for side in ("common", "apart"):
+        moves = getattr(one, side)
+        turns = moves[: len(weight)]
+        # A tracker knows no more than turns.
+        whole = moves if len(moves) > len(turns) else follow @ turns
+        sides[side] = whole + follow @ (weight @ turns - turns)
+    return replace(one, **sides)
 
 
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:
@@ -285,7 +308,11 @@ def _file(
                 "matrix": (covariance + covariance.T) / 2,
             },
             "budget": statistics.budget(rig.supports, budget, angles.determined),
-            "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
+            "taken_as_exact": [
+                _exact(rig.supports, angles, quantity)
+                | exact_moves_document(quantity, parameter_rows(parts, rig.supports, stand))
+                for quantity in exact
+            ],
             "monte_carlo": statistics.trials(angles.trials, angles.std),
             "findings": found,
             **parts,

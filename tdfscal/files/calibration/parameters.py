@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +10,11 @@ import numpy as np
 
 from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
-from tdfscal.records import FloatArray, Rig
+from tdfscal.numerics.least_squares import triangular
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, Rig
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
+    from tdfscal.files.calibration.parts import ExactQuantityResult
     from tdfscal.model.calibrated import Calibrated
 
 _COMPONENTS = {
@@ -67,6 +69,48 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
         "matrix": given.covariance[np.ix_(used, used)],
         "unscaled": unscaled,
     }
+
+
+def parameter_rows(
+    parts: Mapping[str, Any], supports: tuple[str, ...], stand: BoolArray
+) -> IntArray:
+    """Places of the parameters that a file's matrices are of: of the block, else of turns.
+
+    parts : keys of the file. stand : (3n,), turns that its covariance has.
+    """
+    if (block := parts.get("parameters")) is None:
+        return np.flatnonzero(stand)
+    used = set(block["parameters"])
+    return np.flatnonzero([name in used for name in parameter_order(supports)])
+
+
+def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
+    """Moves of the parameters at `rows` by errors of a quantity; None where there are none.
+
+    Independent errors are as good as as many that have the same covariance.
+    """
+    common, apart = moves.common[rows], moves.apart[rows]
+    apart = triangular(apart.T).T if apart.shape[1] > len(rows) else apart
+    sides = {"common": common, "apart": apart}
+    return {name: side if side.any() else None for name, side in sides.items()}
+
+
+def exact_moves_from(
+    quantities: Iterable[ExactQuantityResult], rows: IntArray, size: int
+) -> tuple[ExactMoves, ...]:
+    """Read moves (P,) back; rows : of the file's matrices. size : P."""
+
+    def placed(side: Sequence[Sequence[float]] | None) -> FloatArray:
+        if side is None:
+            return np.zeros((size, 0))
+        out = np.zeros((size, len(side[0])))
+        out[rows] = side
+        return out
+
+    return tuple(
+        ExactMoves(one.name, one.error, one.unit, placed(one.common), placed(one.apart))
+        for one in quantities
+    )
 
 
 def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibrated:

@@ -353,6 +353,12 @@ class ExactQuantityResult(Strict):
     supports: tuple[ExactEffect, ...] = key(
         "what that error does to each sensor; components in quadrature"
     )
+    common: Matrix | None = key(
+        "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
+        "component, which campaigns of the rig have in common; for `update`",
+        None,
+    )
+    apart: Matrix | None = key("SI: the same by errors that each campaign has anew", None)
 
 
 class MonteCarloResult(Strict):
