@@ -36,7 +36,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.findings import Finding, rejecting
+from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
@@ -233,7 +233,11 @@ def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]
 
 
 def _contact(life: Life, rig: Rig, known: Sequence[Earlier]) -> Iterator[Finding]:
-    """How long the latest accepted calibration knows the contact wrench within its limit."""
+    """How long the latest accepted calibration knows the contact wrench within its limit.
+
+    Lost by the likeliest walk; until when by the largest that the history allows, as far as it
+    foresees.
+    """
     use = [e for e in known if e.file.accepted]
     if not use:
         return
@@ -241,14 +245,17 @@ def _contact(life: Life, rig: Rig, known: Sequence[Earlier]) -> Iterator[Finding
     given = replace(
         calibrated(last.file, last.name), rig=replace(last.rig, acceptance=rig.acceptance)
     )
-    walk = max(rig.drift.angle, life.walk.value if life.walk else 0.0)
+    likely = max(rig.drift.angle, life.walk.value if life.walk else 0.0)
+    most = max(rig.drift.angle, life.walk.high if life.walk else 0.0)
     since = float(life.month[-1]) - last.measured.month
-    for quantity, months in conforming_months(given, walk).items():
-        if months <= since:
+    longest = conforming_months(given, likely)
+    for quantity, months in conforming_months(given, most).items():
+        until = max(last.measured.month + months, float(life.month[-1]))
+        if longest[quantity] <= since:
             yield Finding("contact-lost", (quantity,))
-        elif np.isfinite(months):
-            until = day(last.measured.month + months)
-            yield Finding("contact-conforms-until", (quantity,), values={"date": until})
+        elif until <= life.due.foreseen:
+            values: dict[str, Value] = {"date": day(until)}
+            yield Finding("contact-conforms-until", (quantity,), values=values)
 
 
 def _some(names: Sequence[str]) -> tuple[str, ...]:

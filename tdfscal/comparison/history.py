@@ -15,21 +15,28 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Fewer checks say nothing of a walk.
 _FEWEST_FOR_WALK = 4
+#: What a history shows is taken to go on for so many times its own length, and no longer.
+_FORESEEN = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """When the largest standard uncertainty of a turn meets the limit.
+    """When the largest standard uncertainty of a turn may meet the limit.
 
-    month : None where nothing walks or creeps. earliest : with the largest walk that the
-    history allows; None where it allows none. sensor : whose turn it is. now : rad, today's.
+    By the upper ends of the 95 % intervals of walk and creep, or the declared walk where it is
+    larger. month : None beyond what the history foresees, or where nothing tells of any walk.
+    earliest : the same month; where it lies beyond, how far the history foresees; None where
+    nothing tells. foreseen : month until which the history is taken to go on as it was. sensor :
+    whose turn it is. now : rad, today's.
     """
 
     month: float | None
     earliest: float | None
+    foreseen: float
     sensor: int
     now: float
     limit: float
@@ -155,11 +162,11 @@ def live(
         walk=walk,
         birge=birge,
         due=_due(
-            checks[-1].month,
+            (checks[0].month, checks[-1].month),
             rig.acceptance.angle_std,
             np.where(np.any(seen, axis=0)[:, None], path.std[-1], 0.0),
             _pace(watch.alarms, n),
-            used,
+            rig.drift.angle,
             walk,
         ),
     )
@@ -190,42 +197,46 @@ def _told(known: Iterable[tuple[Information, Information]], R: FloatArray) -> _T
 
 
 def _due(
-    last: float,
+    span: tuple[float, float],
     limit: float,
     path_std: FloatArray,
     pace: FloatArray,
-    used: float,
+    declared: float,
     walk: Intensity | None,
 ) -> Due:
     """When the first sensor's u² + q² t + (v t)² reaches the limit's, t months from the last check.
 
-    path_std : (n, 3), rad, now. pace : (n,), v, rad per month, of sensors that creep. used : q.
+    span : months of the first and the last check. path_std : (n, 3), rad, now. pace : (n,), v, rad
+    per month, largest of sensors that creep. q : the largest walk that the history allows.
     """
+    first, last = span
     largest = path_std.max(axis=1)
     room = np.maximum(limit**2 - largest**2, 0.0)
-
-    def wait(q: float) -> FloatArray:
-        # The root of (v t)² + q² t = room, in the form that is right for v = 0 too.
-        slower = q**2 + np.sqrt(q**4 + 4 * pace**2 * room)
-        out = np.full(len(room), np.inf)
-        np.divide(2 * room, slower, out=out, where=slower > 0)
-        return out
-
-    def at(q: float) -> float | None:
-        first = float(wait(q).min())
-        return last + first if np.isfinite(first) else None
-
-    most = max(used, walk.high if walk else 0.0)
-    waits = wait(used)
+    q = max(declared, walk.high if walk else 0.0)
+    # The root of (v t)² + q² t = room, in the form that is right for v = 0 too.
+    slower = q**2 + np.sqrt(q**4 + 4 * pace**2 * room)
+    waits = np.full(len(room), np.inf)
+    np.divide(2 * room, slower, out=waits, where=slower > 0)
+    waits[room == 0.0] = 0.0
     sensor = int(np.argmin(waits)) if np.isfinite(waits).any() else int(np.argmax(largest))
-    return Due(at(used), at(most), sensor, float(largest[sensor]), limit)
+    foreseen = last + _FORESEEN * (last - first)
+    month: float | None = last + float(waits[sensor])
+    earliest = month
+    if month is not None and month > foreseen:
+        told = walk is not None or declared > 0 or bool(pace.any())
+        month, earliest = None, foreseen if told else None
+    return Due(month, earliest, foreseen, sensor, float(largest[sensor]), limit)
 
 
 def _pace(alarms: Sequence[Alarm], n: int) -> FloatArray:
-    """Speed (n,), rad per month, of the sensors whose last alarm is a creep."""
-    pace = np.zeros(n)
+    """Largest speed (n,), rad per month, of the sensors whose last alarm is a creep."""
+    pace, above = np.zeros(n), normal_quantile((1 + INTERVAL_COVERAGE) / 2)
     for alarm in alarms:
-        if alarm.sensor is not None:
-            creeps = alarm.kind == "creep"
-            pace[alarm.sensor] = float(np.linalg.norm(alarm.turn)) if creeps else 0.0
+        if alarm.sensor is None:
+            continue
+        speed = float(np.linalg.norm(alarm.turn))
+        pace[alarm.sensor] = 0.0
+        if alarm.kind == "creep" and speed > 0:
+            std = float(np.linalg.norm(alarm.turn / speed * alarm.std))
+            pace[alarm.sensor] = speed + above * std
     return pace

@@ -88,10 +88,12 @@ class Intensity:
 def intensity(likelihood: Callable[[float], float]) -> Intensity:
     """Estimate q from its log-likelihood; the interval by the likelihood ratio (χ² of one).
 
-    low is 0 where no walk at all is within it.
+    Its ends lie outwards, at the first values tried that are not within it: with many checks it is
+    narrower than the steps between them. low is 0 where no walk at all is within it.
     """
     tried = np.concatenate([[0.0], _TRIED])
     level = np.array([likelihood(float(q)) for q in tried])
     best = int(np.argmax(level))
     inside = np.flatnonzero(level >= level[best] - chi2_quantile(INTERVAL_COVERAGE, 1) / 2)
-    return Intensity(float(tried[best]), float(tried[inside[0]]), float(tried[inside[-1]]))
+    low, high = max(inside[0] - 1, 0), min(inside[-1] + 1, len(tried) - 1)
+    return Intensity(float(tried[best]), float(tried[low]), float(tried[high]))

@@ -135,15 +135,12 @@ def _due(life: Life) -> str:
     now = f"{name} is at {1e3 * due.now:.2g} of {1e3 * due.limit:.2g} mrad"
     if due.now >= due.limit:
         return f"now: {now}"
-    if due.month is None:
-        early = "" if due.earliest is None else f"; {day_or_far(due.earliest)} at the earliest"
-        return f"no date: no walk is declared or seen ({now}){early}"
-    return f"{day_or_far(due.month)} ({now})"
-
-
-def day_or_far(month: float) -> str:
-    """Date, or that it is a long way off."""
-    return day(month) if month < 12 * 130 else "after 2100"
+    if due.month is not None:
+        return f"{day(due.month)}, by the most that the history allows ({now})"
+    if due.earliest is None:
+        return f"no date: no walk is declared, and the checks are too few to tell one ({now})"
+    months = life.month[-1] - life.month[0]
+    return f"not before {day(due.earliest)}, as far as these {months:.1f} months tell ({now})"
 
 
 def _angles(life: Life) -> Table:
@@ -170,7 +167,7 @@ def history_document(
 ) -> dict[str, Any]:
     """Plain JSON values: SI units, rad, dates in ISO 8601."""
     due = life.due
-    dates = [None if when is None else day_or_far(when) for when in (due.month, due.earliest)]
+    dates = [None if when is None else day(when) for when in (due.month, due.earliest)]
     return layout.document(
         life,
         "supports false_alarms_per_year=rate birge",

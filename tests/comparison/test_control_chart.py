@@ -6,15 +6,17 @@ estimator makes of simulated campaigns is in `test_pooling.py`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tdfscal.comparison.control_chart import Check, Watch, Watching
-from tdfscal.comparison.history import live
+from tdfscal.comparison.history import Life, live
 from tdfscal.model.earlier import free_constants
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
-from tdfscal.records import FloatArray
+from tdfscal.records import Drift, FloatArray, Rig
 from tdfscal.simulation import reference_rig
 
 SENSORS, HINGES = 3, 4
@@ -119,19 +121,49 @@ def test_no_alarm_where_the_declared_walk_explains_the_changes() -> None:
     assert not Watching(checks, PRIOR, [step] * 18, SENSORS, 0.01).run().alarms
 
 
-def test_a_creep_sets_the_date_of_the_next_calibration() -> None:
-    """At 0.2 mrad a month the limit of 5 mrad is 25 months away."""
-    rig = reference_rig()
-    size, pace = int(free_constants(rig).sum()), 2e-4
+def lived(turns: FloatArray, rig: Rig | None = None, noise: float = 0.0, seed: int = 0) -> Life:
+    """Life of checks a month apart that see turns (K, 9), rad, each with 0.3 mrad."""
+    rig = rig or reference_rig()
+    size, rng = int(free_constants(rig).sum()), np.random.default_rng(seed)
     own = np.zeros((size, size))
     own[:9, :9] = np.eye(9) / SEEN**2
     prior = Information(np.diag([1e-4] * 9 + [KNOWN**-2] * (size - 9)), np.zeros(size))
     checks = []
-    for k in range(24):
-        turn = np.zeros(size)
-        turn[3] = pace * k
-        checks.append(Check(str(k), float(k), Information(own, own @ turn)))
-    life = live(rig, nominal(rig), prior, checks, rate=0.01)
+    for k, turn in enumerate(turns):
+        seen = np.zeros(size)
+        seen[:9] = turn + noise * SEEN * rng.standard_normal(9)
+        checks.append(Check(str(k), float(k), Information(own, own @ seen)))
+    return live(rig, nominal(rig), prior, checks, rate=0.01)
+
+
+def test_a_creep_sets_the_date_of_the_next_calibration() -> None:
+    """At 0.2 mrad a month the limit of 5 mrad is 25 months away, and no longer than that."""
+    rig, pace = reference_rig(), 2e-4
+    turns = np.zeros((24, 9))
+    turns[:, 3] = pace * np.arange(24)
+    life = lived(turns)
     assert (life.alarms[-1].kind, life.due.sensor) == ("creep", 1)
     assert life.due.month is not None
-    assert life.due.month - 23 == pytest.approx(rig.acceptance.angle_std / pace, rel=0.1)
+    wait = rig.acceptance.angle_std / pace
+    assert 0.7 * wait < life.due.month - 23 < wait
+
+
+def test_a_walk_is_foreseen_by_its_upper_bound() -> None:
+    """Of 1 mrad/√month: the uncertainty meets 5 mrad before 25 months, at the most allowed."""
+    walk = 1e-3 * np.random.default_rng(3).standard_normal((24, 9))
+    rig = replace(reference_rig(), drift=Drift(angle=8e-4))
+    life = lived(np.cumsum(walk, axis=0), rig)
+    assert not life.alarms
+    assert life.walk is not None
+    assert life.due.month is not None
+    room = rig.acceptance.angle_std**2 - life.due.now**2
+    assert life.due.month - 23 == pytest.approx(room / life.walk.high**2, rel=1e-9)
+    assert life.due.month - 23 < room / 1e-3**2
+
+
+def test_no_date_beyond_what_the_history_foresees() -> None:
+    """Seven months at rest tell of fourteen more; two checks tell of none."""
+    life = lived(np.zeros((8, 9)), noise=1.0)
+    assert (life.due.month, life.due.earliest) == (None, 7 + 14)
+    few = lived(np.zeros((2, 9)), noise=1.0)
+    assert (few.due.month, few.due.earliest) == (None, None)
