@@ -20,7 +20,7 @@ along-load refuses
   the loads on this sensor stay within {within:.2g}° of one direction, and turning a
   sensor about its load changes nothing
   -> squeeze the NCPs against each other so that the sensors feel sideways loads
-    (they carry {carried:{across:.2g} N across it|none}{enough:; about ~ N would
+    (they carry {carried:{across:.2g} N across it|none}{enough:; about ~ would
     show it|})
 """
 

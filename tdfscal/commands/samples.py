@@ -177,7 +177,9 @@ def _moving(
         progress=log.progress.stage,
     )
     log.clocks = _with_delay(log, found, 0.5 * float(slow.time[0] + slow.time[-1]))
-    return found
+    # At rest the dwells bring along what the log says of itself.
+    told = [finding for finding in log.messages if finding not in found.findings]
+    return replace(found, findings=(*found.findings, *told))
 
 
 def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[RecorderClock, ...]:

@@ -63,6 +63,16 @@ def test_a_log_without_a_stop_becomes_a_calibration(
         tdfscal.validate(target, minute, samples="static")
 
 
+def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
+    tdfscal.simulate(tmp_path / "a", scenario="motion", format="csv", rate=50.0, seed=4)
+    log = tmp_path / "a" / "log.csv"
+    content = log.read_bytes()
+    log.write_bytes(content[: len(content) // 2 + 7])
+    result = tdfscal.calibrate(tmp_path / "a", trials=0)
+    assert result.motion is not None
+    assert [found.severity for found in result.found("log-truncated")] == ["warns"]
+
+
 def test_what_does_not_go_together_is_refused(minute: Path) -> None:
     with pytest.raises(UsageError, match="dwells"):
         tdfscal.calibrate(minute, samples="moving", estimator="linear")
