@@ -120,6 +120,11 @@ recorder-not-found refuses
   ? short , or too few moves are left in the shorter, as of a file that was cut short
   -> give the recordings of one campaign; `tdfscal info` shows what each holds, and
     when; of one campaign, state clock.offset in its log block, as well as it is known
+forces-behind refuses
+  the forces {late:lag behind|run ahead of} the positions by about {size}: with
+  that, they balance far better
+  -> shift the force columns by that time, and see why the recorder writes them so
+  @ log
 recorder-backwards refuses
   the moves that the first recorder saw are those of the recorder {subject} run
   backwards: the values of one of them stand in the reverse order of its times

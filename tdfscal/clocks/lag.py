@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.clocks.search import ALIKE, ALSO, CLEAR, SAME, Search
-from tdfscal.clocks.tracks import Tracks, during
+from tdfscal.clocks.tracks import Peak, Track, Tracks, during
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import ClockPrior, RecorderClock
+from tdfscal.records import ClockPrior, RecorderClock, Series
+
+_BEHIND = 5.0  # s, by which forces and positions of one recording may be apart,
+_GRID = 0.1  # and steps in which they are looked at
 
 
 def find_clocks(
@@ -67,6 +70,30 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
         clock = search.refined(chosen, name)
     lag = clock.offset - (second.begin - first.begin)
     return replace(clock, activity=during(*search.courses, search.width, lag))
+
+
+def forces_behind(position: Series, force: Series) -> float | None:
+    """Time, s, by which the forces of one recording come after its positions, if it is large.
+
+    By the balance at lags up to a few seconds either way; None where no other lag is far better
+    than none. position, force : of all supports, values (N, 3n), on the recording's one clock.
+    """
+    tracks = []
+    for kind, series in enumerate((position, force)):
+        if not np.isfinite(series.value).all():
+            return None  # of a component that is not measured
+        begin, end = float(series.time[0]), float(series.time[-1])
+        streams = {2 * i + kind: Track.of(series.time - begin, series.value[:, 3 * i : 3 * i + 3])
+                   for i in range(series.value.shape[1] // 3)}  # fmt: skip
+        tracks.append(Tracks(begin, end, float(np.median(np.diff(series.time))), streams))
+    search = Search(tracks[0], tracks[1], ClockPrior())
+    lags = np.arange(-_BEHIND, _BEHIND + 0.5 * _GRID, _GRID)
+    found = [search.judged(Peak(float(lag), 0.0, search.spans[0])) for lag in lags]
+    best = min(found, key=lambda candidate: candidate.misfit)
+    together = min(c.misfit for c in found if abs(c.lag) <= SAME)
+    if not together > CLEAR * best.misfit:
+        return None
+    return search.refined(best, "").offset
 
 
 def _check_statement(search: Search, name: str) -> None:

@@ -16,11 +16,11 @@ from tdfscal.dwells import find_dwells
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.forecast import with_moves
 from tdfscal.motioncal.streams import Decimator, Slow
-from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, UncertainValue
+from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, Series, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 
@@ -66,6 +66,7 @@ def calibrate_samples(
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, estimator, rng)
+        _check_delay(slow)
         raise neither(dwells, error) from error
 
 
@@ -180,6 +181,20 @@ def _moving(
     # At rest the dwells bring along what the log says of itself.
     told = [finding for finding in log.messages if finding not in found.findings]
     return replace(found, findings=(*found.findings, *told))
+
+
+def _check_delay(slow: Slow) -> None:
+    """Raise DataError where forces seconds behind the positions explain what did not fit."""
+    from tdfscal.clocks import forces_behind  # of logs that do not serve alone
+
+    position, force = (
+        Series(slow.time, values.reshape(len(slow.time), -1))
+        for values in (slow.position, slow.force)
+    )
+    behind = forces_behind(position, force)
+    if behind is not None:
+        late: dict[str, Value] = {"late": behind > 0}
+        raise DataError(Finding("forces-behind", (), abs(behind), "s", values=late))
 
 
 def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[RecorderClock, ...]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.clocks import Reduction, Tracks, find_clock
+from tdfscal.clocks import Reduction, Tracks, find_clock, forces_behind
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
 from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
@@ -230,3 +230,18 @@ def test_recorders_of_different_times_are_refused_by_what_is_stated() -> None:
     assert code(refused.value) == "recorders-overlap-nowhere"
     assert refused.value.finding is not None
     assert "likelier" not in refused.value.finding.values
+
+
+@pytest.mark.parametrize("seconds", [-1.6, 0.0, 1.6])
+def test_forces_seconds_behind_the_positions_of_one_recording(seconds: float) -> None:
+    log = campaign("motion", 3)
+    time = log.position[0].time[::10]
+    place, load = (np.hstack([s.value[::10] for s in kind]) for kind in (log.position, log.force))
+    rows = round(seconds / (time[1] - time[0]))
+    n = len(time) - abs(rows)
+    moved = Series(time[:n], place[max(rows, 0) :][:n])
+    found = forces_behind(moved, Series(time[:n], load[max(-rows, 0) :][:n]))
+    if rows:
+        assert found == pytest.approx(seconds + 0.005, abs=0.05)  # of the simulated sensors
+    else:
+        assert found is None
