@@ -201,13 +201,18 @@ def _recordings(c: Calibration) -> frozenset[Recorded]:
 
     Nominal points and servo positions are what was wanted, and no recording.
     """
-    wanted = set[str]()
+    wanted, surveyed = set[str](), set[str]()
     if c.rig.tracker is not None:
-        wanted = {Path(c.rig.tracker.targets.nominal).name, Path(c.rig.tracker.moves.servo).name}
+        targets, moves = c.rig.tracker.targets, c.rig.tracker.moves
+        wanted = {Path(targets.nominal).name, Path(moves.servo).name}
+        surveyed = {Path(targets.measured).name, Path(moves.measured).name}
     span = None if c.campaigns else _span(c)
     inputs = [*c.inputs, *(entry for campaign in c.campaigns for entry in campaign.inputs)]
+    named = ((Path(entry.path).name, entry.sha256) for entry in inputs)
     return frozenset(
-        Recorded(entry.sha256, span) for entry in inputs if Path(entry.path).name not in wanted
+        Recorded(digest, None if name in surveyed else span)
+        for name, digest in named
+        if name not in wanted
     )
 
 

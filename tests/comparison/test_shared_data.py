@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 import tdfscal
-from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair
+from tdfscal.comparison.compatibility import Comparison, Nested, combine, compare_pair
 from tdfscal.comparison.pooling import Recorded as Campaign
 from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.shared_data import Recorded, Relation, relation
@@ -56,6 +56,21 @@ def test_no_test_in_directions_to_which_nothing_was_added() -> None:
     assert np.isfinite(pair.en).all()
     nothing = compare_pair(("part", level(before)), ("whole", level(before)), Nested(1))
     assert nothing.dof == 0
+
+
+def test_a_joint_estimate_against_its_parts_tells_what_these_tell_of_each_other() -> None:
+    """χ² of either part against both together is that of the parts: nothing else differs."""
+    rng = np.random.default_rng(5)
+    roots = rng.normal(size=(2, 9, 14))
+    one, other = (
+        level(1e-6 * root @ root.T / 14, turn) for root, turn in zip(roots, (0, 1e-3), strict=True)
+    )
+    both = combine(one, other).rotations
+    for part, rest in ((one, other), (other, one)):
+        apart = compare_pair(("part", part), ("rest", rest))
+        nested = compare_pair(("part", part), ("both", both), Nested(1))
+        assert nested.chi2 == pytest.approx(apart.chi2, rel=1e-3)
+        assert nested.detectable == pytest.approx(apart.detectable, rel=1e-6)
 
 
 def nested_pairs(rig: Rig, seed: int, draws: int) -> list[tuple[Comparison, Comparison]]:
