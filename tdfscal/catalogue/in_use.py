@@ -26,7 +26,7 @@ misfit-unexplained rejects
 """,
     "{campaign} does not fit {than} ({p}): %s",
     "-> {updating:calibrate anew instead of updating; or declare drift.angle, where the angles walk"
-    "|leave it out, or calibrate the campaigns before and after apart}",
+    "|leave {campaign} out, or calibrate the campaigns before and after apart}",
 )
 
 #: What may have changed since a calibration.
@@ -173,6 +173,9 @@ postures-left-out warns
 campaign-unsound rejects
   {subject} could not be judged and says nothing of any turn, since calibrate rejects it
   by itself: {why}
+campaign-unusable rejects
+  {subject} takes no part, since it cannot be used as a campaign of this rig: {why}
+  -> mend {subject} or leave it out: {hint}
 campaign-postures-rejected rejects
   {number:.0f} of {postures} postures of {subject} had to be rejected, above the
   limit of {limit:.0%}

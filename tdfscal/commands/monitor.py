@@ -19,16 +19,15 @@ from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
 from tdfscal.commands.log_pass import Settings, stated_date
 from tdfscal.commands.options import Option
+from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.several_campaigns import (
     Read,
-    Recording,
     left_out,
     read_campaigns,
-    recorded,
-    refuse_repeated,
     require_one_rig,
     unsound,
+    usable_campaigns,
 )
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
@@ -126,7 +125,7 @@ def monitor(
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
 
     A campaign that `calibrate` rejects by itself takes no part and is named; status 1 where it is
-    the latest, of which nothing is then known.
+    the latest, of which nothing is then known, and where one cannot be used as this rig's.
 
     Raises
     ------
@@ -152,20 +151,23 @@ def monitor(
         )
     checks: list[Earlier | Read] = [*known, *reads]
     latest = max(check.measured.month for check in checks)
+    usable, unusable = usable_campaigns(reads, len(known))
+    reads = [read for read in reads if read.name in usable]
     rejected = unsound(reads)
     late = {read.name for read in reads if read.measured.month == latest}
     reads = [read for read in reads if read.name not in rejected]
     checks = [*known, *reads]
-    lost = tuple(
+    lost = [
         finding
         for name, why in rejected.items()
         for finding in left_out({name: why}, rejects=name in late or len(checks) < 2)
-    )
+    ]
+    lost += unusable
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
-    life, noisy = life_of(rig, known, [recorded(read) for read in reads])
+    life, noisy = life_of(rig, known, [usable[read.name] for read in reads])
     return MonitorResult(
         rig,
         life,

@@ -6,20 +6,19 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.checks.repeated_samples import RepeatedSamples
 from tdfscal.checks.same_rig import different_constants
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import origin_of, surveyed
 from tdfscal.commands.calibration import Calibration, as_calibration
 from tdfscal.commands.campaign import resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured
+from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
@@ -28,81 +27,13 @@ from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.records import Acceptance, Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
+from tdfscal.records import Acceptance, ExactMoves, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
 
-#: Mean forces of two recordings differ by more than this share of their standard uncertainty in
-#: one of nine channels or more; chance alone would bring them as near once in 10¹⁵ dwells.
-_SAME = 0.02
 #: Reasons of the gate that say how badly a campaign fits, not why.
 _SYMPTOMS = ("residuals-large", "postures-rejected")
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """What tells one recording from another. dwells, samples : None where not at hand."""
-
-    name: str
-    inputs: Sequence[InputFile]
-    measured: Measured | None
-    rig: Rig | None = None
-    dwells: Dwells | None = None
-    samples: RepeatedSamples | None = None
-
-
-def refuse_repeated(recordings: Sequence[Recording]) -> None:
-    """Raise UsageError where two campaigns hold the same recording."""
-    for first, second in combinations(recordings, 2):
-        common = {e.sha256 for e in first.inputs} & {e.sha256 for e in second.inputs}
-        what = next((e.path for e in second.inputs if e.sha256 in common), None)
-        if what is None and _at_one_time(first.measured, second.measured):
-            what = "their clocks say so, for no rig is recorded twice at a time"
-        if what is None and _alike(first, second):
-            what = "the mean forces of their dwells agree far below their uncertainty"
-        if what is None and _copied(first, second):
-            what = "the readings of every sensor are the same, noise included"
-        if what is not None:
-            raise UsageError(
-                f"holds the same recording as {first.name}: {what}",
-                where=second.name,
-                hint="name each recording once; twice the same data are no more data",
-            )
-
-
-def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
-    """Whether two wall clocks ran at the same time, for longer than they may be set apart."""
-    if a is None or b is None or not a.source == b.source == "log":
-        return False
-    together = min(a.end, b.end) - max(a.begin, b.begin)
-    return together > 0.5 * min(a.end - a.begin, b.end - b.begin)
-
-
-def _alike(a: Recording, b: Recording) -> bool:
-    """Whether half of the dwells of the shorter one, or more, are also the other's."""
-    if a.dwells is None or b.dwells is None or a.rig is None:
-        return False
-    few, many = sorted((a.dwells, b.dwells), key=len)
-    if not len(few) or few.force.shape[1:] != many.force.shape[1:]:
-        return False
-    variance = np.diagonal(few.force_cov, axis1=-2, axis2=-1) + a.rig.declared.force_noise**2
-    within = _SAME * np.sqrt(variance)
-    same = sum(
-        bool((np.abs(many.force - force) <= limit).all(axis=(1, 2)).any())
-        for force, limit in zip(few.force, within, strict=True)
-    )
-    return 2 * same >= len(few)
-
-
-def _copied(a: Recording, b: Recording) -> bool:
-    """Whether samples of every sensor that measures are in both."""
-    if a.samples is None or b.samples is None or a.rig is None or b.rig is None:
-        return False
-    if a.rig.supports != b.rig.supports:
-        return False
-    copied = {repeat.sensor for repeat in a.samples.shared(b.samples)}
-    return copied >= set(np.flatnonzero(a.rig.axes.any(axis=1)).tolist())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,6 +132,38 @@ def recorded(read: Read) -> Recorded:
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
+def usable_campaigns(
+    campaigns: Sequence[Read], others: int = 0
+) -> tuple[dict[str, Recorded], tuple[Finding, ...]]:
+    """What `pool` takes of each campaign, by name; and those that cannot be used as this rig's.
+
+    others : checks beside them, such as calibrations.
+
+    Raises TdfscalError by cause; DataError of the first that cannot be used, where fewer than two
+    checks are left without it.
+    """
+    usable, failed = dict[str, Recorded](), dict[str, DataError]()
+    for read in campaigns:
+        try:
+            usable[read.name] = recorded(read)
+        except DataError as error:
+            failed[read.name] = error
+    if failed and others + len(usable) < 2:
+        raise next(iter(failed.values()))
+    return usable, tuple(
+        Finding(
+            "campaign-unusable",
+            (name,),
+            values={
+                "why": error.what,
+                "hint": error.hint or "compare it with the others",
+            },
+            rejects=True,
+        )
+        for name, error in failed.items()
+    )
+
+
 def rejected_alone(read: Read) -> str | None:
     """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
 
@@ -272,10 +235,13 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
 
     The angles are those at the time of the last campaign with a log. One that the gate rejects by
-    itself takes no part, as long as two others do.
+    itself takes no part, as long as two others do; one that cannot be used as this rig's takes
+    none either, and rejects the result.
     """
     reads = read_campaigns(groups, settings)
     refuse_repeated(reads)
+    usable, unusable = usable_campaigns(reads)
+    reads = [read for read in reads if read.name in usable]
     if all(read.dwells is None for read in reads):
         raise UsageError(
             "none of the campaigns has a log",
@@ -295,14 +261,14 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     sound = [read for read in reads if read.name not in rejected]
     enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
     reads = sound if enough else reads
-    pooled = pool([recorded(read) for read in reads])
+    pooled = pool([usable[read.name] for read in reads])
     last = max(k for k, read in enumerate(reads) if read.dwells is not None)
     read = reads[last]
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
     reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
-    reasons += left_out(rejected, rejects=not enough)
+    reasons += (*unusable, *left_out(rejected, rejects=not enough))
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),

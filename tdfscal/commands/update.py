@@ -18,15 +18,14 @@ from tdfscal.commands.calibration import Calibration, CalibrationSource, as_cali
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Settings, day
+from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     Read,
-    Recording,
     calibrate_informed,
     left_out,
     misfit_finding,
     read_campaigns,
-    refuse_repeated,
     unsound,
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of

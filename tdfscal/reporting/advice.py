@@ -204,10 +204,11 @@ def _file(c: Calibration) -> str:
 def _cures(c: Calibration) -> Iterator[str]:
     """What each reason of the gate asks for, sentences without their capital and full stop.
 
-    Damage first, for it hides the rest; then a campaign that does not fit those before it, which no
-    wider statement of what is doubtful beside it would mend; then sensors, which spoil postures;
-    then what the residuals say, which makes postures misfit; then what touched, which looks like
-    noise; precision last, for it is judged with the noise that all of these add.
+    Damage first, for it hides the rest; then a campaign that cannot be used, or does not fit those
+    before it, which no wider statement of what is doubtful beside it would mend; then sensors,
+    which spoil postures; then what the residuals say, which makes postures misfit; then what
+    touched, which looks like noise; precision last, for it is judged with the noise that all of
+    these add.
     """
     suspected, misfits = _suspected(c), c.found(*MISFITS)
     if misfits:
@@ -215,7 +216,8 @@ def _cures(c: Calibration) -> Iterator[str]:
     if c.motion is not None:  # a log in motion that was meant to rest
         for found in c.found("stops-left-out", "stops-over-capacity"):
             yield f"{found.cure}: {found.text}"
-    yield from dict.fromkeys(found.cure or "" for found in misfits)
+    apart = (*c.found("campaign-unusable"), *misfits)
+    yield from dict.fromkeys(found.cure or "" for found in apart)
     yield from _of_the_sensors(c)
     yield from (found.cure or "" for found in suspected if found.code not in _NOISE)
     yield from _of_what_touched(c)

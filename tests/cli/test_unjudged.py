@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,9 +46,9 @@ def write(
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three sound months; then one whose second sensor slipped, and one that was saturated."""
+    """Sound months, one whose second sensor slipped, and one that was saturated."""
     home = tmp_path_factory.mktemp("rig")
-    for month in (1, 2, 3):
+    for month in (1, 2, 3, 6):
         write(home, f"sound{month}", month)
     write(home, "slipped", 4, faults=SLIPPED)
     write(home, "saturated", 5, scenario="saturation")
@@ -86,8 +87,7 @@ def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
 def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(home, "later", 6)
-    sound = [home / "sound1", home / "sound2", home / "later"]
+    sound = [home / "sound1", home / "sound2", home / "sound6"]
     result = monitored(capsys, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
@@ -117,6 +117,55 @@ def test_a_validation_names_the_postures_that_it_does_not_rest_on(
     assert found["size"] == at_capacity(home / "saturated") > 0
     done = run(capsys, "validate", base, home / "sound2", "--json", "-q")
     assert "postures-left-out" not in done.out
+
+
+def miswired(source: Path, target: Path, mistake: str) -> Path:
+    """A copy of a campaign: its forces in kN, or two of its sensors exchanged."""
+    shutil.copytree(source, target)
+    log = pd.read_csv(target / "log.csv")
+    mapping = yaml.safe_load((target / "rig.yaml").read_text())["log"]["supports"]
+    one, two, three = (mapping[name]["force"] for name in ("ncp1", "ncp2", "ncp3"))
+    if mistake == "unit":
+        log[one + two + three] *= 1e-3
+    else:
+        log[one + two] = log[two + one].to_numpy()
+    log.to_csv(target / "log.csv", index=False)
+    return target
+
+
+def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both are named with their reasons, and the numbers are those of the others alone."""
+    sound = [home / "sound1", home / "sound2"]
+    bad = {
+        str(miswired(home / "sound3", tmp_path / "unit", "unit")): "in kN where N is declared",
+        str(miswired(home / "sound6", tmp_path / "sensors", "sensors")): "taken from ncp2",
+    }
+    result = monitored(capsys, 1, *sound, *map(Path, bad))
+    named = dict(unjudged(result))
+    assert named.keys() == bad.keys()
+    assert all(why in named[name] for name, why in bad.items())
+    assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+    pools = []
+    for status, more in ((0, []), (1, [*bad])):
+        done = run(capsys, "calibrate", *sound, *more, "--trials", 0, "--json", "-q")
+        assert done.status == status, done.err
+        pools.append(json.loads(done.out))
+    alone, beside = pools
+    assert dict(unjudged(beside)) == named
+    assert beside["supports"] == alone["supports"]
+    assert beside["covariance"] == alone["covariance"]
+
+
+def test_two_checks_must_be_left(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = miswired(home / "sound3", tmp_path / "unit", "unit")
+    for command in (["monitor"], ["calibrate", "--trials", 0]):
+        done = run(capsys, *command, home / "sound1", bad, "-q")
+        assert (done.status, done.out) == (3, "")
+        assert str(bad) in done.err
 
 
 def test_where_none_can_be_judged_there_is_no_history(
