@@ -22,7 +22,7 @@ from tdfscal.errors import UsageError
 from tdfscal.exports.formats import FORMATS, c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
-from tests.reporting.samples import NASTY, changed, run, sample, saved
+from tests.reporting.samples import NASTY, changed, run, sample, saved, without_parameters
 from tests.words import found
 
 PLAIN = sample().calibration
@@ -33,7 +33,7 @@ READING = np.array([12.0, -34.0, 1600.0])
 def scaled() -> Calibration:
     """With sensitivities, and a rig whose name tries to break out of every comment."""
     content = sample(n=6, name=NASTY + " --> */ ??/").calibration.model_dump()
-    content["parameters"] = None  # which would contradict
+    content |= without_parameters(content)  # which would contradict
     rng = np.random.default_rng(2)
     for support in content["supports"]:
         S = 0.01 * rng.normal(size=(3, 3))

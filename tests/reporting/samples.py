@@ -125,9 +125,15 @@ def changed(c: Calibration, **changes: Any) -> Calibration:
     return Calibration.model_validate(content)
 
 
+def without_parameters(content: dict[str, Any]) -> dict[str, Any]:
+    """No block of all parameters, nor what has its rows."""
+    exact = [one | {"common": None, "apart": None} for one in content["taken_as_exact"]]
+    return {"parameters": None, "taken_as_exact": exact}
+
+
 def by_hand(content: dict[str, Any]) -> Calibration:
     """A calibration whose angles or covariance were put in by hand, without what would disagree."""
-    content |= {"parameters": None, "budget": None, "monte_carlo": None}
+    content |= {"budget": None, "monte_carlo": None} | without_parameters(content)
     for support in content["supports"]:
         rpy, std = np.array(support["rpy"]), np.array(support["rpy_std"])
         ends = {"low": (rpy - 2 * std).tolist(), "high": (rpy + 2 * std).tolist()}
