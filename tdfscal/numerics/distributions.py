@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy import special
 
 from tdfscal.records import FloatArray
+from tdfscal.significance import INTERVAL_COVERAGE
 
 _THREE = 0.9973  # coverage of three standard deviations
 
@@ -46,6 +47,10 @@ def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
 def coverage(k: float, dof: float = np.inf) -> float:
     """Probability within ±k standard uncertainties, of Student's t with dof degrees of freedom."""
     return float(1.0 - 2.0 * (special.stdtr(dof, -k) if np.isfinite(dof) else special.ndtr(-k)))
+
+
+#: Half an interval over a normal standard uncertainty.
+INTERVAL_FACTOR = float(coverage_factor(INTERVAL_COVERAGE))
 
 
 def widening(dof: float) -> float:

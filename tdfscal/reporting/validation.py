@@ -13,11 +13,11 @@ from tdfscal.catalogue import documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.findings import Finding
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
 from tdfscal.reporting.validation_changes import (
-    COVERAGE,
     Tested,
     change,
     changes,
@@ -207,7 +207,7 @@ def _zero_table(v: Tested) -> tuple[Table, ...]:
         return ()
     beside = "" if v.holds else ", estimated with the likeliest change"
     rows = tuple(
-        (name, *(f"{a:+.2f} ± {COVERAGE * u:.2f}" if np.isfinite(u) else "unknown"
+        (name, *(f"{a:+.2f} ± {INTERVAL_FACTOR * u:.2f}" if np.isfinite(u) else "unknown"
                  for a, u in zip(change, std, strict=True)))
         for name, change, std in zip(
             v.rig.supports, v.zeros.change, v.zeros.change_std, strict=True

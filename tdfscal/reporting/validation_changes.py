@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.log_time import clock_from
-from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.validation.causes import NOISE, Cause
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 
 Tested = Validation | MovingValidation
-#: Standard uncertainties in half an interval.
-COVERAGE = float(coverage_factor(INTERVAL_COVERAGE))
 
 
 def changes(v: Tested) -> list[Finding]:
@@ -46,7 +43,7 @@ def _zeros(v: Tested, code: str) -> list[Finding]:
 
 def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
     """Return one cause with its size; tied : it is not told apart from a likelier one."""
-    value, half = cause.value.tolist(), (COVERAGE * cause.std).tolist()
+    value, half = cause.value.tolist(), (INTERVAL_FACTOR * cause.std).tolist()
     support = None if cause.support is None else v.rig.supports[cause.support]
     values: dict[str, Value] = {
         "tied": tied, "whose": support or "all sensors", "change": value, "change_95": half
@@ -84,7 +81,7 @@ def _gain(cause: Cause) -> dict[str, Value]:
         moved = moved[:1]
     return {
         "change": (100 * cause.value[moved]).tolist(),
-        "change_95": (100 * COVERAGE * cause.std[moved]).tolist(),
+        "change_95": (100 * INTERVAL_FACTOR * cause.std[moved]).tolist(),
         "axes": axes,
         "alike": cause.unknowns == 1 and len(axes) > 1,
         "crosstalk": cause.unknowns > 3,

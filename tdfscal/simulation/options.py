@@ -81,13 +81,7 @@ class Options:
     def __post_init__(self) -> None:
         if self.postures < 1:
             raise UsageError(f"{self.postures} postures asked for", hint="ask for one or more")
-        for name in ("tilt", "travel", "squeeze"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise UsageError(f"{name} is {getattr(self, name)}", hint="give a number ≥ 0")
-        if self.tilt > np.pi / 4:
-            raise UsageError(
-                f"the tilt limit is {np.rad2deg(self.tilt):.0f}°", hint="stay within 45°"
-            )
+        _check_sizes(self, "tilt", "travel", "squeeze")
 
     @property
     def count(self) -> int:
@@ -217,11 +211,8 @@ class MovingOptions:
             raise UsageError(f"the duration is {self.duration} s", hint="give 2 s to one day")
         if not 1.0 <= self.rate <= 20e3:
             raise UsageError(f"the rate is {self.rate} Hz", hint="give 1 Hz to 20 kHz")
-        for name in ("tilt", "travel", "squeeze", "noise", "slow_noise", "encoder", "quantum"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise UsageError(f"{name} is {getattr(self, name)}", hint="give a number ≥ 0")
-        if self.tilt > np.pi / 4:
-            raise UsageError("the tilt is above 45°", hint="stay within 45°")
+        noise = ("noise", "slow_noise", "encoder", "quantum")
+        _check_sizes(self, "tilt", "travel", "squeeze", *noise)
 
     @classmethod
     def stops(cls) -> MovingOptions:
@@ -232,3 +223,14 @@ class MovingOptions:
     def approach(cls) -> MovingOptions:
         """One ordinary straight approach: 50 mm in 33 s, nothing turned, nothing squeezed."""
         return replace(cls(), drive="approach", duration=33.0, tilt=0.0, squeeze=0.0)
+
+
+def _check_sizes(options: Options | MovingOptions, *names: str) -> None:
+    """Raise UsageError where one of these is no number from 0 on, or the tilt is above 45°."""
+    for name in names:
+        if not 0.0 <= getattr(options, name) < np.inf:
+            raise UsageError(f"{name} is {getattr(options, name)}", hint="give a number ≥ 0")
+    if options.tilt > np.pi / 4:
+        raise UsageError(
+            f"the tilt limit is {np.rad2deg(options.tilt):.0f}°", hint="stay within 45°"
+        )

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
-from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.monte_carlo import MonteCarlo, propagate
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -51,7 +51,7 @@ def simulate_inputs(
         return np.concatenate([batch(min(_BATCH, size - k)) for k in range(0, size, _BATCH)])
 
     found = propagate(draw, rpy_std, INTERVAL_COVERAGE, trials)
-    half = coverage_factor(INTERVAL_COVERAGE) * rpy_std
+    half = INTERVAL_FACTOR * rpy_std
     # The linear estimate of the same draws serves as control variate: its ends are known exactly,
     # and the scatter of finitely many trials drops out of the difference.
     same_draws = np.concatenate(linear)

@@ -1,7 +1,7 @@
 """A log that is read wrongly is no rig that changed: names, signs, units of its readings.
 
-What explains forces that fit nowhere is searched as a calibration does it (`selfcal.wiring`), by a
-rig of which the calibration is known; it is held against what may have changed by likelihood.
+What explains forces that fit nowhere is searched as a calibration does it (`selfcal.misreadings`),
+by a rig of which the calibration is known; it is held against what may have changed by likelihood.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.planning.recorded_postures import prospects
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
@@ -50,8 +50,6 @@ if TYPE_CHECKING:
     from tdfscal.comparison.compatibility import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
-
-_NORMAL = float(coverage_factor(INTERVAL_COVERAGE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,7 @@ class Angles:
     covariance: FloatArray
     determined: BoolArray
     trials: MonteCarlo | None = None
-    factor: FloatArray | float = _NORMAL
+    factor: FloatArray | float = INTERVAL_FACTOR
 
     @property
     def std(self) -> FloatArray:
