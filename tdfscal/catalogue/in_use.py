@@ -84,8 +84,8 @@ IN_USE: dict[str, Entry] = {
 rejected-in-use warns
   {subject} IS A REJECTED CALIBRATION, not fit for use: {why}
 provisional-in-use warns
-  {subject} is provisional: {number:.0f} lines of its rig file are still to be
-  confirmed ({lines})
+  {subject} is provisional: {number:.0f} line{several:s|} of its rig file {several:are|is} still to
+  be confirmed, {several:first|namely} {lines}; its `findings` name each
   -> confirm them and calibrate again
 rig-renamed warns
   {subject} is of {own}, the log's rig file of {other}

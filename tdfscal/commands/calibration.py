@@ -42,6 +42,8 @@ CalibrationSource = str | PathLike[str] | CalibrationFile
 ANGLE_COLUMNS = "support angle value std low high"
 #: What a calibration goes by that no file holds.
 IN_MEMORY = "calibration"
+#: Lines of a draft that a sentence names.
+_LINES_SAID = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +191,8 @@ def provisional(name: str, calibration: CalibrationFile) -> tuple[Finding, ...]:
     if calibration.status != "provisional":
         return ()
     lines = [line for entry in calibration.found(UNCONFIRMED) for line in entry.subject]
-    return (Finding("provisional-in-use", (name,), len(lines), values={"lines": lines}),)
+    said = {"lines": lines[:_LINES_SAID]}
+    return (Finding("provisional-in-use", (name,), len(lines), values=said),)
 
 
 def unsealed(calibration: CalibrationFile, name: str) -> tuple[Finding, ...]:

@@ -20,7 +20,13 @@ from tdfscal.files.saving import xml_text
 from tdfscal.numerics.distributions import coverage, student_dof
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.calibration import statistics
-from tdfscal.reporting.traceability import assumptions, campaign_facts, report_digest, warnings
+from tdfscal.reporting.traceability import (
+    assumptions,
+    campaign_facts,
+    exact_tables,
+    report_digest,
+    warnings,
+)
 from tdfscal.significance import COVERAGE_FACTOR
 
 SPACES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -34,6 +40,8 @@ DRAFT = (
 _DIGITS, _BARE = 4, 9
 #: Entries of a symmetric matrix by row and column.
 _ENTRY = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
+#: What a quantity in no uncertainty might do.
+_TYPICAL = "Taken as exact, but a typical error"
 Part = tuple[str, Any]
 """Name of an element and its text, or its parts; of D-SI behind `si:`."""
 
@@ -81,6 +89,10 @@ def _told(c: Calibration) -> list[str]:
     if c.measured is None:
         facts.append(("Measured", "not known when; the dates are those of the computation"))
     facts += [*campaign_facts(c), *statistics(c), *assumptions(c)]
+    for table in exact_tables(c):
+        for what, *effects in table.rows:
+            turns = ", ".join(map(" ".join, zip(table.header[1:], effects, strict=True)))
+            facts.append((_TYPICAL, f"{what}, moves roll/pitch/yaw, mrad: {turns}"))
     return [f"{name}: {text}" for name, text in facts]
 
 

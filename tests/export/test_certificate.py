@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -130,6 +131,18 @@ def test_a_provisional_result_names_its_lines(tmp_path: Path) -> None:
     assert str(name).startswith("PROVISIONAL")
     assert all(key in text for key in keys)
     check(text, tmp_path)
+
+
+def test_what_was_taken_as_exact_stands_with_what_its_error_would_do() -> None:
+    assert C.taken_as_exact
+    text = certificate(C)
+    for one in C.taken_as_exact:
+        (line,) = (line for line in text.splitlines() if f"typical error: {one.name}, " in line)
+        shown = re.findall(r"(\S+) (\S+)/(\S+)/(\S+?)(?=, |<)", line.split("mrad: ")[1])
+        assert [name for name, *_ in shown] == [effect.name for effect in one.supports]
+        effects = np.array([row for _, *row in shown], dtype=np.float64)
+        stated = 1e3 * np.array([effect.rpy for effect in one.supports], dtype=np.float64)
+        np.testing.assert_allclose(effects, stated, rtol=0, atol=0.0051)
 
 
 def documented() -> Calibration:

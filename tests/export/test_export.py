@@ -18,10 +18,12 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
 from tdfscal.exports.formats import FORMATS, c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
+from tdfscal.findings import Finding
 from tests.reporting.samples import NASTY, changed, run, sample, saved, without_parameters
 from tests.words import found
 
@@ -187,6 +189,20 @@ def test_a_rejected_calibration_stays_at_home(
     done = run(capsys, "export", path, "--to", to, "-o", out, "--allow-rejected")
     assert done.status == 0
     assert "rejected" in out.read_text(encoding="utf-8").lower()
+
+
+def test_a_provisional_calibration_says_how_many_lines_are_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first two of them, and where all stand."""
+    lines = tuple(f"terminal.part{k} (line {k})" for k in range(20))
+    draft = document(Finding("draft-unconfirmed", lines, len(lines)))
+    c = changed(PLAIN, status="provisional", findings=(draft,))
+    done = run(capsys, "export", saved(c, tmp_path, "c.yaml"), "--to", "urdf")
+    assert done.status == 0
+    assert "20 lines" in done.err
+    assert [line in done.err for line in lines] == [True, True] + 18 * [False]
+    assert "`findings`" in done.err
 
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x'])
