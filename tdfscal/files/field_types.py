@@ -140,6 +140,12 @@ def _measurable(value: float) -> float:
     return value
 
 
+def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len({len(row) for row in rows}) != 1 or not rows[0]:
+        raise fault("must have rows of one length", hint="write every number of every row")
+    return rows
+
+
 _before = BeforeValidator(lambda value: _from_text(from_numpy(value)))
 _after = AfterValidator(_measurable)
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, _after]
@@ -156,7 +162,7 @@ Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
 Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
 PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
 Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy)]
-Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(from_numpy)]
+Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(from_numpy), AfterValidator(_rectangular)]
 Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three)]
 
 OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]

@@ -112,10 +112,10 @@ def test_files_without_evidence_are_still_read(made: Sample) -> None:
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        (("postures", "start"), "one entry per posture"),
-        (("postures", "moment_after"), "one entry per posture"),
+        (("postures", "start"), "rows"),
+        (("postures", "moment_after"), "rows"),
         (("monte_carlo", "histogram", 0, 0), "at least 32"),
-        (("monte_carlo", "histogram"), "row per support"),
+        (("monte_carlo", "histogram"), "must have 3 rows"),
     ],
 )
 def test_evidence_that_does_not_fit_is_refused(

@@ -6,11 +6,9 @@ What a digest does not cover is checked: files of other programs have none.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from tdfscal.acceptance.gate import turn_std
 from tdfscal.catalogue import CATALOGUE
@@ -21,7 +19,7 @@ from tdfscal.files.calibration.parameters import (
     turn_parameters,
 )
 from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIVITY
-from tdfscal.files.field_types import fault
+from tdfscal.files.field_types import Strict, fault
 from tdfscal.model.parameters import layout, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
@@ -41,6 +39,8 @@ SAME = 1e-9
 """Two statements of one value agree within this, relative or in its unit."""
 SAME_STD = 1e-6
 """Two statements of one standard uncertainty agree within this, relative."""
+#: Names that a message gives of a list as it should be.
+_NAMED = 6
 ALTERED = (
     "for new zeros or another load run `tdfscal update CALIBRATION CAMPAIGN -o FILE`; else take "
     "the file as it was written, with all digits, or calibrate again"
@@ -52,17 +52,25 @@ ALTERED = (
 def check(c: Calibration) -> None:
     """Raise the model's fault, which names the place, where a file is not whole or consistent."""
     _check_method(c)
-    _check_names(c)
+    for place, stated, expected in _shape(c):
+        if stated != expected:
+            must = f"have {expected} rows"
+            if isinstance(expected, list):
+                more = ", …" if len(expected) > _NAMED else ""
+                must = f"name {', '.join(expected[:_NAMED])}{more}, in this order, each once"
+            raise fault(f"must {must}", *place, hint=ALTERED)
     size = 3 * int(c.determined.sum())
     matrix = checked_covariance(c.covariance.matrix, size, "covariance", "matrix")
     if c.parameters is not None:
         _check_parameters(c, c.parameters, matrix)
-    _check_rows(c)
     for index in np.flatnonzero(c.determined).tolist():
         check_rotation(c.rotation[index], "supports", index, "rotation")
     for place, stated, other in said_twice(c):
         std = str(place[-1]).endswith(("std", "variance"))
-        check_same(stated, other, *place, rtol=SAME_STD if std else SAME, atol=0 if std else SAME)
+        rtol, atol = (SAME_STD, 0.0) if std else (SAME, SAME)
+        values = np.array(stated, dtype=np.float64)  # None, which stands for nothing, is NaN
+        if not np.all(np.isnan(values) | np.isclose(values, other, rtol=rtol, atol=atol)):
+            raise fault("does not follow from what the file says elsewhere", *place, hint=ALTERED)
     _check_limits(c)
 
 
@@ -72,6 +80,70 @@ def status_of(found: Iterable[tuple[str, str]]) -> Status:
     if any(severity == "rejects" for _, severity in each):
         return "rejected"
     return "provisional" if any(code == UNCONFIRMED for code, _ in each) else "accepted"
+
+
+def _check_method(c: Calibration) -> None:
+    """Refuse a verdict, blocks and an equation that do not belong to what was found and done."""
+    for k, finding in enumerate(c.findings):
+        entry = CATALOGUE.get(finding.code)
+        rejecting = entry is not None and entry.severity == "rejects"
+        if rejecting and finding.severity != "rejects":
+            raise fault("is less than this code has", "findings", k, "severity", hint=ALTERED)
+    if c.status != status_of((f.code, f.severity) for f in c.findings):
+        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
+    if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):
+        raise fault("lacks `estimator`, `fit` or `observability`, which the method `self` has")
+    if c.method == "tracker" and c.estimator is not None:
+        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
+    scaled = any(support.sensitivity is not None for support in c.supports)
+    if c.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
+        given = "some supports" if scaled else "no support"
+        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
+    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=False)):
+        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
+            raise fault("is missing, though the sensor lacks no axis", "supports", index)
+    if not c.determined.any():
+        raise fault("have no rotation, none of them", "supports")
+
+
+def _shape(c: Calibration) -> Iterator[Statement]:
+    """Yield names in their order, as lists, and numbers of rows, as they must be."""
+    yield ("supports",), list(c.support_names), [support.name for support in c.rig.supports]
+    stand = [support.name for support in c.supports if support.determined]
+    turns = list(turn_parameters(stand))
+    yield ("covariance", "parameters"), list(c.covariance.parameters), turns
+    for k, one in enumerate(c.taken_as_exact):
+        here = "taken_as_exact", k
+        yield (*here, "supports"), [effect.name for effect in one.supports], stand
+        free = turns if c.parameters is None else c.parameters.parameters
+        yield from _rows(here, one, ("common", "apart"), len(free))
+    if c.budget is not None:
+        yield ("budget", "sources"), len(set(c.budget.sources)), len(c.budget.sources)
+        sources, angles = sorted(c.budget.sources), [f"{s}.{a}" for s in stand for a in ANGLES]
+        for k, entry in enumerate(c.budget.angles):
+            yield ("budget", "angles", k, "variance"), sorted(entry.variance), sources
+        yield ("budget", "angles"), [f"{e.support}.{e.angle}" for e in c.budget.angles], angles
+    n = len(c.supports)
+    yield from _rows(("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high", "histogram"), n)
+    yield from _rows(("fit",), c.fit, ("channel_noise",), n)
+    yield from _rows(("dwells",), c.dwells, ("force",), n)
+    for k, campaign in enumerate(c.campaigns):
+        yield from _rows(("campaigns", k), campaign, ("zero", "zero_std"), n)
+    for k, method in enumerate(c.methods or ()):
+        yield from _rows(("methods", k), method, ("rpy", "rpy_std"), n)
+    if c.postures is not None:
+        columns = type(c.postures).model_fields.keys() - {"left_out"}
+        yield from _rows(("postures",), c.postures, columns, len(c.postures.index))
+    if c.dwells is not None:
+        count = len(c.dwells.start)
+        yield from _rows(("dwells",), c.dwells, ("end", "temperature"), count)
+        yield from ((("dwells", "force", i), len(f), count) for i, f in enumerate(c.dwells.force))
+
+
+def _rows(place: Place, holder: Strict | None, names: Iterable[str], count: int) -> list[Statement]:
+    """The numbers of rows of these tables of a block, those that are there."""
+    tables = ((name, getattr(holder, name, None)) for name in names)
+    return [((*place, name), len(rows), count) for name, rows in tables if rows is not None]
 
 
 def said_twice(c: Calibration) -> Iterator[Statement]:
@@ -124,20 +196,13 @@ def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Statement]:
         yield ("supports", i, "zero"), support.zero, state.zero[i]
         yield ("supports", i, "zero_std"), support.zero_std, zero_std[i]
         yield ("supports", i, "sensitivity"), c.sensitivity[i], scale[i]
-    mass, bary = c.terminal.mass, c.terminal.barycenter
-    yield ("terminal", "mass", "value"), mass.value, state.mass
-    yield ("terminal", "mass", "std"), mass.std, std[at["mass"]]
-    yield ("terminal", "barycenter", "value"), bary.value, state.barycentre
-    yield ("terminal", "barycenter", "std"), bary.std, std[at["barycentre"]]
-
-
-def check_same(
-    stated: Any, other: npt.ArrayLike, *place: str | int, rtol: float, atol: float
-) -> None:
-    """Refuse what differs from what follows from the rest of a file; None stands for nothing."""
-    values = np.array(stated, dtype=np.float64)  # None becomes no number
-    if not np.all(np.isnan(values) | np.isclose(values, other, rtol=rtol, atol=atol)):
-        raise fault("does not follow from what the file says elsewhere", *place, hint=ALTERED)
+    for name, value, group in (
+        ("mass", state.mass, "mass"),
+        ("barycenter", state.barycentre, "barycentre"),
+    ):
+        stated = getattr(c.terminal, name)
+        yield ("terminal", name, "value"), stated.value, value
+        yield ("terminal", name, "std"), stated.std, std[at[group]]
 
 
 def check_rotation(R: FloatArray, *place: str | int) -> None:
@@ -168,6 +233,22 @@ def checked_covariance(
     return matrix
 
 
+def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) -> None:
+    """Refuse a block of all parameters that contradicts itself or the covariance of `rotations`."""
+    place, turns = places(block, c.support_names), np.flatnonzero(np.repeat(c.determined, 3))
+    matrix = checked_covariance(block.matrix, len(place), "parameters", "matrix", mixed=True)
+    if len(block.value) != len(place):
+        raise fault(f"must have {len(place)} numbers", "parameters", "value")
+    if block.unscaled is not None:
+        checked_covariance(block.unscaled, len(rotations), "parameters", "unscaled")
+    if not set(turns.tolist()) <= set(place):
+        raise fault("lacks turns that `covariance` has", "parameters", "parameters")
+    rows = np.searchsorted(place, turns)
+    own = matrix[np.ix_(rows, rows)]
+    if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
+        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
+
+
 def _check_limits(c: Calibration) -> None:
     """Refuse an acceptance against the rig file's limits."""
     limits, stated = c.rig.acceptance, c.conformity
@@ -185,86 +266,3 @@ def _check_limits(c: Calibration) -> None:
         if beyond and c.accepted:
             what = f"is `{c.status}` against acceptance.{limit} of the rig"
             raise fault(what, "status", hint=ALTERED)
-
-
-def _check_method(c: Calibration) -> None:
-    for k, finding in enumerate(c.findings):
-        entry = CATALOGUE.get(finding.code)
-        rejecting = entry is not None and entry.severity == "rejects"
-        if rejecting and finding.severity != "rejects":
-            raise fault("is less than this code has", "findings", k, "severity", hint=ALTERED)
-    if c.status != status_of((f.code, f.severity) for f in c.findings):
-        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
-    if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):
-        raise fault("lacks `estimator`, `fit` or `observability`, which the method `self` has")
-    if c.method == "tracker" and c.estimator is not None:
-        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
-    scaled = any(support.sensitivity is not None for support in c.supports)
-    if c.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
-        given = "some supports" if scaled else "no support"
-        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
-
-
-def _check_names(c: Calibration) -> None:
-    if c.support_names != tuple(support.name for support in c.rig.supports):
-        raise fault("are not those of the embedded rig, in its order", "supports")
-    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
-        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
-            raise fault("is missing, though the sensor lacks no axis", "supports", index)
-    stand = tuple(support.name for support in c.supports if support.determined)
-    if not stand:
-        raise fault("have no rotation, none of them", "supports")
-    lists: list[tuple[Any, Any, Place]] = [
-        (c.covariance.parameters, turn_parameters(stand), ("covariance", "parameters")),
-        *(
-            ([effect.name for effect in one.supports], stand, ("taken_as_exact", k, "supports"))
-            for k, one in enumerate(c.taken_as_exact)
-        ),
-    ]
-    rows = 3 * len(stand) if c.parameters is None else len(c.parameters.parameters)
-    for k, one in enumerate(c.taken_as_exact):
-        for side, matrix in (("common", one.common), ("apart", one.apart)):
-            if matrix is not None and (
-                len(matrix) != rows or len({len(row) for row in matrix}) != 1 or not matrix[0]
-            ):
-                what = f"must have {rows} rows of one length"
-                raise fault(what, "taken_as_exact", k, side, hint=ALTERED)
-    if c.budget is not None:
-        named = [(entry.support, entry.angle) for entry in c.budget.angles]
-        lists.append((named, product(stand, ANGLES), ("budget", "angles")))
-    for names, expected, place in lists:
-        if list(names) != list(expected):
-            what = f"must be of {', '.join(stand)}, in this order, each once"
-            raise fault(what, *place, hint=ALTERED)
-
-
-def _check_rows(c: Calibration) -> None:
-    """Refuse a table that has not one row per support."""
-    tables: list[tuple[Any, tuple[str, ...], Place]] = [
-        (c.monte_carlo, ("rpy_std", "low", "high", "histogram"), ("monte_carlo",)),
-        (c.fit, ("channel_noise",), ("fit",)),
-        (c.dwells, ("force",), ("dwells",)),
-        *((one, ("zero", "zero_std"), ("campaigns", k)) for k, one in enumerate(c.campaigns)),
-        *((one, ("rpy", "rpy_std"), ("methods", k)) for k, one in enumerate(c.methods or ())),
-    ]
-    for holder, names, place in tables:
-        for name in names if holder is not None else ():
-            rows = getattr(holder, name)
-            if rows is not None and len(rows) != len(c.supports):
-                raise fault("must have one row per support", *place, name)
-
-
-def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) -> None:
-    """Refuse a block of all parameters that contradicts itself or the covariance of `rotations`."""
-    place, turns = places(block, c.support_names), np.flatnonzero(np.repeat(c.determined, 3))
-    matrix = checked_covariance(block.matrix, len(place), "parameters", "matrix", mixed=True)
-    if len(block.value) != len(place):
-        raise fault(f"must have {len(place)} numbers", "parameters", "value")
-    if block.unscaled is not None:
-        checked_covariance(block.unscaled, len(rotations), "parameters", "unscaled")
-    if not set(turns.tolist()) <= set(place):
-        raise fault("lacks turns that `covariance` has", "parameters", "parameters")
-    rows = np.searchsorted(place, turns)
-    own = matrix[np.ix_(rows, rows)]
-    if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
-        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)

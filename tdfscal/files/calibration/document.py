@@ -35,17 +35,12 @@ class Calibration(Strict):
 
     format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
     status: Literal["accepted", "provisional", "rejected"] = key(
-        "the quality gate's verdict; provisional: accepted, but lines of a drafted rig file are "
-        "still to be confirmed"
+        "the gate's verdict; provisional: accepted, but lines of the rig file are unconfirmed"
     )
     method: Literal["self", "tracker", "joint"] = key("self, tracker, or joint of both")
-    estimator: Literal["ml", "linear"] | None = key(
-        "of a self-calibration: ml, or the paper's linear method", None
-    )
+    estimator: Literal["ml", "linear"] | None = key("linear: the paper's method", None)
     created: parts.Instant = key("UTC: when the result was computed")
-    measured: parts.MeasuredResult | None = key(
-        "when the data were recorded; what depends on time goes by it", None
-    )
+    measured: parts.MeasuredResult | None = key("when the data were recorded", None)
     rig: EmbeddedRig = key("the resolved rig file, embedded, so that this file stands alone")
     software: parts.Software = key("the program that wrote the file")
     command: FreeText = key("the command line, as it was given")
@@ -54,56 +49,31 @@ class Calibration(Strict):
     convention: parts.Convention = key("the equation that applies a rotation")
     supports: tuple[parts.SupportResult, ...] = key("one entry per support", min_length=3)
     covariance: parts.Covariance = key("of the rotations of all supports together")
-    parameters: Parameters | None = key(
-        "every parameter that was free, with its joint covariance", None
-    )
+    parameters: Parameters | None = key("all that were free, together", None)
     terminal: parts.TerminalResult = key("mass and barycentre after the adjustment")
     fit: parts.FitResult | None = key("how the model fits", None)
-    observability: parts.ObservabilityResult | None = key(
-        "what the data determine, in words and numbers", None
-    )
+    observability: parts.ObservabilityResult | None = key("what the data determine", None)
     budget: parts.Budget | None = key("contribution of each source to each angle's variance", None)
-    taken_as_exact: tuple[parts.ExactQuantityResult, ...] = key(
-        "what no uncertainty was stated of, and what its error would do", ()
-    )
-    monte_carlo: parts.MonteCarloResult | None = key(
-        "propagation of distributions (JCGM 101)", None
-    )
-    validation: parts.ValidationResult | None = key(
-        "residual contact wrench of leave-one-out postures", None
-    )
+    taken_as_exact: tuple[parts.ExactQuantityResult, ...] = key("and what its error would do", ())
+    monte_carlo: parts.MonteCarloResult | None = key("JCGM 101", None)
+    validation: parts.ValidationResult | None = key("of held-out postures", None)
     drift: dict[Literal["time", "temperature", "parabola", "walk"], parts.Slopes] | None = key(
-        "how the zeros moved: N/h, N/K, N/h² where the residuals ask for it, a walk; where "
-        "declared",
+        "how the zeros moved: N/h, N/K, N/h², a walk",
         None,
     )
     compliance: dict[Literal["lateral", "vertical"], parts.Give] | None = key(
-        "what gives between encoder and hinge, sideways and along Z of the BCS, where declared",
+        "what gives between encoder and hinge, sideways and along Z",
         None,
     )
-    conformity: parts.ConformityResult | None = key(
-        "contact wrench's error against acceptance.contact of the rig", None
-    )
-    tracker: parts.TrackerStatistics | None = key(
-        "χ² and other numbers of the laser tracker's survey", None
-    )
-    clocks: tuple[parts.ClockResult, ...] = key(
-        "of all recorders but the first, where there are several", ()
-    )
+    conformity: parts.ConformityResult | None = key("against acceptance.contact", None)
+    tracker: parts.TrackerStatistics | None = key("numbers of the survey", None)
+    clocks: tuple[parts.ClockResult, ...] = key("of all recorders but the first", ())
     motion: parts.MotionResult | None = key("samples in motion, where they were used", None)
     postures: parts.PostureTable | None = key("the postures in the fit, column by column", None)
-    dwells: parts.DwellTable | None = key(
-        "means of all dwells, used or not; up to 2000 of them", None
-    )
-    methods: tuple[parts.MethodAngles, ...] | None = key(
-        "joint only: what each method alone says", None
-    )
-    campaigns: tuple[parts.CampaignResult, ...] = key(
-        "each campaign, where there are several, in the order of time", ()
-    )
-    history: tuple[parts.HistoryEntry, ...] = key(
-        "the calibrations that an update stands on, oldest first", ()
-    )
+    dwells: parts.DwellTable | None = key("means of all dwells, up to 2000", None)
+    methods: tuple[parts.MethodAngles, ...] | None = key("what each says alone", None)
+    campaigns: tuple[parts.CampaignResult, ...] = key("each of several, by time", ())
+    history: tuple[parts.HistoryEntry, ...] = key("what an update stands on", ())
     findings: tuple[parts.FindingResult, ...] = key("all that was found", ())
     content_sha256: Sha256 | None = key(
         "SHA-256 of all other keys (as Python's JSON, keys sorted, without nulls), by which an "

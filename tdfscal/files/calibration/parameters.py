@@ -53,7 +53,7 @@ def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def turn_parameters(supports: tuple[str, ...]) -> tuple[str, ...]:
+def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
     """Names of the covariance's rows: `ncp1.rx`, `ncp1.ry`, `ncp1.rz`, `ncp2.rx` …."""
     return tuple(f"{name}.{axis}" for name in supports for axis in _COMPONENTS["rotation"])
 

@@ -88,9 +88,7 @@ class Input(Strict):
     sha256: Sha256 = key("of the file's bytes")
     bytes: Count = key("size of the file")
     integrity: Integrity = key("verified by checksums, or unverified")
-    note: Text | None = key(
-        "what is odd about where it lies: outside the folder of the file that names it", None
-    )
+    note: Text | None = key("what is odd about where it lies", None)
 
     def record(self) -> InputFile:
         """Return it as a record."""
@@ -140,16 +138,14 @@ class SupportResult(Strict):
     rotation: Matrix3 | None = key("3 × 3, sensor frame to BCS, determinant +1")
     rpy: OpenAngles = key("rad: roll, pitch, yaw of Rz(yaw)·Ry(pitch)·Rx(roll)")
     rpy_std: OpenStds = key("rad: standard uncertainties; null where pitch is ±90°")
-    turn_std: OpenStds | None = key(
-        "rad: standard uncertainties of the turns about the BCS axes", None
-    )
+    turn_std: OpenStds | None = key("rad: of the turns about the BCS axes", None)
     rpy_interval: Interval | None = key("coverage interval of each angle")
     quaternion_xyzw: Quaternion | None = key("the same rotation, scalar last")
     zero: OpenAngles = key("N: zero of each axis, sensor frame; null where not measured")
     zero_std: OpenStds = key("N: its standard uncertainty; null where open")
     sensitivity: Matrix3 | None = key("I + S, where the rig declares force_sensitivity", None)
     directions: dict[Literal["x", "y", "z"], Vector] | None = key(
-        "axes that an undetermined sensor measures, unit vectors, BCS", None
+        "unit vectors, BCS: axes of a sensor without rotation", None
     )
 
     @property
@@ -249,12 +245,8 @@ class FitResult(Strict):
     birge: NotNegative = key("Birge ratio, √(χ²/dof)")
     rms_force: NotNegative = key("N: root mean square of the residual force")
     rms_moment: NotNegative = key("N·m: of the residual moment about the barycentre")
-    channel_noise: Vectors | None = key(
-        "of each channel over the stated one, where they are unequal", None
-    )
-    kurtosis: NotNegative | None = key(
-        "of leave-one-out residuals over that of normal ones; more: heavy tails", None
-    )
+    channel_noise: Vectors | None = key("over the stated one, where channels differ", None)
+    kurtosis: NotNegative | None = key("of the residuals; above 1: heavy tails", None)
 
 
 class AngleSeen(Strict):
@@ -263,9 +255,7 @@ class AngleSeen(Strict):
     support: Name = key("name of the support")
     angle: Turn = key("roll, pitch or yaw")
     std: OpenStd = key("rad: standard uncertainty; missing where undetermined", None)
-    prior_std: OpenStd = key(
-        "rad: standard uncertainty before the data; null without a prior", None
-    )
+    prior_std: OpenStd = key("rad: before the data; null without a prior", None)
     identified: Flag = key("whether the data determine it")
 
 
@@ -281,9 +271,7 @@ class SensorLoad(Strict):
 class ForecastResult(Strict):
     """What a change of the campaign would bring."""
 
-    change: Literal["postures", "squeeze", "tare"] = key(
-        "more postures, a harder squeeze, or zeros better known"
-    )
+    change: Literal["postures", "squeeze", "tare"] = key("what is changed")
     amount: NotNegative = key("postures more; N, internal force; N, standard uncertainty of a zero")
     worst_std: NotNegative = key("rad: largest standard uncertainty of an angle to expect")
 
@@ -294,13 +282,8 @@ class ObservabilityResult(Strict):
     verdict: Text = key("one sentence")
     angles: tuple[AngleSeen, ...] = key("every angle with what is known of it")
     loads: tuple[SensorLoad, ...] | None = key("where the loads on each sensor point", None)
-    with_moves: NotNegative | None = key(
-        "rad: quadratic mean of the angles' standard uncertainties to expect with --samples all",
-        None,
-    )
-    forecasts: tuple[ForecastResult, ...] = key(
-        "what a change of the campaign would bring; of postures alone", ()
-    )
+    with_moves: NotNegative | None = key("rad: mean to expect with --samples all", None)
+    forecasts: tuple[ForecastResult, ...] = key("what changes would bring", ())
 
 
 class AngleBudget(Strict):
@@ -308,9 +291,7 @@ class AngleBudget(Strict):
 
     support: Name = key("name of the support")
     angle: Angle = key("roll, pitch or yaw")
-    variance: dict[Text, NotNegative] = key(
-        "rad²: contribution of each source to the angle's variance"
-    )
+    variance: dict[Text, NotNegative] = key("rad²: contribution of each source")
 
 
 class Budget(Strict):
@@ -318,15 +299,6 @@ class Budget(Strict):
 
     sources: Texts = key("names of the sources")
     angles: tuple[AngleBudget, ...] = key("one entry per angle")
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        if len(set(self.sources)) < len(self.sources):
-            raise fault("names a source twice", "sources")
-        for index, angle in enumerate(self.angles):
-            if set(angle.variance) != set(self.sources):
-                raise fault("does not name the sources listed", "angles", index, "variance")
-        return self
 
     @property
     def shares(self) -> FloatArray:
@@ -350,9 +322,7 @@ class ExactQuantityResult(Strict):
     name: Text = key("the quantity")
     error: NotNegative = key("a typical error of each component, in `unit`")
     unit: Text = key("of the error")
-    supports: tuple[ExactEffect, ...] = key(
-        "what that error does to each sensor; components in quadrature"
-    )
+    supports: tuple[ExactEffect, ...] = key("what it does to each sensor")
     common: Matrix | None = key(
         "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
         "component, which campaigns of the rig have in common; for `update`",
@@ -463,9 +433,7 @@ class MeasuredResult(Strict):
 
     begin: Instant = key("UTC: first sample")
     end: Instant = key("UTC: last sample")
-    source: Literal["log", "rig", "file"] = key(
-        "what says so: the log's clock, campaign.date, or the file's date"
-    )
+    source: Literal["log", "rig", "file"] = key("what says so; rig: campaign.date")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -559,20 +527,8 @@ class PostureTable(Strict):
     moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
     moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
     left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
-    force_std: Vectors | None = key(
-        "N: standard uncertainty of force_after, each axis, as stated", None
-    )
-    moment_std: Vectors | None = key(
-        "N·m: standard uncertainty of moment_after, each axis, as stated", None
-    )
-
-    @model_validator(mode="after")
-    def _aligned(self) -> Self:
-        for name in type(self).model_fields.keys() - {"index", "left_out"}:
-            column = getattr(self, name)
-            if column is not None and len(column) != len(self.index):
-                raise fault("has not one entry per posture", name)
-        return self
+    force_std: Vectors | None = key("N: standard uncertainty of force_after", None)
+    moment_std: Vectors | None = key("N·m: of moment_after", None)
 
 
 class DwellTable(Strict):
@@ -581,17 +537,7 @@ class DwellTable(Strict):
     start: Numbers = key("s: begin of each dwell, as the log counts")
     end: Numbers = key("s: end of each dwell")
     force: tuple[Vectors, ...] = key("N: per support the mean reading of each dwell, sensor frame")
-    temperature: Numbers | None = key(
-        "°C: mean of each dwell and of all sensors, where it was recorded", None
-    )
-
-    @model_validator(mode="after")
-    def _aligned(self) -> Self:
-        columns = [("end", self.end), *(("force", force) for force in self.force)]
-        for name, column in (*columns, ("temperature", self.temperature or self.start)):
-            if len(column) != len(self.start):
-                raise fault("has not one entry per dwell", name)
-        return self
+    temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
 
 
 class MethodAngles(Strict):
@@ -675,17 +621,12 @@ class MotionResult(Strict):
     dwells: Count = key("number of static postures that went in too", 0)
     rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
     delay: MotionValue = key("s: force stamps minus position stamps, in the middle of the log")
-    rate: MotionValue | None = key(
-        "growth of that delay, relative, of clocks that run apart; null where the log does not say",
-        None,
-    )
+    rate: MotionValue | None = key("growth of that delay, where the log says it", None)
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
     halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
     spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
-    residual: MotionResidual | None = key(
-        "lengths of the residual wrench over time, short means", None
-    )
+    residual: MotionResidual | None = key("of the wrench, over time", None)
 
 
 def instant(time: float) -> str:
