@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +103,12 @@ class Contents:
     columns: tuple[Column, ...] = ()
     decimal: Literal[".", ","] = "."
     problems: tuple[str, ...] = ()
+
+    @property
+    def repeated(self) -> list[str]:
+        """Columns that are there more than once: which of them is meant is not known."""
+        names = Counter(f.name for stream in self.streams for f in stream.fields)
+        return [] if self.by_topic else sorted(name for name, times in names.items() if times > 1)
 
     @property
     def by_topic(self) -> bool:

@@ -133,7 +133,7 @@ def describe_logs(
     if recorders:
         supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
         logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
-        clocks = _Clocks(supports)
+        clocks, said = _Clocks(supports), tuple[str, ...]()
         try:
             pieces = iter_log(logs, recorders, supports, window=window, progress=progress)
             dwells, more = _read(clocks.passing(pieces), recorders[0].rows == "postures")
@@ -144,6 +144,12 @@ def describe_logs(
                 problems.append(f"{absence.what}; {absence.hint}")
         except TdfscalError as error:
             problems += [*map(told, clocks.findings), str(error)]
+            said = error.fields if isinstance(error, DataError) else ()
+        problems += [
+            f"{own.path}: columns are there more than once: {', '.join(twice)}"
+            for own in contents.values()
+            if (twice := [name for name in own.repeated if name not in said])
+        ]
         info = replace(
             info, signals=clocks.signals(recorders, supports), clocks=tuple(clocks.of_recorders)
         )

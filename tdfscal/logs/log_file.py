@@ -22,6 +22,9 @@ from tdfscal.records import Integrity
 
 MAX_SAMPLES: Final = 1 << 16
 """Of each stream in one piece."""
+AGAIN: Final = "record or copy it again"
+"""What to do about a file of which nothing is whole."""
+_SHORTEST: Final = 8  # bytes; no log has fewer
 LIBRARY_FAULTS: Final = (OSError, EOFError, ValueError, OverflowError, struct.error)
 """What libraries raise on bytes that are not what they should be."""
 
@@ -33,12 +36,15 @@ _END: Final = object()
 class LogFile(ABC):
     """A file of one format while it is read; what is whole of one that was cut short is read.
 
-    faults : what its library raises on damage. position : bytes that are read. Known at its end:
-    integrity, how far checksums cover what was read; findings, what else is to be said; cut_at,
-    the byte at which a file that was cut short stops being whole, None of a whole one.
+    faults : what its library raises on damage. mark, kind : with which its file begins, and what
+    it then is. position : bytes that are read. Known at its end: integrity, how far checksums cover
+    what was read; findings, what else is to be said; cut_at, the byte at which a file that was cut
+    short stops being whole, None of a whole one.
     """
 
     faults: ClassVar[tuple[type[Exception], ...]] = ()
+    mark: ClassVar[bytes] = b""
+    kind: ClassVar[str]
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -53,7 +59,7 @@ class LogFile(ABC):
         Raises DataError on whatever is wrong within, with its place; UsageError where the file
         cannot be opened.
         """
-        with placed(self.path), damage(self.path, *self.faults):
+        with self._opened():
             for piece in self.read(request):
                 longest = max((len(block.time) for block in piece), default=0)
                 parts = max(-(-longest // MAX_SAMPLES), 1)
@@ -62,8 +68,26 @@ class LogFile(ABC):
 
     def contents(self) -> Contents:
         """Look through the file, whatever is wanted of it; raises as `pieces`."""
-        with placed(self.path), damage(self.path, *self.faults):
+        with self._opened():
             return self.look()
+
+    @contextmanager
+    def _opened(self) -> Iterator[None]:
+        """Refuse what holds nothing or is no file of the format; damage within has its place."""
+        with placed(self.path), damage(self.path, *self.faults):
+            with self.path.open("rb") as file:
+                opening = file.read(max(len(self.mark), _SHORTEST))
+            if len(opening) < max(len(self.mark), _SHORTEST):
+                if not opening.strip():
+                    raise DataError("the file is empty", hint=AGAIN)
+                count = "1 byte" if len(opening) == 1 else f"{len(opening)} bytes"
+                raise DataError(f"the file ends after {count}: it was cut short", hint=AGAIN)
+            if not opening.startswith(self.mark):
+                raise DataError(
+                    f"the file is no {self.kind}: it does not begin as one",
+                    hint="copy it again; where it is compressed as a whole, decompress it first",
+                )
+            yield
 
     @abstractmethod
     def read(self, request: Request) -> Iterator[Piece]:

@@ -98,6 +98,10 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         none = f"no mapping is guessed: {found}; three of each are needed"
+        if twice := [name for c in files.values() for name in c.repeated]:
+            none += (
+                f", and columns that are there more than once are passed over: {', '.join(twice)}"
+            )
         return Guess((), (none, *(note for c in files.values() for note in _joints(c))))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)

@@ -197,8 +197,6 @@ def table_contents(
             there = np.intersect1d(there, axis.row)
         values = [axis.value[np.searchsorted(axis.row, there)] for axis in axes]
         vectors.append(Vector(three, label, "", stated[three[0]], there, np.column_stack(values)))
-    if twice := repeated([name for name, _, _ in columns]):
-        problems = (*problems, f"columns are there more than once: {', '.join(twice)}")
     return Contents(
         path,
         form,

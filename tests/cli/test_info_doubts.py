@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import tdfscal
+from tdfscal.errors import DataError
 from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.formats import open_log
 from tdfscal.logs.mapping_guess import guess_recorders
@@ -269,6 +270,20 @@ def test_what_is_no_table(
     assert "log.csv" in result.err
     assert len(result.err) < 400
     assert "\0" not in result.err
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("NCP1_ActPosX", "is there 2 times"), ("extra", "are there more than once")]
+)
+def test_a_name_that_the_header_repeats_is_said_once(tmp_path: Path, name: str, said: str) -> None:
+    rows = np.hstack([ROWS, ROWS[:, 1:2], ROWS[:, 1:2]])
+    folder = written(tmp_path / "c", rows, f"{NAMES},{name},extra", block=True)
+    shutil.copy(SAMPLES / "csv/rig.yaml", folder)
+    found = tdfscal.info(folder).problems
+    assert [said in problem for problem in found if name in problem] == [True]
+    header = f"{NAMES.replace('NCP2_ActPosY', name)},{name},{name}"
+    with pytest.raises(DataError, match=f"passed over: .*{name}"):
+        tdfscal.init(written(tmp_path / "d", rows, header) / "log.csv")
 
 
 def test_a_very_long_name_is_cut(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

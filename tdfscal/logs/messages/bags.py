@@ -20,6 +20,7 @@ from mcap.records import Channel, Schema
 from rosbags.rosbag1 import Reader, ReaderError
 
 from tdfscal.errors import DataError
+from tdfscal.logs.log_file import AGAIN
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
 from tdfscal.logs.messages.recording import Recording
 
@@ -31,23 +32,14 @@ _MOST_TOPICS: Final = 1 << 16
 
 
 class _BagFile(Recording):
-    """A bag while it is read.
-
-    mark, kind : with which its file begins, and what it is. broken : what its library raises.
-    """
+    """A bag while it is read. broken : what its library raises."""
 
     form = "bag"
-    mark: ClassVar[bytes]
-    kind: ClassVar[str]
     broken: ClassVar[tuple[type[Exception], ...]]
 
     @abstractmethod
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Define the channels; yield (channel, ns, data) of each message."""
-
-    def is_cut_short(self) -> bool:
-        """Tell whether the file states to be longer than it is."""
-        return False
 
     def define(
         self, number: int, topic: str, encoding: str, kind: str, schema: tuple[str, bytes]
@@ -61,9 +53,6 @@ class _BagFile(Recording):
 
     def stored(self) -> Iterator[Messages]:
         """Some MB of messages at a time, in the order that the bag has them."""
-        with self.path.open("rb") as file:
-            if file.read(len(self.mark)) != self.mark:
-                raise DataError(f"the file is no {self.kind}", hint="copy the recording again")
         size = max(self.path.stat().st_size, 1)
         buffer, starts = bytearray(), list[int]()
         try:
@@ -78,9 +67,7 @@ class _BagFile(Recording):
                     yield _messages(buffer, starts)
                     buffer, starts = bytearray(), []
         except self.broken as error:
-            if not (self.counts or starts) or not self.is_cut_short():
-                raise ValueError(f"the {self.kind} cannot be read") from error
-            self.cut_at = size
+            raise ValueError(f"the {self.kind} cannot be read") from error
         if starts:
             yield _messages(buffer, starts)
 
@@ -98,15 +85,17 @@ class SqliteBag(_BagFile):
     mark, kind = b"SQLite format 3\0", "SQLite database"
     broken = (sqlite3.Error, TypeError)
 
-    def is_cut_short(self) -> bool:
-        """By the size and number of pages in its header."""
-        with self.path.open("rb") as file:
-            head = file.read(32)
-        (size,), (pages,) = struct.unpack_from(">H", head, 16), struct.unpack_from(">I", head, 28)
-        return bool(self.path.stat().st_size < max(size, 1 << 16 if size == 1 else 0) * pages)
-
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages in the order of recording."""
+        """Yield the messages in the order of recording.
+
+        Nothing of a file that was cut short: the library would fill up with zeros what is missing.
+        """
+        with self.path.open("rb") as file:
+            size, pages = struct.unpack_from(">16xH10xI", file.read(32))
+        size, there = (1 << 16 if size == 1 else size) * pages, self.path.stat().st_size
+        if there < size:
+            what = f"the file was cut short: it ends at byte {there} where its head states {size}"
+            raise DataError(what, hint=AGAIN)
         journal = self.path.with_name(f"{self.path.name}-wal")
         if journal.is_file() and journal.stat().st_size:
             raise DataError(
@@ -160,7 +149,8 @@ class Ros1Bag(_BagFile):
             if "index" not in str(error).lower():
                 raise
             raise DataError(
-                f"the bag was not closed ({error})", hint="write its index with `rosbag reindex`"
+                "the bag was cut short or not closed: it lacks the index that stands at its end",
+                hint="write it with `rosbag reindex`, or copy the bag again",
             ) from error
         with closing(reader):
             for one in reader.connections:

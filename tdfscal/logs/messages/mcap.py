@@ -27,7 +27,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Schema, Statistics
 
 from tdfscal.errors import DataError
-from tdfscal.logs.log_file import LIBRARY_FAULTS, reason
+from tdfscal.logs.log_file import AGAIN, LIBRARY_FAULTS, reason
 from tdfscal.logs.messages.buffer import MESSAGE_HEAD, RECORD, Messages, gather
 from tdfscal.logs.messages.recording import Recording
 from tdfscal.records import IntArray
@@ -54,7 +54,7 @@ class _CutShortError(Exception):
 class McapFile(Recording):
     """One MCAP file."""
 
-    form = "mcap"
+    form, mark, kind = "mcap", _MAGIC, "MCAP file"
     _start = 0  # of the record at hand
     _crc = (0, 0)  # before the record at hand, and after it
     _covered = False  # by the checksum of the data
@@ -64,11 +64,6 @@ class McapFile(Recording):
         """Yield the messages chunk by chunk, in file order."""
         self.checked, self._size, self._loose = True, self.path.stat().st_size, bytearray()
         with self.path.open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise DataError(
-                    "the file lacks its mark at its start: this is no MCAP file",
-                    hint="copy it again; where it is compressed as a whole, decompress it first",
-                )
             file.seek(max(self._size - len(_MAGIC), 0))
             ended = file.read() == _MAGIC
             file.seek(len(_MAGIC))
@@ -81,8 +76,8 @@ class McapFile(Recording):
                     what = f"the record at byte {self._start} runs beyond the file's end"
                     raise DataError(what, hint=_HINT) from None
                 if not self.counts:
-                    what = f"the file ends at byte {self._size}, before its first message"
-                    raise DataError(what, hint=_HINT) from None
+                    what = f"the file was cut short at byte {self._size}, before its first message"
+                    raise DataError(what, hint=AGAIN) from None
                 self.cut_at = self._start
 
     def _in_order(self, file: BinaryIO) -> Iterator[Messages]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from os import SEEK_END
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,10 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.hashing import printable
+from tdfscal.logs.log_file import AGAIN
 
+MARK: Final = b"PAR1"
+"""With which a file begins and ends."""
 _WIDEST: Final = 32  # bytes of a number
 _AT_ONCE: Final = 32 << 20
 """Largest row group, in bytes, whose columns are read in one go: faster."""
@@ -26,6 +30,10 @@ _ELEMENT: Final = re.compile(r"(?P<column>.+)\[(?P<place>\d{1,6})\]")
 def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a file such that page checksums are verified where there are any."""
     with path.open("rb") as stream:
+        size = stream.seek(-len(MARK), SEEK_END) + len(MARK)
+        if stream.read() != MARK:
+            what = f"the file was cut short while it was written: it ends at byte {size}, without "
+            raise DataError(f"{what}the footer that says where its columns are", hint=AGAIN)
         known = pq.read_metadata(stream)
         sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
         # Pyarrow takes no other names than UTF-8; Python opens any.

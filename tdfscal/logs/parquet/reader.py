@@ -21,6 +21,7 @@ from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.date_times import DATES, has_zone, is_date_time, seconds_of_all
 from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
 from tdfscal.logs.parquet.columns import (
+    MARK,
     batches,
     element_of,
     flattened,
@@ -56,6 +57,7 @@ class ParquetLog(LogFile):
     """One Parquet file."""
 
     faults = (pa.ArrowException,)
+    mark, kind = MARK, "Parquet file"
 
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""

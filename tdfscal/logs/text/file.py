@@ -12,6 +12,7 @@ import pyarrow as pa
 import zstandard
 
 from tdfscal.errors import DataError
+from tdfscal.logs.log_file import AGAIN
 from tdfscal.records import Integrity
 
 EXPANDING: Final = (pa.ArrowException, zlib.error, zstandard.ZstdError)
@@ -55,8 +56,13 @@ class TextFile:
         self.cut_at: int | None = None
         self._expanded = 0
         self._head = self._read(_HEAD)
+        text = _decoded(self._head)
+        if self.cut_at is None and not self._head.strip():
+            raise DataError("the file is empty", hint=AGAIN)
+        if b"\n" not in self._head and b"\r" not in self._head:
+            raise DataError("the file was cut short within its first line", hint=AGAIN)
         self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
-        self.lines = lines_of(_decoded(self._head), self.newline.decode())
+        self.lines = lines_of(text, self.newline.decode())
 
     @property
     def position(self) -> int:

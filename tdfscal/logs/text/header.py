@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.logs import units
 from tdfscal.logs.date_times import has_zone, is_date_time
-from tdfscal.logs.log_file import placed
+from tdfscal.logs.log_file import AGAIN, placed
 from tdfscal.logs.request import Request, Signal
 from tdfscal.logs.table import columns_of, takes_turns
 from tdfscal.logs.text.cells import (
@@ -115,7 +115,7 @@ def _head(lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal:
     """The line of the columns' names."""
     best = scope_head(lines) or best_line(lines, wanted, decimal)
     if best is None:
-        raise DataError("the file is empty", hint="record the log again")
+        raise DataError("it begins with nothing but blank lines", hint=AGAIN)
     if best.scope:
         return best
     if all(name.isdecimal() for name in names):

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import gzip
+import io
+import math
+import re
 import struct
+import tempfile
 import zlib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,20 +22,25 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType
+from rosbags.rosbag2 import StoragePlugin
 
 import tdfscal
 from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, places
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
+from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
+    Truth,
     make_truth,
     mcap_bytes,
+    rosbag2,
     table,
     write,
 )
+from tests.files.logs.test_log_bag_kinds import ros1_bag
 from tests.words import in_words
 
 ONE = ("a",)
@@ -100,13 +111,72 @@ def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
 
 
 def test_truncation_of_parquet(tmp_path: Path) -> None:
-    path = tmp_path / "log.parquet"
-    pq.write_table(pa.Table.from_pandas(table(make_truth(12))), path)
-    content = path.read_bytes()
-    for end in range(0, len(content), 97):
-        path.write_bytes(content[:end])
+    content = parquet_bytes(make_truth(12))
+    for end in range(0, len(content), 997):
         with pytest.raises(DataError):
-            read_log([path], None, SUPPORTS)
+            read_log([write(tmp_path / "log.parquet", content[:end])], None, SUPPORTS)
+
+
+def text_bytes(truth: Truth) -> bytes:
+    return table(truth).to_csv(index=False).encode()
+
+
+def parquet_bytes(truth: Truth) -> bytes:
+    buffer = io.BytesIO()
+    pq.write_table(pa.Table.from_pandas(table(truth)), buffer)
+    return buffer.getvalue()
+
+
+def sqlite_bytes(truth: Truth) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        (path,) = rosbag2(Path(folder, "bag"), truth, StoragePlugin.SQLITE3).glob("*.db3")
+        return path.read_bytes()
+
+
+def bag_bytes(_: Truth) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return ros1_bag(Path(folder, "log.bag")).read_bytes()
+
+
+FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
+    "log.csv": (text_bytes, None, True),
+    "log.csv.gz": (lambda truth: gzip.compress(text_bytes(truth)), None, True),
+    "log.csv.zst": (lambda truth: zstandard.compress(text_bytes(truth)), None, True),
+    "log.mcap": (mcap_bytes, MAPPING, True),
+    "log.parquet": (parquet_bytes, None, False),
+    "log.db3": (sqlite_bytes, MAPPING, False),
+    "log.bag": (bag_bytes, MAPPING, False),
+}
+"""The bytes, their mapping, and whether one that was cut short is read to its sound end."""
+
+
+@functools.cache
+def whole(name: str) -> bytes:
+    return FORMATS[name][0](make_truth(1200))
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5, 0.99])
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
+    tmp_path: Path, name: str, share: float
+) -> None:
+    _, mapping, to_sound_end = FORMATS[name]
+    content, truth = whole(name), make_truth(1200)
+    path = write(tmp_path / name, content[: math.ceil(share * len(content))])
+    if share >= 0.5 and to_sound_end:
+        log = read_log([path], mapping, SUPPORTS)
+        assert [finding.code for finding in log.findings] == ["log-truncated"]
+        found = log.position[0].value
+        assert len(found)
+        np.testing.assert_array_equal(found, truth.position[0][: len(found)])
+        return
+    said = {0.0: "the file is empty. Record or copy it again.",
+            1e-9: "the file ends after 1 byte: it was cut short. Record or copy it again.",
+            }.get(share, "cut short")  # fmt: skip
+    for look in (lambda: read_log([path], mapping, SUPPORTS), lambda: describe_logs([path])):
+        with pytest.raises(DataError, match=rf"{re.escape(str(path))}: .*{said}") as caught:
+            look()
+        assert "copy" in str(caught.value)
 
 
 def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
