@@ -30,10 +30,10 @@ from tdfscal.estimation.suspicion import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
+from tdfscal.significance import CAUSES_APART, WITHIN_CAMPAIGN
 
 #: Postures on either side of a split: one alone is an outlier, not a part of the campaign.
 _FEWEST = 2
@@ -142,15 +142,6 @@ class _Normal:
             return float(fdtrc(step.size, dof, step.statistic / step.size / rest))
         return float(chi2_sf(step.statistic / max(1.0, rest), step.size))
 
-    def explains(self, step: _Step, left_out: BoolArray) -> bool:
-        """Whether postures left out (K,), in the order of time, belong once the step is there."""
-        after = np.arange(len(self.design)) >= step.first
-        remaining = self.residual + self.active @ step.move
-        remaining += after[:, None] * (self._block(step.group, step.sensor) @ step.amount)
-        limit = chi2_quantile(1 - OUTLYING_POSTURE / len(left_out), ROWS)
-        rest = max(1.0, (self.chi2 - step.statistic) / max(self.dof - step.size, 1))
-        return bool((np.sum(remaining[left_out] ** 2, axis=1) <= limit * rest).all())
-
 
 def find_slip(
     of: Estimate[Fit], time: FloatArray, number: IntArray, *, noise_from_residuals: bool = False
@@ -159,7 +150,8 @@ def find_slip(
 
     Parameters
     ----------
-    of : the estimate; postures that it leaves out are taken in again where a step explains them.
+    of : the estimate; postures that it leaves out are taken in again where a step explains them
+        better than contact at each, a wrench of six unknowns.
     time, number : (K,), s, when each posture was held, and the number that it goes by.
     noise_from_residuals : the noise level itself comes from this fit.
 
@@ -169,7 +161,8 @@ def find_slip(
     """
     order = np.argsort(time, kind="stable")
     used = (of.fit.weight > 0)[order]
-    best: tuple[float, list[_Step]] | None = None
+    unknown = float(np.log(ROWS * len(used)))
+    best: tuple[float, list[_Step], float] | None = None
     for counts in [used] if used.all() else [used, np.ones_like(used)]:
         normal = _Normal(of.fit, order, counts)
         found = _most_likely(normal, counts, time[order])
@@ -178,13 +171,14 @@ def find_slip(
         steps, tests = found
         step = steps[0]
         p_value = normal.p_value(step, noise_from_residuals=noise_from_residuals)
-        taken_in = counts & ~used
-        if p_value > WITHIN_CAMPAIGN / tests or (
-            taken_in.any() and not normal.explains(step, taken_in)
-        ):
+        if p_value > WITHIN_CAMPAIGN / tests:
             continue
-        if best is None or p_value < best[0]:
-            best = p_value, steps
+        ahead = np.inf
+        if touched := int(np.sum(counts & ~used)):
+            ahead = of.fit.cost + ROWS * touched * unknown
+            ahead -= normal.chi2 - step.statistic + step.size * unknown
+        if ahead > -CAUSES_APART and (best is None or p_value < best[0]):
+            best = p_value, steps, ahead
     return None if best is None else _suspicion(of, number[order], *best)
 
 
@@ -212,9 +206,12 @@ def _most_likely(
 
 
 def _suspicion(
-    of: Estimate[Fit], number: IntArray, p_value: float, steps: list[_Step]
+    of: Estimate[Fit], number: IntArray, p_value: float, steps: list[_Step], ahead: float
 ) -> Suspicion:
-    """Name the steps, the likeliest first, and the angle that they spoil most, before or after."""
+    """Name the steps, the likeliest first, and the angle that they spoil most, before or after.
+
+    ahead : by how much −2 ln L is below that of contact at the postures that are taken in again.
+    """
     rig, moves, step = of.fit.rig, [], steps[0]
     for each in steps:
         before = each.move[: 3 * rig.n]
@@ -231,6 +228,7 @@ def _suspicion(
         angle=angle,
         kind="slip" if step.group == "rotation" else "jump",
         support=step.sensor,
+        tied=ahead < CAUSES_APART,
         weight=step.statistic - step.size * float(np.log(max(of.fit.rows, 2))),
     )
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tdfscal import simulation
+from tdfscal.api import calibrate, simulate
 from tdfscal.findings import Finding
 from tdfscal.records import Rig
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -90,6 +92,42 @@ def test_other_faults_are_not_called_a_slip(faults: Faults) -> None:
     for result in runs(faults, seed=3, trials=3):
         assert not turned(result)
         assert result.suspicions or result.rejected
+
+
+def in_last_postures(share: float, seed: int) -> SelfCalibration:
+    """14 postures, touched at the last two alike, with a share of 14 N."""
+    force, moment = share * np.array([[5.0, -8.0, 10.0], [2.0, 1.0, -1.0]])
+    contacts = tuple(Contact(k, tuple(force), tuple(moment)) for k in (12, 13))
+    recorder = Recorder(force_rate=40.0, position_rate=40.0)
+    options = Options(
+        squeeze=200.0, postures=14, faults=Faults(contacts=contacts), recorder=recorder
+    )
+    batch = simulation.simulate_dwells(RIG, options, np.random.default_rng(seed), 1)
+    return calibrated(batch, RIG, 0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 7, 12])
+def test_a_step_gives_way_to_contact_that_is_likelier(seed: int) -> None:
+    result = in_last_postures(1.0, seed)
+    assert sorted(result.rejected) == [12, 13]
+    assert not result.suspicions
+
+
+@pytest.mark.parametrize("seed", [1, 3, 14])
+def test_a_step_about_as_likely_as_contact_is_named_beside_it(seed: int) -> None:
+    result = in_last_postures(0.3, seed)
+    assert sorted(result.rejected) == [12, 13]
+    assert [(doubt.kind, doubt.tied) for doubt in result.suspicions] == [("jump", True)]
+
+
+def test_contact_at_a_third_and_two_thirds_is_no_slip(tmp_path: Path) -> None:
+    """By its own misfit, which it widened the limits by, a slip once explained both."""
+    folder = tmp_path / "c"
+    simulate(folder, scenario="contact", seed=11, postures=14, rate=40)
+    result = calibrate(folder, trials=0, allow_rejected=True)
+    assert {finding.code for finding in result.findings if finding.severity == "rejects"} == {
+        "postures-rejected"
+    }
 
 
 def test_a_zero_that_jumps_is_named_as_such() -> None:
