@@ -100,8 +100,6 @@ stop-repeated notes
 SURVEY: dict[str, Entry] = entries("""
 columns-unused notes
   {subject}: columns not used: {columns}
-columns-assumed notes
-  {subject}: no line names the columns; read as {columns}
 column-of-reflectors notes
   {subject}: the column Target holds reflectors ({reflector}), not points
 points-numbered notes

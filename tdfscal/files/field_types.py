@@ -54,6 +54,12 @@ def key(description: str, default: Any = ..., **more: Any) -> Any:
     return Field(default, description=description, **more)
 
 
+def block(description: str, model: type[Strict], **stated: Any) -> Any:
+    """Return a key that holds a block, by default one that says no more than this."""
+    # Unchecked: importing the models builds none of them.
+    return key(description, model.model_construct(**stated))
+
+
 def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticCustomError:
     """Return an error that a validator raises: what is wrong, at which place below it, what to do.
 

@@ -1,7 +1,5 @@
 """The calibration file: what was found, how well, from what, under which convention."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal, Self
 

@@ -4,8 +4,6 @@ Everything is finite; None stands for a standard uncertainty that does not exist
 and the rig leave the quantity open.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""What the columns of a point table mean, by their names or by what their cells hold; numbers."""
+"""What the columns of a point table mean, by their names; numbers."""
 
 from __future__ import annotations
 
@@ -95,12 +95,6 @@ class Columns:
         """Number of cells that a row has at least: the others may be left out at its end."""
         return 1 + max(self.of("x", "y", "z", "group", "point"))
 
-    def in_words(self) -> str:
-        """The columns as they were understood."""
-        names = (role or "-" for role in self.roles[: self.coordinates[0]])
-        rest = " and their uncertainties" if self.uncertainties else ""
-        return f"{', '.join([*names, 'x', 'y', 'z'])}{rest}"
-
 
 def is_header(cells: Sequence[str]) -> bool:
     """Whether these cells name x, y and z."""
@@ -157,45 +151,17 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
 
 def spatial_analyzer(count: int, uncertain: bool) -> Columns | None:
     """[Collection,] Group, Point, X, Y, Z and, where the file speaks of them, uncertainties."""
-    numbers = 6 if uncertain and count in (8, 9) else 3
-    names = count - numbers
-    return _columns(names, uncertain=numbers == 6) if names in (2, 3) else None
-
-
-def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where: str) -> Columns:
-    """Up to three names, then x, y, z; and three more, which are a normal or uncertainties.
-
-    uncertain : the file speaks of uncertainties. comma : decimal comma allowed. Raises
-    DataError where the cells could mean something else.
-    """
-    count = len(rows[0])
-    numbers_of = [[as_number(cell, comma=comma) for cell in row] for row in rows]
-    if all(number is None for number in numbers_of[0]):
-        what = "no line names the columns group, point, x, y and z; the first reads"
-        hint = "begin the file with `group,point,x,y,z`"
-        refuse(where, f"{what} {', '.join(rows[0])[:60]}", hint)
-    names = next(
-        (i for i in range(count) if all(r[i] is not None for r in numbers_of if i < len(r))), count
+    numbers = (
+        ("x", "y", "z", "ux", "uy", "uz") if uncertain and count in (8, 9) else ("x", "y", "z")
     )
-    numbers = count - names
-    if names == 0 and count == 4:  # a point's number, x, y, z
-        names, numbers = 1, 3
-    if names <= 3 and (numbers == 3 or (numbers == 6 and uncertain)):
-        return _columns(names, uncertain=numbers == 6)
-    if names <= 3 and numbers == 6:
-        last = np.array([row[-3:] for row in numbers_of if len(row) == count], dtype=np.float64)
-        if np.all(np.abs(np.linalg.norm(last, axis=1) - 1) < 1e-3):
-            return _columns(names, normals=True)
-    hint = "begin the file with a line such as `group,point,x,y,z`"
-    raise DataError(f"has {count} columns and no line that names them", where=where, hint=hint)
-
-
-def _columns(names: int, *, uncertain: bool = False, normals: bool = False) -> Columns:
-    more = ("ux", "uy", "uz") if uncertain else ("", "", "") * normals
+    names = count - len(numbers)
+    if names not in (2, 3):
+        return None
+    collection = names == 3
     return Columns(
-        (*("", "group", "point")[3 - names :], "x", "y", "z", *more),
-        bare=uncertain,
-        ignored=("Collection",) * (names == 3) + ("i", "j", "k") * normals,
+        (*("",) * collection, "group", "point", *numbers),
+        bare=len(numbers) == 6,
+        ignored=("Collection",) * collection,
     )
 
 

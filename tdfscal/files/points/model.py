@@ -1,7 +1,5 @@
 """The shape of a point file as a model: the published JSON Schema, and point files in JSON."""
 
-from __future__ import annotations
-
 from typing import Literal, Self
 
 import numpy as np

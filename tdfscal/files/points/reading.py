@@ -57,7 +57,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
         return PointReading(parse_json(text, source), ())
-    table, beside, found = read_table(text, source)
+    table, beside = read_table(text, source)
     columns = table.columns
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
@@ -71,6 +71,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinates)
     std, stated = _stated(table, beside)
+    found = [*named, *stated]
     if columns.ignored:
         found.append(found_in("columns-unused", source, columns=list(columns.ignored)))
     points = PointSet(
@@ -82,7 +83,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
         resolution=digit * max(coordinate),
         repeatability=scatter / (len(names) / len(rows.first)) ** 0.5 * max(coordinate),
     )
-    return PointReading(points, (*named, *stated, *found))
+    return PointReading(points, tuple(found))
 
 
 def _factors(

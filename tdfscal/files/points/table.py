@@ -11,11 +11,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, visible
 from tdfscal.files.points.columns import (
     Columns,
     as_number,
-    by_cells,
     is_column_name,
     is_header,
     last_digit,
@@ -41,6 +40,10 @@ _SIGMA = re.compile(
     re.IGNORECASE,
 )
 _UNCERTAIN = re.compile(r"uncertaint|\bsigma\b|\bu[-_ ]?[xyz]\b", re.IGNORECASE)
+_HEAD = (
+    "begin the file with a line that names each column, such as `group,point,x,y,z`; a column that "
+    "is not used may have any name"
+)
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 _DECIMAL_COMMAS = re.compile(r"[^,]*(?:(?<=\d),(?=\d)[^,]*)+")
 
@@ -200,8 +203,8 @@ class Table:
         return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
 
 
-def read_table(text: str, source: str) -> tuple[Table, Preamble, list[Finding]]:
-    """The table, what the lines beside it say, and a note where no line names the columns."""
+def read_table(text: str, source: str) -> tuple[Table, Preamble]:
+    """The table, and what the lines beside it say."""
     lines = _split(text)
     data = [line for line in lines if not line.comment]
     delimiter = _delimiter_of(data[-1].text) if data else None
@@ -213,15 +216,16 @@ def read_table(text: str, source: str) -> tuple[Table, Preamble, list[Finding]]:
         refuse(source, what, "check the export")
     others = [line for line in lines if line.comment or line.number <= begin]
     beside = _read_preamble(others, source)
-    rows, found, comma = [_cells_of(line.text, delimiter) for line in body], [], delimiter != ","
+    rows, comma = [_cells_of(line.text, delimiter) for line in body], delimiter != ","
     if header is not None:
         where = f"{source}, line {header.number}"
         columns = read_header(_cells_of_header(header, delimiter), where)
     elif beside.axes and (known := spatial_analyzer(len(rows[0]), beside.uncertain)):
         columns = known
     else:
-        columns = by_cells(rows, beside.uncertain, comma, f"{source}, line {body[0].number}")
-        found = [found_in("columns-assumed", source, columns=columns.in_words())]
+        what = "no line names the columns; the first reads"
+        where, shown = f"{source}, line {body[0].number}", ", ".join(rows[0])[:60]
+        refuse(where, f"{what} {visible(shown)}", _HEAD)
     table = Table(columns, body, rows, comma, source)
     for k, cells in enumerate(rows):
         expected = len(columns.roles)
@@ -232,7 +236,7 @@ def read_table(text: str, source: str) -> tuple[Table, Preamble, list[Finding]]:
                 "check the line; quote a name that has a comma or a blank in it",
             )
         cells += [""] * (expected - len(cells))
-    return table, beside, found
+    return table, beside
 
 
 def _header(lines: Sequence[Line], delimiter: str | None) -> Line | None:

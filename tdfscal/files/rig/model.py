@@ -1,7 +1,5 @@
 """The rig file `tdfscal-rig/1` as models: every key, unit, default and bound."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import combinations
@@ -32,6 +30,7 @@ from tdfscal.files.field_types import (
     Text,
     Vector,
     WithStd,
+    block,
     fault,
     key,
 )
@@ -166,9 +165,11 @@ class Support(Strict):
 
     name: Name = key("letters, digits, _ and -")
     hinge: PlaceOnTerminal = key("m: SHC in the LCS")
-    zero: Annotated[VectorQuantity, WithStd] = key(
+    zero: Annotated[VectorQuantity, WithStd] = block(
         "N: quantity, reading without load, sensor frame",
-        VectorQuantity(value=(0.0, 0.0, 0.0), std=(math.inf,) * 3),
+        VectorQuantity,
+        value=(0.0, 0.0, 0.0),
+        std=(math.inf,) * 3,
     )
     nominal_rpy: Angles = key("rad: nominal mounting", (0.0, 0.0, 0.0))
     rpy_std: Stds = key(
@@ -218,7 +219,7 @@ class Uncertainty(Strict):
     )
     force_sensitivity: NotNegative = key("relative gain and crosstalk of a sensor", 0.0)
     hinge_moment: NotNegative = key("N·m: friction of the hinges, per axis and posture", 0.0)
-    compliance: Compliance = key("what gives between encoder and hinge", Compliance())
+    compliance: Compliance = block("what gives between encoder and hinge", Compliance)
 
 
 class Drift(Strict):
@@ -340,22 +341,22 @@ class RigFile(Strict):
     name: Text = key("what the rig is called")
     serial: Label | None = key("of the rig", None)
     campaign: Campaign | None = key("when, where and by whom the log was recorded", None)
-    gravity: Gravity = key("m/s² along −Z of the BCS, and how level that is", Gravity())
+    gravity: Gravity = block("m/s² along −Z of the BCS, and how level that is", Gravity)
     terminal: Terminal = key("the terminal with all it carries")
     supports: Annotated[
         tuple[Support, ...],
         BeforeValidator(_three_or_more),
         Field(json_schema_extra={"minItems": 3}),
     ] = key("list of three or more, one NCP with its TDFS each")
-    uncertainty: Uncertainty = key(
-        "standard uncertainties that the log's own scatter cannot show", Uncertainty()
+    uncertainty: Uncertainty = block(
+        "standard uncertainties that the log's own scatter cannot show", Uncertainty
     )
-    drift: Drift = key("zeros that move within a campaign, per channel", Drift())
+    drift: Drift = block("zeros that move within a campaign, per channel", Drift)
     log: LogBlocks | None = key(
         "how the recorder names things; a list of such blocks where there are several", None
     )
     tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
-    acceptance: AcceptanceBlock = key("limits of the quality gate", AcceptanceBlock())
+    acceptance: AcceptanceBlock = block("limits of the quality gate", AcceptanceBlock)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -1,7 +1,5 @@
 """The `log` block of the rig file: how each recorder names things, and what all must hold."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
@@ -16,6 +14,7 @@ from tdfscal.files.field_types import (
     Text,
     Vector,
     WithStd,
+    block,
     fault,
     key,
     list_of,
@@ -101,8 +100,8 @@ Temperatures = Annotated[
 class ClockBlock(Strict):
     """A recorder's clock against the first one's: its stamps minus the first's."""
 
-    offset: Annotated[Quantity, WithStd] = key(
-        "s: quantity; std: unknown finds it", Quantity(value=0.0, std=math.inf)
+    offset: Annotated[Quantity, WithStd] = block(
+        "s: quantity; std: unknown finds it", Quantity, value=0.0, std=math.inf
     )
     rate_std: NotNegative = key("relative: standard uncertainty of its rate", 1.0e-4)
 
@@ -112,7 +111,7 @@ class LogBlock(Strict):
 
     files: Text | None = key("pattern of the names of its files, such as cnc*.csv", None)
     rows: Rows = key("or postures: each row is one averaged posture", "timeseries")
-    time: LogTime = key("the clock: a column, or which stamps of messages", LogTime())
+    time: LogTime = block("the clock: a column, or which stamps of messages", LogTime)
     delay: Annotated[Quantity, WithStd] | None = key(
         "s: quantity, force stamps minus position stamps; used in motion only", None
     )
@@ -124,7 +123,7 @@ class LogBlock(Strict):
     )
     decimal: Literal[".", ","] = key("or ,; CSV", ".")
     supports: dict[Name, SupportFields] | None = key("one entry per support", None)
-    clock: ClockBlock = key("against the first recorder's", ClockBlock())
+    clock: ClockBlock = block("against the first recorder's", ClockBlock)
 
     @property
     def fields(self) -> dict[tuple[str, str], tuple[str, ...]]:
