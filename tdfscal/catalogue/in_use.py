@@ -64,6 +64,21 @@ change-noise-grown rejects
   file state
   -> look for what shakes or hums, at cables and amplifiers, or state
     uncertainty.force_noise, and validate again
+change-sensor-slipped rejects
+  the sensor of {subject} turned by {size} before posture {posture}: {change:rad}
+  about x, y, z of the BCS, ± {change_95:rad} (95 %)
+  -> fasten this sensor, look at its cable, then calibrate again
+change-zero-jumped rejects
+  the zero of {subject} jumped before posture {posture} by {change:N} along x, y, z
+  of the sensor, ± {change_95:N} (95 %)
+  -> look at the sensor, its cable and amplifier, tare, and validate again
+change-zeros-drift rejects
+  the zeros of {whose} drift over the log, by up to {size}
+  -> let sensors and amplifiers warm up and validate again, or state drift.time
+change-zeros-follow-temperature rejects
+  the zeros of {whose} follow the temperature, by up to {size} over the log
+  -> let sensors and amplifiers warm up and validate again, or state
+    drift.temperature
 change-zeros-moved rejects
   the zeros of all sensors have moved by about {size} per axis, farther than the rig
   file's zero.std has it
@@ -125,6 +140,10 @@ compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
 calibration-rejected warns
   {subject} is a rejected calibration
+exact-moves-untold warns
+  {subject} does not tell how errors of what it took as exact ({names}) move it: none
+  of them is counted here
+  -> make it anew from its logs, and update that
 calibration-open warns
   the calibration leaves zeros, mass or barycentre open: the uncertainty of the
   components that they touch is unknown (empty)

@@ -130,6 +130,15 @@ def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
     return tuple(one.by(np.eye(len(free))[free]) for one in moves)
 
 
+def _moves_untold(file: CalibrationFile) -> list[str]:
+    """What a file took as exact without saying how its parameters move by errors of it."""
+    return [
+        one.name
+        for one in file.taken_as_exact
+        if one.common is one.apart is None and any(any(effect.turn) for effect in one.supports)
+    ]
+
+
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
     """Covariance (P, P) with that of the determined sensors' turns replaced by their own."""
     stand = np.zeros(len(covariance), dtype=np.bool_)
@@ -237,6 +246,8 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
     notes = [_could_have_missed(misfit, read.rig, earlier)]
     if not earlier.file.accepted:
         notes.append(Finding("calibration-rejected", (earlier.name,)))
+    if untold := _moves_untold(earlier.file):
+        notes.append(Finding("exact-moves-untold", (earlier.name,), values={"names": untold}))
     campaigns, history = (*earlier.campaigns(), this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
     return as_calibration(own, origin, notes)

@@ -8,9 +8,9 @@ from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.log_time import clock_from
-from tdfscal.validation.causes import NOISE, Cause
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.single_cause import NOISE, Cause
 
 Tested = Validation | MovingValidation
 
@@ -54,6 +54,14 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
             size, unit = float(np.linalg.norm(cause.value)), "rad"
         case "zero drifted":
             values["stated"] = v.zeros.moved
+        case "sensor slipped" | "zero jumped":
+            assert isinstance(v, Validation)
+            first = int(v.used[cause.postures[0]])
+            size = float(np.linalg.norm(cause.value))
+            unit = "rad" if cause.kind == "sensor slipped" else "N"
+            values["posture"] = f"{first + 1} ({start(v, first)} s)"
+        case "zeros drift" | "zeros follow temperature":
+            size, unit = float(np.abs(cause.value).max()), "N"
         case "load changed":
             values |= {"mass": value[0], "mass_95": half[0]}
             values |= {"barycentre": value[1:], "barycentre_95": half[1:]}

@@ -1,45 +1,35 @@
 """What explains residual wrenches that a calibration does not: one cause at a time.
 
-Each cause is a linear model e = H a + noise of the whitened residual wrenches of all postures; it
-is judged by how far χ² falls when its q unknowns a are fitted (generalised least squares), less
-q ln N for N residuals (Schwarz, Ann. Stat. 6, 1978). Causes of few and many unknowns are so held
-against each other on one scale, twice the logarithm of their odds. Readings that scatter more than
-is stated are such a cause too, with one unknown.
+Beside what may have changed since the calibration these are changes in the course of the log, a
+contact in some postures, and readings that scatter more than is stated, with one unknown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from operator import attrgetter
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.scatter import likeliest
-from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
-from tdfscal.validation.known_noise import Linearised, Whitened, basis
+from tdfscal.validation.residuals import Linearised, Whitened, basis
+from tdfscal.validation.single_cause import (
+    COURSES,
+    STEPS,
+    WEIGHT,
+    Cause,
+    Causes,
+    Kind,
+    Model,
+    fitted,
+)
 
-Kind = Literal[
-    "sensor turned",
-    "load changed",
-    "zero drifted",
-    "gain changed",
-    "base tilted",
-    "contact",
-    "noise grown",
-    "zeros wander",
-    "zeros moved",
-    "hinges stick",
-]
-
-#: Causes that are a scatter, not a change: the test of all residuals together sees them.
-NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
 #: What may happen to one sensor, and the parameters that stand for it.
 _SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
+_STEPPING = dict(zip(STEPS, ("rotation", "zero"), strict=True))
 #: Shapes of a gain's change in S (xx, yy, zz, yz, xz, xy): of all axes alike, one by one, each by
 #: itself with crosstalk.
 _GAINS = (
@@ -49,6 +39,8 @@ _GAINS = (
     np.eye(6),
 )
 
+#: Postures on either side of a step: one alone is an outlier, not a part of the log.
+_FEWEST = 2
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
 #: Postures up to which noise that connects them is tried: its work grows with their cube.
@@ -57,89 +49,19 @@ _CONNECTED = 60
 _SUSPECTS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
-    """A possible cause, fitted by generalised least squares.
-
-    support : index, for a sensor's cause. postures : indices, for a contact.
-    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
-    mass in kg and barycentre in m, as changes; a zero's change in N; a gain's change as S (6,): xx,
-    yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
-    more noise, of the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m,
-    per axis and posture. A contact has none here.
-    gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
-    worth (Schwarz). p_value : that chance alone lets it fall so far.
-    remaining_p : probability of the χ² that is left.
-    """
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    value: FloatArray
-    std: FloatArray
-    gain: float
-    weight: float
-    unknowns: int
-    p_value: float
-    remaining_p: float
-
-    @property
-    def explains(self) -> bool:
-        """Nothing remarkable is left."""
-        return self.remaining_p >= CAUSE_EXPLAINS
-
-
-_WEIGHT = attrgetter("weight")
-
-
-@dataclass(frozen=True, slots=True)
-class Causes:
-    """Single causes, the most likely first.
-
-    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
-    have looked like the likeliest by chance.
-    """
-
-    best: tuple[Cause, ...]
-    tried: int
-
-    @property
-    def suspected(self) -> tuple[Cause, ...]:
-        """The causes that explain the residuals and cannot be told apart, the likeliest first."""
-        explaining = [cause for cause in self.best if cause.explains]
-        if not explaining:
-            return ()
-        most = explaining[0].weight
-        # What explains less well than another that leaves too much is not the cause.
-        if self.best[0].weight - most >= CAUSES_APART:
-            return ()
-        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
-
-
-@dataclass(frozen=True, slots=True)
-class _Model:
-    """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    columns: FloatArray
-    shape: FloatArray | None = None
-
-
 def causes(given: Whitened) -> Causes:
     """Hold all single causes against each other."""
     models = _models(given)
-    fitted = [_fit(model, given) for model in models]
-    contacts = _contacts(given, max(fitted, key=_WEIGHT))
+    single = [fitted(model, given) for model in (*models, *_in_course(given))]
+    contacts = _contacts(given, max(single, key=WEIGHT))
     best: dict[tuple[Kind, int | None, tuple[int, ...]], Cause] = {}
-    for cause in (*fitted, *contacts):
+    for cause in (*single, *contacts):
         key = (cause.kind, cause.support, cause.postures)
         if key not in best or cause.weight > best[key].weight:
             best[key] = cause
     tried = len(models) + (len(given.own) if contacts else 0)
     found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
-    return Causes(tuple(sorted(found, key=_WEIGHT, reverse=True)), tried)
+    return Causes(tuple(sorted(found, key=WEIGHT, reverse=True)), tried)
 
 
 def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
@@ -158,26 +80,100 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
             return at.columns[:, place["tilt"]]
         case "contact":
             return _touching(at.own, cause.postures)
+    if cause.kind in STEPS:
+        assert cause.support is not None
+        return _stepping(cause.kind, cause.support, cause.postures[0], at.columns, at)
+    if cause.kind in COURSES:
+        shapes = (each for kind, each in _drifts(at) if kind == cause.kind)
+        drifts = (_drifting(shape, cause.support, at.columns, at) for shape in shapes)
+        return next(columns for columns in drifts if columns.shape[1] == cause.unknowns)
     return at.columns[:, :0]
 
 
-def _models(given: Whitened) -> list[_Model]:
+def _models(given: Whitened) -> list[Model]:
     place = layout(given.sensors)
     load = slice(place["mass"].start, place["barycentre"].stop)
-    found = [_Model("load changed", None, (), given.columns[:, load])]
+    found = [Model("load changed", None, (), given.columns[:, load])]
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
-            found.append(_Model(kind, i, (), given.columns[:, first : first + 3]))
+            found.append(Model(kind, i, (), given.columns[:, first : first + 3]))
     if not len(given.own):  # in motion the residual is known along these alone
         return found
-    found.append(_Model("base tilted", None, (), given.columns[:, place["tilt"]]))
+    found.append(Model("base tilted", None, (), given.columns[:, place["tilt"]]))
     for i, first in enumerate(range(place["sensitivity"].start, place["sensitivity"].stop, 6)):
         columns = given.columns[:, first : first + 6]
-        found += [_Model("gain changed", i, (), columns @ shape, shape) for shape in _GAINS]
+        found += [Model("gain changed", i, (), columns @ shape, shape) for shape in _GAINS]
     return found
 
 
-def _scatters(given: Whitened, models: Sequence[_Model]) -> list[Cause]:
+def _in_course(given: Whitened) -> Iterator[Model]:
+    """Steps of each sensor, from its likeliest posture on, and drifts of its zero or of all."""
+    everyone = range(given.sensors)
+    for kind in STEPS if len(given.own) >= 2 * _FEWEST else ():
+        for i in everyone:
+            first = _likeliest_step(given, kind, i)
+            columns = given.white(_stepping(kind, i, first, given.plain, given))
+            yield Model(kind, i, (first,), columns)
+    for kind, shape in _drifts(given):
+        since = shape - shape[np.argmin(given.course.time)]
+        most = since[np.argmax(np.abs(since[:, :, 0]).max(axis=1))]
+        for i in (None, *everyone):
+            columns = given.white(_drifting(shape, i, given.plain, given))
+            largest = most if i is None else most[[i]]
+            back = np.asarray(np.kron(block_diagonal(*largest[:, None]), np.eye(3)), np.float64)
+            yield Model(kind, i, (), columns, back)
+
+
+def _drifts(at: Linearised | Whitened) -> Iterator[tuple[Kind, FloatArray]]:
+    for warm, shape in at.course.drifts(at.sensors) if len(at.own) > 1 else ():
+        yield ("zeros follow temperature" if warm else "zeros drift"), shape
+
+
+def _drifting(
+    shape: FloatArray, support: int | None, columns: FloatArray, at: Linearised | Whitened
+) -> FloatArray:
+    """Derivative (6K, 3m) by a drift of shape (K, n, g): m = n g of all zeros, g of one."""
+    by_zero = columns[:, layout(at.sensors)["zero"]].reshape(len(at.own), 6, at.sensors, 3)
+    if support is not None:
+        by_zero, shape = by_zero[:, :, [support]], shape[:, [support]]
+    return np.asarray(np.einsum("kbna,kng->kbnga", by_zero, shape).reshape(len(columns), -1))
+
+
+def _stepping(
+    kind: Kind, sensor: int, first: int, columns: FloatArray, at: Linearised | Whitened
+) -> FloatArray:
+    """Derivative (6K, 3) by a sensor's turn, or its zero's jump, from one posture on."""
+    begin = layout(at.sensors)[_STEPPING[kind]].start + 3 * sensor
+    after = np.repeat(at.course.step(first), 6, axis=0)
+    return np.asarray(columns[:, begin : begin + 3] * after)
+
+
+def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
+    """The posture from which on a step lowers χ² most.
+
+    With A the whitening, y = Aᵀ r and AᵀA = I − M Mᵀ, score and information of every step are sums
+    of its postures' own blocks.
+    """
+    K, order = len(given.own), np.argsort(given.course.time, kind="stable")
+    H, F = given.common, given.free
+    M = np.hstack([H * np.sqrt(2.0 - np.sum(H**2, axis=0)), F - H @ (H.T @ F)])
+    y = given.residual - H @ (H.T @ given.residual)
+    begin = layout(given.sensors)[_STEPPING[kind]].start + 3 * sensor
+    columns = given.plain[:, begin : begin + 3]
+
+    def after(other: FloatArray) -> FloatArray:
+        """Sums (K, 3, …) over the postures from each one on, in the order of time."""
+        each = np.einsum("kba,kbm->kam", columns.reshape(K, 6, 3), other.reshape(K, 6, -1))
+        return np.cumsum(each[order][::-1], axis=0)[::-1]
+
+    score, common = after(y), after(M)
+    information = after(columns) - common @ np.swapaxes(common, 1, 2)
+    seen = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
+    gain = np.sum(score * (seen @ score), axis=(1, 2))[_FEWEST : K - _FEWEST + 1]
+    return int(order[_FEWEST + int(np.argmax(gain))])
+
+
+def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
     """More noise than is stated: of all forces (1/f too), of one sensor, of moments (friction)."""
     K, n = len(given.own), given.sensors
     if not K:
@@ -194,7 +190,7 @@ def _scatters(given: Whitened, models: Sequence[_Model]) -> list[Cause]:
     return [_scatter(given, models, *suspect) for suspect in suspects]
 
 
-def _zeros_moved(given: Whitened, models: Sequence[_Model]) -> Cause:
+def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:
     """All zeros moved once, as a tare does it: a variance along their columns."""
     columns = given.columns[:, layout(given.sensors)["zero"]]
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
@@ -221,7 +217,7 @@ def _octaves(K: int) -> FloatArray:
 
 def _scatter(
     given: Whitened,
-    models: Sequence[_Model],
+    models: Sequence[Model],
     kind: Kind,
     support: int | None,
     columns: FloatArray,
@@ -254,7 +250,7 @@ def _scatter(
 
 def _scatter_cause(
     given: Whitened,
-    models: Sequence[_Model],
+    models: Sequence[Model],
     kind: Kind,
     support: int | None,
     weighted: Callable[[FloatArray], FloatArray],
@@ -287,9 +283,9 @@ def _scatter_cause(
     )
 
 
-def _contact(given: Whitened, postures: Sequence[int]) -> _Model:
+def _contact(given: Whitened, postures: Sequence[int]) -> Model:
     white = given.white(_touching(given.own, postures))
-    return _Model("contact", None, tuple(sorted(postures)), white)
+    return Model("contact", None, tuple(sorted(postures)), white)
 
 
 def _touching(own: FloatArray, postures: Sequence[int]) -> FloatArray:
@@ -307,39 +303,12 @@ def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
         return []
     off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
     suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
-    found = [_fit(_contact(given, [k]), given) for k in suspects]
-    best = max(found, key=_WEIGHT)
+    found = [fitted(_contact(given, [k]), given) for k in suspects]
+    best = max(found, key=WEIGHT)
     while not best.explains and not rival.explains and len(best.postures) + 1 <= _TOUCHED * K:
         more = [[*best.postures, k] for k in suspects if k not in best.postures]
         if not more:
             break
-        best = max((_fit(_contact(given, postures), given) for postures in more), key=_WEIGHT)
+        best = max((fitted(_contact(given, postures), given) for postures in more), key=WEIGHT)
         found.append(best)
     return found
-
-
-def _fit(model: _Model, given: Whitened) -> Cause:
-    size = np.linalg.norm(model.columns, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(model.columns / size, full_matrices=False)
-    seen = s > 1e-9 * s.max(initial=0.0)
-    fitted = U[:, seen].T @ given.residual
-    gain, q = float(fitted @ fitted), int(seen.sum())
-    root = (Vt[seen].T / s[seen]) / size[:, None]
-    rest = max(given.chi2 - gain, 0.0)
-    contact = model.kind == "contact"
-    if model.shape is not None:
-        root = model.shape @ root
-    return Cause(
-        kind=model.kind,
-        support=model.support,
-        postures=model.postures,
-        # e is linear about the estimate: what changed is minus what would cancel it.
-        value=np.zeros(0) if contact else -(root @ fitted),
-        std=np.zeros(0) if contact else np.linalg.norm(root, axis=1),
-        gain=gain,
-        weight=gain - q * given.worth,
-        unknowns=q,
-        p_value=float(chi2_sf(gain, q)),
-        remaining_p=float(chi2_sf(rest, given.dof - q)),
-    )

@@ -37,8 +37,8 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.known_noise import Linearised, Whitened, moving_zeros
 from tdfscal.validation.misread import refuse_misread
+from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
 from tdfscal.validation.verdict import Judged, Verdict, searched
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 
@@ -179,4 +179,5 @@ def _linearised(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Line
         own_unknown=np.append(unknown, moving),
         rows=len(r),
         sensors=priors.rig.n,
+        course=Course(np.zeros(0)),
     )

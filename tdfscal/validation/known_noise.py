@@ -1,7 +1,4 @@
-"""Noise as the calibration found it: its level, noisier channels, and heavy tails.
-
-From residual wrenches all that correlates them is taken away before they are held against it.
-"""
+"""Noise as the calibration found it: its level, noisier channels, and heavy tails."""
 
 from __future__ import annotations
 
@@ -11,15 +8,12 @@ import numpy as np
 from scipy import special
 
 from tdfscal.findings import Finding
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.statics import Postures
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.records import FloatArray
 from tdfscal.selfcal.noise_components import scaled
 from tdfscal.significance import MISFIT
+from tdfscal.validation.residuals import Whitened
 
 #: Components of a posture's wrench.
 _ROWS = 6
@@ -154,121 +148,3 @@ class KnownNoise:
 
 #: A calibration that says nothing of the noise.
 AS_STATED = KnownNoise()
-
-
-@dataclass(frozen=True, slots=True)
-class Linearised:
-    """Residual wrenches at a calibration to the first order, white in each posture's own noise.
-
-    residual : (m,); m is 6K, or as many as a motion determines. columns : (m, P + E), derivative
-    by the calibrated parameters and by E of this log alone: zeros that move, a motion's own.
-    own : (K, 6, 6), whitens each posture's own noise, with 0 along forces that nobody measures;
-    K = 0 in motion, where a contact is found otherwise. own_root : (E, r), of the covariance of
-    this log's parameters. own_unknown : (E,), those of which nothing is known. rows : directions of
-    all residuals that no unmeasured force reaches. sensors : n.
-    """
-
-    residual: FloatArray
-    columns: FloatArray
-    own: FloatArray
-    own_root: FloatArray
-    own_unknown: BoolArray
-    rows: int
-    sensors: int
-
-    @property
-    def zero_columns(self) -> FloatArray:
-        """Derivative (m, 3n) by the zeros."""
-        return self.columns[:, layout(self.sensors)["zero"]]
-
-
-@dataclass(frozen=True, slots=True)
-class Whitened:
-    """Residual wrenches of K postures with all that correlates them taken away.
-
-    residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
-    derivative by the calibrated parameters; plain : the same, white in each posture's own noise
-    only. own, rows, sensors : as in `Linearised`. common : (m, r), H of the inverse root I − H Hᵀ
-    for the calibration's error, which is common to all postures. free : (m, f), orthonormal,
-    directions of parameters that nobody knows; the residual has no part in them. spread : ln det
-    of the residuals' covariance, by what it is without the calibration's error.
-    """
-
-    residual: FloatArray
-    columns: FloatArray
-    plain: FloatArray
-    own: FloatArray
-    common: FloatArray
-    free: FloatArray
-    rows: int
-    sensors: int
-    spread: float
-
-    @property
-    def chi2(self) -> float:
-        """χ² of all residual wrenches together."""
-        return float(self.residual @ self.residual)
-
-    @property
-    def dof(self) -> int:
-        """Its degrees of freedom."""
-        return int(self.rows - self.free.shape[1])
-
-    @property
-    def worth(self) -> float:
-        """What one unknown has to lower χ² by (Schwarz)."""
-        return float(np.log(max(self.rows, 2)))
-
-    @property
-    def deviance(self) -> float:
-        """−2 ln of the residuals' likelihood, but for a constant of the log."""
-        return float(self.chi2 + self.spread + self.worth * self.free.shape[1])
-
-    def white(self, columns: FloatArray) -> FloatArray:
-        """Columns (6K, c), whitened posture by posture already, made white altogether."""
-        white = columns - self.common @ (self.common.T @ columns)
-        return np.asarray(white - self.free @ (self.free.T @ white))
-
-
-def whiten(at: Linearised, given: Calibrated) -> Whitened:
-    """Take away the error of a calibration, which is common to all postures, from residuals.
-
-    given : P parameters with their covariance U Uᵀ; of those that are open nothing is known. The
-    residuals are at its state.
-
-    With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
-    inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
-    """
-    root = block_diagonal(given.root, at.own_root)
-    unknown = np.concatenate([given.open, at.own_unknown])
-    V, s, _ = np.linalg.svd(at.columns @ root, full_matrices=False)
-    start = Whitened(
-        residual=at.residual,
-        columns=at.columns,
-        plain=at.columns,
-        own=at.own,
-        common=V * np.sqrt(1 - 1 / np.sqrt(1 + s**2)),
-        free=np.zeros((len(at.columns), 0)),
-        rows=at.rows,
-        sensors=at.sensors,
-        spread=float(np.sum(np.log1p(s**2))),
-    )
-    known = replace(start, free=basis(start.white(at.columns[:, unknown])))
-    white = known.white(at.residual[:, None])[:, 0]
-    return replace(known, residual=white, columns=known.white(at.columns))
-
-
-def moving_zeros(rig: Rig, motion: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:
-    """Root (3nG, 3nG) of the amplitudes' covariance by which zeros move in this log; the unknown.
-
-    A log's amplitudes are its own: they have their prior.
-    """
-    std = prior_std(rig, motion)[parameter_count(rig.n) :]
-    return np.diag(np.where(np.isfinite(std), std, 0.0)), np.isinf(std)
-
-
-def basis(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis of what columns (m, c) span."""
-    size = np.linalg.norm(columns, axis=0)
-    U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])

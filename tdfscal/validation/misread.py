@@ -25,15 +25,16 @@ def refuse_misread(
     given: Calibrated,
     rig: Rig,
     seen: Postures,
-    judge: Callable[[Postures], Judged] | None = None,
+    judge: Callable[[Postures, IntArray], Judged] | None = None,
     number: IntArray | None = None,
     time: FloatArray | None = None,
 ) -> None:
     """Raise DataError where one mistake in the readings explains them, likelier than any change.
 
     given : the calibration, with the load of this log. seen : K postures, or moments of a motion.
-    judge : of postures by the calibration; without it the search itself is the judge. number, time
-    : (K,), by which the postures go, and s, when each was held, where they are rests.
+    judge : of postures, and which of K they are, by the calibration; without it the search itself
+    is the judge. number, time : (K,), by which the postures go, and s, when each was held, where
+    they are rests.
     """
     some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
     seen = seen.subset(some)
@@ -45,9 +46,17 @@ def refuse_misread(
     if found is None:
         return
     if judge is not None:
-        now, without = judge(seen).merit, judge(found.fit.postures)
+        now = judge(seen, some)
+        if found.jump is not None:  # a cause too, which stands beside a slip there
+            best = now.causes.best[0]
+            if (best.kind, best.support) != ("zero jumped", found.support):
+                return
+            raise misread(known, found, present, number, time)
+        without = judge(found.fit.postures, some)
         # What has a number is no likelier by little, nor beside a second cause.
         apart = 0.0 if found.exact else CAUSES_APART
-        if without.merit <= (now[0], now[1] + apart) or not (found.exact or without.holds):
+        if without.merit <= (now.merit[0], now.merit[1] + apart) or not (
+            found.exact or without.holds
+        ):
             return
     raise misread(known, found, present, number, time)

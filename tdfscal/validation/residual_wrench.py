@@ -21,9 +21,10 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
-from tdfscal.validation.causes import Cause
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise, Linearised, Whitened, moving_zeros
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.misread import refuse_misread
+from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
+from tdfscal.validation.single_cause import Cause
 from tdfscal.validation.verdict import Judged, Verdict, searched
 from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
@@ -84,12 +85,15 @@ def validate(
         raise DataError(Finding("dwells-unusable"), findings=reasons[:1])
     given = with_own_load(given, rig)
     observed, found = _with_noise(postures(rig, dwells, age).subset(used), noise)
-    balanced, slopes, at = _linearised(given, known.scaled(observed))
+    middle = (dwells.start + dwells.end)[used] / 2
+    warm = None if dwells.temperature is None else dwells.temperature[used]
+    course = Course(middle, warm)
+    balanced, slopes, at = _linearised(given, known.scaled(observed), course)
     judged, zeros = judged_with_zeros(at, given, rig, lambda white: _judged(white, known))
     if not judged.holds:
 
-        def judge(seen: Postures) -> Judged:
-            at = _linearised(given, known.scaled(seen))[2]
+        def judge(seen: Postures, which: IntArray) -> Judged:
+            at = _linearised(given, known.scaled(seen), course.subset(which))[2]
             return judged_with_zeros(at, given, rig, lambda white: _judged(white, known))[0]
 
         refuse_misread(given, rig, observed, judge, used + 1, dwells.start[used])
@@ -153,7 +157,9 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
     )
 
 
-def _linearised(given: Calibrated, observed: Postures) -> tuple[Balance, FloatArray, Linearised]:
+def _linearised(
+    given: Calibrated, observed: Postures, course: Course
+) -> tuple[Balance, FloatArray, Linearised]:
     """Postures in balance at the calibration; the residual wrenches' slopes (K, 6, P + E) in the
     LCS; and both whitened by each posture's own noise.
     """
@@ -172,6 +178,7 @@ def _linearised(given: Calibrated, observed: Postures) -> tuple[Balance, FloatAr
         own_unknown=unknown,
         rows=int(at.rows.sum()),
         sensors=rig.n,
+        course=course,
     )
     return at, slopes, white
 

@@ -13,8 +13,8 @@ from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
-from tdfscal.validation.causes import NOISE, Cause, Causes
-from tdfscal.validation.known_noise import Whitened
+from tdfscal.validation.residuals import Whitened
+from tdfscal.validation.single_cause import COURSES, NOISE, Cause, Causes
 
 #: Of false alarms, the part of the search for one cause, and that of all residuals together.
 SEARCH_LIMIT = 0.75 * VALIDATION_ALARM
@@ -60,7 +60,7 @@ def searched(found: Causes, chance: Callable[[Cause], float]) -> float:
 
     That a sensor turned is what is asked; it has two thirds of the search, the others one.
     """
-    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in NOISE]
+    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in (*NOISE, *COURSES)]
     turns = [c for c in single if c.kind == "sensor turned"]
     others = [c for c in single if c.kind != "sensor turned"]
     return min(

@@ -17,8 +17,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
-from tdfscal.validation.causes import NOISE, Cause, unknown_columns
-from tdfscal.validation.known_noise import Linearised, Whitened, basis, whiten
+from tdfscal.validation.causes import unknown_columns
+from tdfscal.validation.residuals import Linearised, Whitened, basis, whiten
+from tdfscal.validation.single_cause import NOISE, Cause
 from tdfscal.validation.verdict import Judged, Zeros
 
 

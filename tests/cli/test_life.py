@@ -147,6 +147,22 @@ def test_a_level_that_all_months_have_wrong_moves_the_angles_as_stated(
     np.testing.assert_allclose(seen, stated, atol=0.05 * stated.max())
 
 
+def test_an_older_file_that_tells_no_moves_is_said_to_count_them_as_none(
+    months: Path, files: list[Path]
+) -> None:
+    """Files of 1.0 name what was taken as exact, but not how parameters move by errors of it."""
+    content = yaml.safe_load(files[0].read_text())
+    del content["content_sha256"]
+    untold = [one["name"] for one in content["taken_as_exact"] if one.pop("common")]
+    before, after = (
+        tdfscal.update(file, folders(months, 1, 2), trials=0)
+        for file in (files[0], tdfscal.Calibration.model_validate(content))
+    )
+    (found,) = (f for f in after.findings if f.code == "exact-moves-untold")
+    assert ", ".join(untold) in found.text
+    assert not any(f.code == "exact-moves-untold" for f in before.findings)
+
+
 def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
     done = run(capsys, "monitor", *arguments, "--json", "-q")
     assert done.status == status, done.err
