@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from tdfscal.catalogue.campaign import CAMPAIGN, SUSPECTS
@@ -14,7 +14,7 @@ from tdfscal.catalogue.in_use import IN_USE
 from tdfscal.catalogue.inputs import LOGS, SURVEY
 from tdfscal.catalogue.refusals import REFUSALS
 from tdfscal.errors import put_into_words
-from tdfscal.findings import Finding, Severity
+from tdfscal.findings import Finding, Severity, Value
 
 CATALOGUE: dict[str, Entry] = SUSPECTS | CAMPAIGN | LOGS | SURVEY | IN_USE | REFUSALS
 
@@ -67,6 +67,14 @@ def documents(findings: Iterable[Finding]) -> list[dict[str, Any]]:
         if (entry := document(finding)) not in found:
             found.append(entry)
     return found
+
+
+def rigs_apart(found: Sequence[Finding], code: str, **values: Value) -> Finding:
+    """Return all that tells two rigs apart as one finding; another LCS speaks for itself."""
+    if [finding.code for finding in found] == ["lcs-restated"]:
+        return found[0]
+    differences = "; ".join(sentence(finding) for finding in found)
+    return Finding(code, values={**values, "differences": differences})
 
 
 def _of_error(finding: Finding) -> tuple[str, str, str]:

@@ -82,6 +82,24 @@ temperature-constant refuses
   can be known
   -> check the sensor and the field, or take drift.temperature out of rig.yaml
   @ log.temperature
+rig-supports notes
+  its supports are {subject} instead of {others}
+rig-serial notes
+  its serial is {other} instead of {own}
+rig-constant notes
+  the {what}{of: of ~|} is {other} {unit} instead of {own} {unit}
+lcs-restated refuses
+  the same hinges stand in another LCS, turned by {degrees:.3g}° and shifted by
+  {shift:m}: angles in the BCS would be the same, but load and hinges cannot be held
+  against each other
+  -> state hinges, barycentre and inertia in one LCS in both rig files
+rigs-differ refuses
+  this is another rig than that of {first}: {differences}
+  -> campaigns of one rig state the same supports, hinges and uncertainties; correct
+    the rig file, or calibrate the rigs one by one
+rig-uncalibrated refuses
+  this rig is not the one that was calibrated: {differences}
+  -> correct the rig file, or calibrate this rig
 linear-axis-missing refuses
   the sensor of {subject} does not measure {axis}, and the linear method needs every
   component

@@ -1,19 +1,23 @@
-"""Is the rig of a log the one that was calibrated?"""
+"""Is the rig of a log the one that was calibrated? What two rig files state differently."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from tdfscal.errors import UsageError
+from tdfscal.findings import Finding, Value
+from tdfscal.model.postures import register
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CONTRADICTION
 
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9
 _GRAVITY = 1.0e-4
-
-#: Standard uncertainties of constants, as the rig file names them: field and unit.
+#: Coordinates in another LCS are typed to so many m, and away from the others by so many times
+#: what their distances may differ by.
+_TYPED, _APART = 1.0e-5, 10.0
+#: Standard uncertainties of constants, as users know them: field and unit.
 _CONSTANT_UNCERTAINTIES = {
     "hinge": ("hinge", "m"),
     "datum": ("datum", "m"),
@@ -21,30 +25,43 @@ _CONSTANT_UNCERTAINTIES = {
     "compliance.lateral": ("compliance_lateral", "m/N"),
     "compliance.vertical": ("compliance_vertical", "m/N"),
 }
+#: What says that hinges stand alike, in another LCS.
+_RESTATED = "lcs-restated"
 
 
-def other_rig(first: Rig, other: Rig) -> tuple[str, ...]:
-    """What shows that two rig files are of two rigs, in words; nothing: of one, for all they say.
+def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
+    """What shows that two rig files are of two rigs; nothing: of one, for all they say.
 
     Compared are the supports, the serial where both state one, gravity, and the hinges within the
     uncertainties that both state.
     """
+    found = _named(first, other)
     if first.supports != other.supports:
-        return (_other_supports(first, other),)
-    found = _other_serial(first, other)
+        return found
     g, own = first.gravity, other.gravity
     if abs(own - g) > _GRAVITY * g:
-        found += (_differs("gravity", "m/s²", g, own),)
-    std = np.hypot(first.declared.hinge, other.declared.hinge)
-    return found + tuple(
-        _differs(f"the hinge of {name}", "m", a, b)
-        for name, a, b in zip(first.supports, first.hinge, other.hinge, strict=True)
-        if not _agree(a, b, std)
-    )
+        found += (_differs("gravity", "", "m/s²", g, own),)
+    return found + _hinges(first, other)
 
 
-def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
-    """What of `given` contradicts the calibrated rig, in words; nothing: they agree.
+def _hinges(first: Rig, other: Rig) -> tuple[Finding, ...]:
+    """Hinges that differ; or that all stand alike, in another LCS."""
+    std = float(np.hypot(first.declared.hinge, other.declared.hinge))
+    pairs = list(zip(first.supports, first.hinge, other.hinge, strict=True))
+    found = [_differs("hinge", name, "m", a, b) for name, a, b in pairs if not _agree(a, b, std)]
+    if len(found) > 1:
+        R, T = register(first.hinge, other.hinge[None])
+        left = np.abs(first.hinge @ R[0].T + T[0] - other.hinge).max()
+        limit = CONTRADICTION * std + _TYPED
+        if left <= limit < np.abs(other.hinge - first.hinge).max() / _APART:
+            turn = float(np.linalg.norm(so3.log(R[0])))
+            values: dict[str, Value] = {"shift": T[0].tolist()}
+            return (Finding(_RESTATED, (), turn, "rad", values=values),)
+    return tuple(found)
+
+
+def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
+    """What of `given` contradicts the calibrated rig; nothing: they agree.
 
     Compared are, besides what tells one rig from another, nominal mounting, stated zeros, mass and
     barycentre, each within the uncertainties that both state.
@@ -53,73 +70,63 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
     if calibrated.supports != given.supports:
         return found
     zeros = np.hypot(calibrated.zero.std, given.zero.std)
-    pairs: list[tuple[str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
+    pairs: list[tuple[str, str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
     for i, name in enumerate(given.supports):
         nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
         pairs += [
-            (f"the nominal mounting of {name}", "rad", *nominal, 0.0),
-            (f"the stated zero of {name}", "N", zero, given.zero.value[i], zeros[i]),
+            ("nominal mounting", name, "rad", *nominal, 0.0),
+            ("stated zero", name, "N", zero, given.zero.value[i], zeros[i]),
         ]
     for what, unit, a, b in (
-        ("the mass", "kg", calibrated.mass, given.mass),
-        ("the barycentre", "m", calibrated.barycentre, given.barycentre),
+        ("mass", "kg", calibrated.mass, given.mass),
+        ("barycentre", "m", calibrated.barycentre, given.barycentre),
     ):
-        pairs.append((what, unit, a.value, b.value, np.hypot(a.std, b.std)))
-    return found + tuple(
-        _differs(what, unit, a, b) for what, unit, a, b, std in pairs if not _agree(a, b, std)
-    )
+        if what == "mass" or not any(each.code == _RESTATED for each in found):
+            pairs.append((what, "", unit, a.value, b.value, np.hypot(a.std, b.std)))
+    return found + tuple(_differs(*pair[:5]) for pair in pairs if not _agree(*pair[3:]))
 
 
-def different_constants(first: Rig, other: Rig) -> tuple[str, ...]:
-    """What two rig files state differently of the rig's constants, in words; nothing: one rig.
+def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
+    """What two rig files state differently of the rig's constants; nothing: one rig.
 
     Zeros and load may differ from campaign to campaign; supports, hinges, nominal mounting and the
     uncertainties of what stays the same may not.
     """
+    found = _named(first, other)
     if first.supports != other.supports:
-        return (_other_supports(first, other),)
-    pairs: list[tuple[str, str, npt.ArrayLike, npt.ArrayLike]] = []
+        return found
+    restated = tuple(each for each in _hinges(first, other) if each.code == _RESTATED)
+    pairs: list[tuple[str, str, str, npt.ArrayLike, npt.ArrayLike]] = []
     for i, name in enumerate(other.supports):
+        if not restated:
+            pairs.append(("hinge", name, "m", first.hinge[i], other.hinge[i]))
         pairs += [
-            (f"the hinge of {name}", "m", first.hinge[i], other.hinge[i]),
-            (f"the nominal mounting of {name}", "rad", first.nominal_rpy[i], other.nominal_rpy[i]),
-            (f"the rpy_std of {name}", "rad", first.rpy_std[i], other.rpy_std[i]),
+            ("nominal mounting", name, "rad", first.nominal_rpy[i], other.nominal_rpy[i]),
+            ("rpy_std", name, "rad", first.rpy_std[i], other.rpy_std[i]),
         ]
     pairs += [
-        ("gravity", "m/s²", first.gravity, other.gravity),
-        ("gravity.tilt_std", "rad", first.gravity_tilt_std, other.gravity_tilt_std),
+        ("gravity", "", "m/s²", first.gravity, other.gravity),
+        ("gravity.tilt_std", "", "rad", first.gravity_tilt_std, other.gravity_tilt_std),
     ]
     for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
         a, b = getattr(first.declared, field), getattr(other.declared, field)
-        pairs.append((f"uncertainty.{key}", unit, a, b))
-    return _other_serial(first, other) + tuple(
-        _differs(*pair) for pair in pairs if not _same(*pair[2:])
-    )
+        pairs.append((f"uncertainty.{key}", "", unit, a, b))
+    differing = tuple(_differs(*pair) for pair in pairs if not _same(*pair[3:]))
+    return found + restated + differing
 
 
-def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
-    """Raise UsageError where a calibration, known as `where`, is of another rig than the given."""
-    found = contradictions(calibrated, given)
-    if found:
-        raise UsageError(
-            f"this calibration is of another rig: {'; '.join(found)}",
-            where=where,
-            hint="name the rig file that was calibrated",
-        )
-
-
-def _other_supports(first: Rig, other: Rig) -> str:
-    return f"its supports are {', '.join(other.supports)} instead of {', '.join(first.supports)}"
-
-
-def _other_serial(first: Rig, other: Rig) -> tuple[str, ...]:
+def _named(first: Rig, other: Rig) -> tuple[Finding, ...]:
+    """Supports of other names, or another serial."""
+    if first.supports != other.supports:
+        return (Finding("rig-supports", other.supports, values={"others": first.supports}),)
     if None in (first.serial, other.serial) or first.serial == other.serial:
         return ()
-    return (f"its serial is {other.serial} instead of {first.serial}",)
+    return (Finding("rig-serial", values={"own": first.serial, "other": other.serial}),)
 
 
-def _differs(what: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> str:
-    return f"{what} is {_shown(b)} {unit} instead of {_shown(a)}"
+def _differs(what: str, of: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> Finding:
+    values: dict[str, Value] = {"what": what, "of": of, "unit": unit}
+    return Finding("rig-constant", values=values | {"own": _shown(a), "other": _shown(b)})
 
 
 def _agree(a: FloatArray, b: FloatArray, std: npt.ArrayLike) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions
 from tdfscal.commands.arguments import PathLike, PathLikes, listed
@@ -27,7 +28,7 @@ from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point, independent
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.records import FloatArray, UncertainValue
+from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned
@@ -115,16 +116,16 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
         )
     given = calibrated(loaded, name)
     other = campaign.rig.rig
-    differences = contradictions(given.rig, other)
-    if differences:
-        raise UsageError(
-            f"the rig of the log is not the one that was calibrated: {'; '.join(differences)}",
-            where=str(campaign.rig.path),
-            hint="correct the rig file, or calibrate this rig",
-        )
+    require_agreement(given.rig, other, str(campaign.rig.path))
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
     found = _findings(loaded, name, other.name)
     return InUse(name, loaded, replace(given, rig=used), campaign, found)
+
+
+def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
+    """Raise UsageError where a rig, of the file `where`, is not the one that was calibrated."""
+    if found := contradictions(calibrated, given):
+        raise UsageError(rigs_apart(found, "rig-uncalibrated"), where=where)
 
 
 def _findings(calibration: Calibration, path: str, rig: str) -> tuple[Finding, ...]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents
+from tdfscal.catalogue import documents, rigs_apart
 from tdfscal.checks.same_rig import other_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
@@ -234,15 +234,15 @@ def _month(c: Calibration) -> float:
 
 
 def _obstacle(
-    pair: Comparison, rejected: tuple[str, ...], differences: tuple[str, ...]
+    pair: Comparison, rejected: tuple[str, ...], differences: tuple[Finding, ...]
 ) -> Finding | None:
     """A calibration that was rejected, or of another rig, verifies nothing, whatever it says.
 
     Nor does one that stands on the same recordings.
     """
     if differences:
-        found: dict[str, Value] = {"differences": "; ".join(differences)}
-        return Finding("compared-other-rig", pair.names[1:], values=found)
+        found = rigs_apart(differences, "compared-other-rig")
+        return replace(found, subject=pair.names[1:], rejects=True)
     blamed = tuple(name for name in pair.names if name in rejected)
     if not blamed:
         return pair.obstacle

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue import rigs_apart, sentence, told
 from tdfscal.checks.same_rig import different_constants
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import origin_of, surveyed
@@ -98,12 +98,7 @@ def _read(name: str, log: LogPass) -> Read:
 def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> None:
     """Raise UsageError where two rigs, each with a name to call it by, state other constants."""
     if found := different_constants(first[1], other[1]):
-        raise UsageError(
-            f"this is another rig than that of {first[0]}: {'; '.join(found)}",
-            where=other[0],
-            hint="campaigns of one rig state the same supports, hinges and uncertainties; correct "
-            "the rig file, or calibrate the rigs one by one",
-        )
+        raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
 
 
 @contextmanager

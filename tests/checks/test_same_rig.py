@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.checks.same_rig import contradictions, different_constants, require_agreement
-from tdfscal.errors import UsageError
+from tdfscal.catalogue import cure, rigs_apart, sentence
+from tdfscal.checks.same_rig import contradictions, different_constants, other_rig
+from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.significance import CONTRADICTION
 
@@ -59,7 +61,8 @@ def test_a_difference_is_one_beyond_both_uncertainties(
 ) -> None:
     limit = sign * CONTRADICTION * np.sqrt(2) * std
     assert contradictions(RIG, shifted(quantity, 0.99 * limit)) == ()
-    (words,) = contradictions(RIG, shifted(quantity, 1.01 * limit))
+    (found,) = contradictions(RIG, shifted(quantity, 1.01 * limit))
+    words = sentence(found)
     assert quantity in words
     assert (RIG.supports[1] in words) == (quantity in ("hinge", "zero"))
 
@@ -83,8 +86,8 @@ def test_what_has_no_uncertainty_agrees_to_rounding(
 ) -> None:
     for sign in (1, -1):
         assert contradictions(RIG, shifted(quantity, sign * same)) == ()
-        (words,) = contradictions(RIG, shifted(quantity, sign * other))
-        assert quantity in words
+        (found,) = contradictions(RIG, shifted(quantity, sign * other))
+        assert quantity in sentence(found)
 
 
 def test_every_difference_is_told() -> None:
@@ -92,11 +95,36 @@ def test_every_difference_is_told() -> None:
     off = replace(off, mass=shifted("mass", 50.0).mass, zero=shifted("zero", 50.0).zero)
     found = contradictions(RIG, off)
     assert len(found) == 3
-    with pytest.raises(UsageError) as refused:
-        require_agreement(RIG, off, "c.yaml")
-    assert all(words in refused.value.what for words in found)
-    assert refused.value.where == "c.yaml"
-    require_agreement(RIG, RIG, "c.yaml")
+    said = sentence(rigs_apart(found, "rig-uncalibrated"))
+    assert all(sentence(each) in said for each in found)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.3, -0.1, 2.0)])
+@pytest.mark.parametrize("digits", [6, 15])
+@pytest.mark.parametrize("compared", [other_rig, contradictions, different_constants])
+def test_hinges_in_another_lcs_are_of_the_same_rig(
+    turn: tuple[float, float, float], digits: int, compared: Callable[[Rig, Rig], Any]
+) -> None:
+    """Shifted, turned, written with six digits: distances stay, coordinates do not."""
+    R, T = so3.exp(np.array(turn)), np.array([0.3, -0.2, 0.5])
+    other = replace(
+        RIG,
+        hinge=np.round(RIG.hinge @ R.T + T, digits),
+        barycentre=replace(RIG.barycentre, value=R @ RIG.barycentre.value + T),
+    )
+    found = compared(RIG, other)
+    assert [each.code for each in found] == ["lcs-restated"]
+    assert found[0].size == pytest.approx(np.linalg.norm(so3.log(R)), abs=1e-5)
+    assert "one LCS" in cure(rigs_apart(found, "rigs-differ"))
+
+
+def test_hinges_elsewhere_are_no_other_lcs() -> None:
+    """Distances that differ by 0.3 mm, and one hinge off along the normal of three."""
+    off = RIG.hinge + np.array([0.3, -0.2, 0.5]) + 3e-4 * np.eye(3)
+    found = other_rig(RIG, replace(RIG, hinge=off))
+    assert {each.code for each in found} == {"rig-constant"}
+    (alone,) = other_rig(RIG, shifted("hinge", 3e-3))
+    assert alone.code == "rig-constant"
 
 
 def test_other_supports_are_another_rig_at_once() -> None:
@@ -135,7 +163,7 @@ def test_constants_that_differ(change: dict[str, Any], word: str) -> None:
     for first, second in ((RIG, other), (other, RIG)):
         found = different_constants(first, second)
         assert found
-        assert all(word in words for words in found)
+        assert all(word in sentence(each) for each in found)
         assert len(found) == (3 if word == "rpy_std" else 1)
 
 
