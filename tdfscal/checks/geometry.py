@@ -139,18 +139,21 @@ def examine(
     pattern = sums.scaled(scatter).given(stated_errors(rig, common))
     tried = [pattern.ask(*suspect) for suspect in _suspects(rig.hinge, size)]
     best = max(tried, key=lambda cause: cause.weight)
-    if frames and dof > _FEWEST:
-        wrong = [pattern.ask(*suspect) for suspect in _frames(n, size)]
-        likely = max(wrong, key=lambda cause: cause.weight)
-        p_value, rest = _varies(varying, dof, _frames(n, size), likely)
-        if likely.weight > best.weight and p_value < FRAME_MISFIT:
-            return Geometry(p_value, _alike([*tried, *wrong], likely), True, rest)
     chi2 = max(0.0, pattern.chi2 - varying.chi2 / scatter)
     p_value = min(
         1.0,
         2 * float(chi2_sf(chi2, known)),
         2 * len(tried) * min(cause.p_value for cause in tried),
     )
+    if frames and dof > _FEWEST:
+        wrong = [pattern.ask(*suspect) for suspect in _frames(n, size)]
+        likely = max(wrong, key=lambda cause: cause.weight)
+        varies, rest = _varies(varying, dof, _frames(n, size), likely)
+        # What another test has raised already is no further false alarm.
+        level = FRAME_MISFIT if p_value > GEOMETRY_MISFIT else GEOMETRY_MISFIT
+        if likely.weight > best.weight and varies < level:
+            p_value = varies if varies < FRAME_MISFIT else p_value
+            return Geometry(p_value, _alike([*tried, *wrong], likely), True, rest)
     if p_value > GEOMETRY_MISFIT:
         return Geometry(p_value, (), True, scatter)
     left = max(0.0, chi2 - best.statistic)
