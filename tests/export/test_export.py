@@ -210,23 +210,3 @@ def test_names_of_frames_are_checked(name: str) -> None:
     for write in (urdf, ros):
         with pytest.raises(UsageError, match="no name of a frame"):
             write(PLAIN, name)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status"),
-    [(["--to", "gazebo"], 2), ([], 2)],
-)
-def test_refusals(
-    arguments: list[str], status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = run(capsys, "export", saved(PLAIN, tmp_path, "c.yaml"), *arguments)
-    assert done.status == status
-    assert done.out == ""
-
-
-def test_choices_know_no_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = saved(PLAIN, tmp_path, "c.yaml")
-    lower, upper = (run(capsys, "export", path, "--to", to) for to in ("csv", "CSV"))
-    assert (upper.status, upper.out) == (0, lower.out)
-    wrong = run(capsys, "export", path, "--to", "gazebo")
-    assert "'--to': 'gazebo' is not one of 'urdf'" in wrong.err

@@ -32,7 +32,6 @@ from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig
 from tests.export.test_hostile_text import (
     EACH,
-    LINES,
     WILD,
     no_controls,
     squeezed,
@@ -147,18 +146,3 @@ def test_drafts_of_rig_files(text: str) -> None:
     assert document["log"]["time"]["field"] == f"time {text}"
     assert document["log"]["delay"] == {"value": 0.0, "std": 0.005}
     assert len(document) == 8
-
-
-@pytest.mark.parametrize("line", LINES[::12], ids=ascii)
-def test_wrenches_and_drafts_by_command(line: str, tmp_path: Path) -> None:
-    """The name of the rig, and of the folder that a draft is named after."""
-    folder = tmp_path / line.replace("/", "_")
-    simulate_to_folder(folder, postures=6, rows="postures", recorder=Recorder(mean_sd=0.5))
-    assert yaml.safe_load(tdfscal.init(folder).yaml)["name"] == folder.name
-    rig = yaml.safe_load((folder / "rig.yaml").read_text(encoding="utf-8"))
-    (folder / "rig.yaml").write_text(yaml.safe_dump(rig | {"name": line}), encoding="utf-8")
-    made = tdfscal.calibrate(folder, trials=0)
-    tdfscal.apply(made, folder, output=tmp_path / "w.mcap")
-    with (tmp_path / "w.mcap").open("rb") as file:
-        (found,) = make_reader(file).iter_metadata()
-    assert found.metadata["rig"] == line

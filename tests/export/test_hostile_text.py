@@ -25,7 +25,7 @@ from tdfscal.files.calibration.document import Calibration, dump_calibration, pa
 from tdfscal.files.saving import csv_cell, csv_comment
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render, show_on
-from tests.reporting.pages import render_page, render_several
+from tests.reporting.pages import render_page
 from tests.reporting.samples import changed, sample
 from tests.reporting.test_page import read
 from tests.words import found, texts
@@ -121,16 +121,6 @@ def test_text_terminal_and_page(line: str, wild: str, monkeypatch: pytest.Monkey
         assert expected.replace("`", "") in squeezed(words).replace("`", "")
     assert squeezed(visible(f"command {wild}")) in squeezed(words)
     assert "<script" not in page
-
-
-@pytest.mark.parametrize(("line", "wild"), CASES[3::8])
-def test_several(line: str, wild: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-    c = poisoned(line, wild)
-    page = render_several([(f"first {wild}", c), ("second", changed(c, seed=2))])
-    words = " ".join(read(page).words)
-    no_controls(words)
-    assert squeezed(visible(f"first {wild}")) in squeezed(words)
 
 
 def comments(text: str) -> str:

@@ -12,7 +12,7 @@ import pytest
 from pydantic_core import PydanticCustomError
 from scipy.spatial.transform import Rotation
 
-from tdfscal.files.rig.model import check_hinges, check_inertia, check_names
+from tdfscal.files.rig.model import check_hinges, check_inertia
 from tdfscal.files.rig.recorders import LogBlock, check_recorders
 
 from .test_consistency import place_of
@@ -39,11 +39,6 @@ def test_an_inertia_is_symmetric() -> None:
         matrix[0, 1] = scale * 40.0 * 1e-7
         with pytest.raises(PydanticCustomError, match="symmetric"):
             check_inertia(matrix)
-
-
-def test_names_are_taken_once() -> None:
-    check_names(["a", "b", "c"])
-    assert place_of(check_names, ["a", "b", "c", "b", "a"]) == ("supports", 3, "name")
 
 
 def test_hinges_that_coincide_or_stand_in_a_row() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from pathlib import Path
@@ -176,33 +175,17 @@ def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None
     )
 
 
+MASS = "mass: {value: 500.0, std: 0.2}"
 FAULTS = [
     # what is replaced, by what, the place, a word of the message
-    (
-        "mass: {value: 500.0, std: 0.2}",
-        "mass: {value: 0, std: 1}",
-        "terminal.mass",
-        "greater than 0",
-    ),
-    (
-        "mass: {value: 500.0, std: 0.2}",
-        "mass: {value: -3, std: 1}",
-        "terminal.mass",
-        "greater than 0",
-    ),
+    (MASS, "mass: {value: 0, std: 1}", "terminal.mass", "greater than 0"),
     ("value: 500.0", "value: .nan", "terminal.mass", "finite"),
-    ("value: 500.0", "value: .inf", "terminal.mass", "finite"),
     ("value: 500.0", "value: heavy", "terminal.mass", "a number"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: 500", "terminal.mass", "std: 0 says exact"),
-    (
-        "mass: {value: 500.0, std: 0.2}",
-        "mass: {value: [1, 2], std: 1}",
-        "terminal.mass",
-        "a number",
-    ),
-    ("mass: {value: 500.0, std: 0.2}", "mass:", "terminal.mass", "standard uncertainty"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: {value: 500.0}", "terminal.mass", "lacks `std`"),
-    ("mass: {value: 500.0, std: 0.2}", "mas: 500", "terminal.mas", "`mass`"),
+    (MASS, "mass: 500", "terminal.mass", "std: 0 says exact"),
+    (MASS, "mass: {value: [1, 2], std: 1}", "terminal.mass", "a number"),
+    (MASS, "mass:", "terminal.mass", "standard uncertainty"),
+    (MASS, "mass: {value: 500.0}", "terminal.mass", "lacks `std`"),
+    (MASS, "mas: 500", "terminal.mas", "`mass`"),
     ("  mass: {value: 500.0, std: 0.2}\n", "", "terminal", "lacks `mass`"),
     ("500.0, std: 0.2", "500.0, std: -0.2", "terminal.mass.std", "0 or above"),
     ("500.0, std: 0.2", "500.0, std: .nan", "terminal.mass.std", "0 or above"),
@@ -247,6 +230,8 @@ FAULTS = [
     ),
     ("{force: 5.0, torque: 3.0, ", "{", "acceptance.contact", "neither force nor torque"),
     ("name: Rotor-hub rig", 'name: ""', "name", "empty"),
+    # Its square overflows where the noise is worked out.
+    ("positioner: 1.0e-5", "positioner: 1e99", "uncertainty.positioner", "beyond any quantity"),
 ]
 
 
@@ -265,22 +250,6 @@ def test_fault_is_named_with_its_place(old: str, new: str, place: str, word: str
     assert word in str(fault)
     assert fault.hint
     assert "\n" not in str(fault)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ("positioner: 1.0e-5", "positioner: x", "positioner"),
-        ("hinge: [-0.3, 0.5, 0.0]", "hinge: [-0.3, x, 0.0]", "-0.3, x"),
-        ("name: ncp3", "name: ncp1", "hinge: [-0.3, -0.5"),
-        ("contact: {force", "contakt: {force", "contakt"),
-    ],
-)
-def test_line_is_that_of_the_value(old: str, new: str, line: str) -> None:
-    text = altered(old, new)
-    expected = line_of(text, line) - (1 if line.startswith("hinge") else 0)
-    with pytest.raises(RigError, match=rf"^rig\.yaml, line {expected}, "):
-        parse(text)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -336,36 +305,3 @@ def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
         load_rig(tmp_path)
     with pytest.raises(UsageError, match="cannot be read"):
         load_rig("rig\0.yaml")
-
-
-def test_order_of_the_mapping_does_not_matter() -> None:
-    lines = RIG.splitlines(keepends=True)
-    first = line_of(RIG, "    ncp1: {position") - 1
-    expected = parse_rig(RIG.encode(), "rig.yaml").log
-    for order in itertools.permutations(lines[first : first + 3]):
-        text = "".join([*lines[:first], *order, *lines[first + 3 :]])
-        assert parse_rig(text.encode(), "rig.yaml").log == expected
-
-
-@pytest.mark.field
-@pytest.mark.parametrize(
-    ("folder", "n", "mapped", "surveyed"),
-    [("hub_a", 3, True, True), ("frame_b", 4, False, False), ("hub_c", 3, True, False)],
-)
-def test_field_rigs_load(folder: str, n: int, mapped: bool, surveyed: bool) -> None:
-    path = FIELD / folder / "rig.yaml"
-    if not path.exists():
-        pytest.skip("the field campaigns are not here")
-    loaded = load_rig(path)
-    assert loaded.rig.n == n
-    assert (bool(loaded.log), loaded.tracker is not None) == (mapped, surveyed)
-    if loaded.tracker is not None:
-        assert all(point_file.is_file() for point_file in loaded.tracker.paths)
-
-
-@pytest.mark.parametrize("line", ["positioner: 1.0e+308", "positioner: 1e99"])
-def test_numbers_that_no_machine_has(line: str) -> None:
-    """Their squares overflow where the noise is worked out."""
-    with pytest.raises(RigError) as refused:
-        parse_rig(RIG.replace("positioner: 1.0e-5", line).encode(), "rig.yaml")
-    assert "uncertainty.positioner" in str(refused.value)

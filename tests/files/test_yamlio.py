@@ -1,9 +1,7 @@
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.calibration.document import parse_calibration
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import to_json, to_yaml
-from tdfscal.files.yaml import Format, parse_document, plain_scalar, read_document
+from tdfscal.files.yaml import Format, parse_document
 from tests.files.sample_documents import RIG
 
 
@@ -75,13 +73,6 @@ def test_lines_and_places() -> None:
     assert document.where(("f", "g")) == "some.yaml, line 7, f.g"
     assert document.where(("b", 7)) == "some.yaml, line 3, b[7]"
     assert document.where() == "some.yaml"
-
-
-def test_hash_and_size_are_of_the_file(tmp_path: Path) -> None:
-    (tmp_path / "a.yaml").write_bytes(b"\xef\xbb\xbfabc\n")
-    document = read_document(tmp_path / "a.yaml", DataError)
-    assert document.content == "abc"
-    assert document.sha256 == hashlib.sha256(b"\xef\xbb\xbfabc\n").hexdigest()
 
 
 @pytest.mark.parametrize(
@@ -241,13 +232,3 @@ def test_fuzz_values_of_the_rig(place: tuple[str | int, ...], value: Any) -> Non
         inner = inner[part]
     inner[place[-1]] = value
     no_surprise(to_yaml(content).encode())
-
-
-@given(st.text(max_size=30))
-@settings(deadline=None)
-def test_plain_scalar_never_fails_otherwise(text: str) -> None:
-    try:
-        value = plain_scalar(text)
-    except OverflowError:
-        return
-    assert value is None or isinstance(value, (str, float, int))
