@@ -36,7 +36,6 @@ from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibr
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
-from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import with_rotations
@@ -81,7 +80,7 @@ class Earlier(EarlierCalibration):
         """The calibrations that one which stands on this one stands on."""
         own = {
             "created": self.file.created,
-            "measured": measured_document(self.measured),
+            "measured": self.measured,
             "method": self.file.method,
             "sha256": self.sha256,
         }
@@ -162,7 +161,7 @@ def _alone(earlier: Earlier) -> dict[str, Any]:
     file = earlier.file
     return {
         "name": earlier.name,
-        "measured": measured_document(earlier.measured),
+        "measured": earlier.measured,
         "inputs": file.inputs,
         "zero": [support.zero for support in file.supports],
         "zero_std": [support.zero_std for support in file.supports],

@@ -86,10 +86,8 @@ def from_numpy(value: Any) -> Any:
 
 def none_where_open(value: Any) -> Any:
     """Return the ∞ of a record's arrays as None; ∞ in a file stays what it is, an error."""
-    if isinstance(value, np.ndarray):
-        return [none_where_open(v) for v in value]
-    if isinstance(value, np.generic):
-        return None if value == np.inf else value.item()
+    if isinstance(value, (np.ndarray, np.generic)):
+        return np.where(value == np.inf, None, value).tolist()  # type: ignore[call-overload]
     return value
 
 

@@ -30,13 +30,11 @@ from tdfscal.files.calibration.parts import (
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
-    measured_document,
 )
-from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
+from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.monte_carlo import MonteCarlo
@@ -80,14 +78,10 @@ class Angles:
     trials: MonteCarlo | None = None
     factor: FloatArray | float = INTERVAL_FACTOR
 
-    @property
-    def std(self) -> FloatArray:
-        """Standard uncertainty (n, 3) of roll, pitch, yaw, rad."""
-        return self.std_by(self.covariance)
-
-    def std_by(self, covariance: FloatArray) -> FloatArray:
-        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw by a covariance (3n, 3n)."""
-        return np.asarray(np.sqrt(np.maximum(so3.rpy_variance(self.rotation, covariance), 0.0)))
+    def std(self, covariance: FloatArray | None = None) -> FloatArray:
+        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw; or by another covariance."""
+        by = self.covariance if covariance is None else covariance
+        return np.asarray(np.sqrt(np.maximum(so3.rpy_variance(self.rotation, by), 0.0)))
 
 
 def from_self(
@@ -241,15 +235,10 @@ def _posture_parts(result: SelfCalibration) -> dict[str, Any]:
 
 def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:
     """Zeros, sensitivities and load; std (P,) of the state's parameters."""
-    place, scaled = layout(state.n), rig.declared.force_sensitivity > 0
-    return {
-        "zero": measured_only(state.zero, rig.axes),
-        "zero_std": measured_only(std[place["zero"]].reshape(state.n, 3), rig.axes),
-        "sensitivity": np.eye(3) + symmetric(state.sensitivity) if scaled else None,
-        "terminal": statistics.terminal(
-            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
-        ),
-    }
+    scaled = rig.declared.force_sensitivity > 0
+    scale = np.eye(3) + symmetric(state.sensitivity) if scaled else None
+    known = statistics.zeros_and_load(state, placed(state, std), rig.axes)
+    return known | {"sensitivity": scale}
 
 
 def published_std(given: Calibrated, fitted: FloatArray) -> FloatArray:
@@ -289,7 +278,7 @@ def _file(
             "format": CALIBRATION_FORMAT,
             "status": status_of((f["code"], f["severity"]) for f in found),
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            "measured": measured_document(origin.measured),
+            "measured": origin.measured,
             "campaigns": origin.campaigns,
             "history": origin.history,
             "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
@@ -311,7 +300,7 @@ def _file(
                 | exact_moves_document(quantity, parameter_rows(parts, rig.supports, stand))
                 for quantity in exact
             ],
-            "monte_carlo": statistics.trials(angles.trials, angles.std),
+            "monte_carlo": statistics.trials(angles.trials, angles.std()),
             "findings": found,
             **parts,
         }
@@ -323,33 +312,26 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
 
     own : further keys, a row per sensor.
     """
-    R, std, known = angles.rotation, angles.std, angles.determined[:, None]
+    R, std, known = angles.rotation, angles.std(), angles.determined[:, None]
     rpy = so3.to_rpy(R)
-    low, high = rpy - angles.factor * std, rpy + angles.factor * std
+    ends = rpy - angles.factor * std, rpy + angles.factor * std
     if angles.trials is not None and not angles.trials.validated:
-        low, high = angles.trials.low, angles.trials.high
+        ends = angles.trials.low, angles.trials.high
     separable = known & ~so3.locked(R)[:, None]
-    low, high, stated_std = (np.where(separable, v, np.inf) for v in (low, high, std))
-    columns = {
-        "rpy": np.where(known, rpy, np.inf),
-        "rpy_std": stated_std,
-        **{name: values for name, values in own.items() if values is not None},
-    }
-    mounting = {
-        "rotation": R,
-        "turn_std": turn_std(angles.covariance),
-        "quaternion_xyzw": so3.to_quaternion(R),
-    }
+    low, high, stated_std = (np.where(separable, v, np.inf) for v in (*ends, std))
+    turns, quaternion = turn_std(angles.covariance), so3.to_quaternion(R)
+    columns = {name: values for name, values in own.items() if values is not None}
+    columns |= {"rpy": np.where(known, rpy, np.inf), "rpy_std": stated_std}
     supports: list[dict[str, Any]] = []
     for i, name in enumerate(rig.supports):
-        entry = {"name": name, **{key: values[i] for key, values in columns.items()}}
+        entry: dict[str, Any] = {"name": name} | {key: v[i] for key, v in columns.items()}
+        entry |= dict.fromkeys(("rotation", "rpy_interval", "quaternion_xyzw"))
         if angles.determined[i]:
-            ends = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
-            entry |= {key: values[i] for key, values in mounting.items()} | {"rpy_interval": ends}
+            entry["rpy_interval"] = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
+            entry |= {"rotation": R[i], "turn_std": turns[i], "quaternion_xyzw": quaternion[i]}
         else:
-            axes = {axis: R[i, :, j] for j, axis in enumerate("xyz") if rig.axes[i, j]}
-            entry |= dict.fromkeys(("rotation", "rpy_interval", "quaternion_xyzw"))
-            entry["directions"] = axes
+            axes = zip("xyz", R[i].T, rig.axes[i], strict=True)
+            entry["directions"] = {axis: line for axis, line, used in axes if used}
         supports.append(entry)
     return supports
 
@@ -357,7 +339,7 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
 def _exact(names: Sequence[str], angles: Angles, quantity: ExactQuantity) -> dict[str, Any]:
     """Effect of a quantity's typical error on the sensors that are determined."""
     locked, turn = so3.locked(angles.rotation), turn_std(quantity.covariance)
-    rpy = angles.std_by(quantity.covariance)
+    rpy = angles.std(quantity.covariance)
     effects = [
         {"name": name, "turn": turn[i], "rpy": None if locked[i] else rpy[i]}
         for i, name in enumerate(names)

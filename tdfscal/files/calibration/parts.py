@@ -433,6 +433,14 @@ class MeasuredResult(Strict):
     end: Instant = key("UTC: last sample")
     source: Literal["log", "rig", "file"] = key("what says so; rig: campaign.date")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _written(cls, given: Any) -> Any:
+        if not isinstance(given, Measured):
+            return given
+        begin, end = instant(given.begin), instant(given.end)
+        return {"begin": begin, "end": end, "source": given.source}
+
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if seconds(self.begin) > seconds(self.end):
@@ -635,14 +643,3 @@ def instant(time: float) -> str:
 def seconds(text: str) -> float:
     """Read an instant as seconds since 1970."""
     return datetime.fromisoformat(text).timestamp()
-
-
-def measured_document(measured: Measured | None) -> dict[str, Any] | None:
-    """The block of a file."""
-    if measured is None:
-        return None
-    return {
-        "begin": instant(measured.begin),
-        "end": instant(measured.end),
-        "source": measured.source,
-    }

@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import Observability, load_directions
-from tdfscal.files.calibration.parts import EDGES, measured_document
+from tdfscal.files.calibration.parts import EDGES
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
@@ -37,13 +37,15 @@ _LINES = 24
 _POWERS_OF_TIME = {"time": 1, "parabola": 2}
 
 
-def terminal(
-    mass: FloatArray, mass_std: FloatArray, bary: FloatArray, bary_std: FloatArray
-) -> dict[str, Any]:
-    """Mass (kg) and barycentre (3,), m, each with its standard uncertainty."""
+def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
+    """Zeros of the axes (n, 3) that are measured, and the load; std : theirs, ∞ where open."""
     return {
-        "mass": {"value": float(mass), "std": np.reshape(mass_std, 1)[0]},
-        "barycenter": {"value": bary, "std": bary_std},
+        "zero": measured_only(state.zero, axes),
+        "zero_std": measured_only(std.zero, axes),
+        "terminal": {
+            "mass": {"value": state.mass, "std": std.mass},
+            "barycenter": {"value": state.barycentre, "std": std.barycentre},
+        },
     }
 
 
@@ -223,11 +225,9 @@ def campaign_document(
     """
     return {
         "name": name,
-        "measured": measured_document(measured),
+        "measured": measured,
         "inputs": tuple(inputs),
-        "zero": measured_only(state.zero, axes),
-        "zero_std": measured_only(std.zero, axes),
-        "terminal": terminal(state.mass, std.mass, state.barycentre, std.barycentre),
+        **zeros_and_load(state, std, axes),
         "postures": postures,
         "chi2": chi2,
         "dof": dof,
