@@ -290,7 +290,7 @@ def hundred() -> str:
         )  # fmt: skip
         start = time.perf_counter()
         groups = [[path] for path in sorted(months.iterdir()) if path.is_dir()]
-        reads = read_campaigns(groups, Settings())
+        reads, _ = read_campaigns(groups, Settings())
         read = time.perf_counter() - start
         start = time.perf_counter()
         pool([recorded(item) for item in reads])

@@ -75,19 +75,21 @@ def calibrate(
     groups = campaign_folders(paths, rig)
     _check(method, samples, estimator, several=len(groups) > 1)
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
-    campaign = resolve(groups[-1], rig)
-    # A joint result has intervals of its own; trials of its parts would be thrown away.
-    log = LogPass(campaign, replace(settings, trials=0) if method == "joint" else settings)
+    log = None
     try:
         if len(groups) > 1:
             from tdfscal.commands.several_campaigns import calibrate_several
 
             return calibrate_several(groups, settings)
-        method = method or ("self" if campaign.logs else "tracker")
+        # A joint result has intervals of its own; trials of its parts would be thrown away.
+        own = replace(settings, trials=0) if method == "joint" else settings
+        log = LogPass(resolve(groups[0], rig), own)
+        method = method or ("self" if log.campaign.logs else "tracker")
         return _calibrated(log, method, samples, estimator)
     except (NotIdentifiableError, NotConvergedError) as error:
         if html is None or error.exit_status != 4:
             raise
+        log = log or LogPass(resolve(groups[-1], rig), settings)
         _write_attempt(error, log, listed(paths), Path(html))
         look = f"{html} shows what is weak and what the log holds"
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error

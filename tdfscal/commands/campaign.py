@@ -212,21 +212,29 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list[Path]]:
     """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
 
-    Everything else, and everything where --rig names the rig, is one campaign. A folder without a
-    rig.yaml stands for its subfolders that hold one.
+    So is a folder beside them that lacks its own, which is then found unusable. A folder without a
+    rig.yaml stands for its subfolders where one of them holds one. Everything where --rig names
+    the rig, and logs beside one campaign at most, are one campaign.
     """
-    found: list[list[Path]] = []
     paths = listed(where)
-    for path in paths:
-        inside: list[Path] = []
-        if rig is None and path.is_dir() and not is_log(path):
-            here = (path / RIG_NAME).is_file()
-            folders = [path] if here else sorted(path.iterdir())
-            inside = [folder for folder in folders if (folder / RIG_NAME).is_file()]
-        if not inside:
-            return [paths]
-        found += [[folder] for folder in inside]
-    return found or [paths]
+    inside = {path: [] if rig is not None else _campaigns_in(path) for path in paths}
+    found = sum(inside.values(), list[Path]())
+    loose = any(not path.is_dir() or is_log(path) for path in paths if not inside[path])
+    if len(found) < (2 if loose else 1):
+        return [paths]
+    return [[folder] for path in paths for folder in inside[path] or [path]]
+
+
+def _campaigns_in(path: Path) -> list[Path]:
+    """A campaign folder itself, or those inside of one that holds such, also without their rig."""
+    if not path.is_dir() or is_log(path):
+        return []
+    if (path / RIG_NAME).is_file():
+        return [path]
+    folders = [entry for entry in sorted(entries_of(path)) if entry.is_dir() and not is_log(entry)]
+    if not any((folder / RIG_NAME).is_file() for folder in folders):
+        return []
+    return [f for f in folders if (f / RIG_NAME).is_file() or any(map(_is_recorded, entries_of(f)))]
 
 
 def rig_named(path: PathLike) -> LoadedRig:

@@ -125,7 +125,7 @@ def monitor(
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
 
     A campaign that `calibrate` rejects by itself takes no part and is named; status 1 where it is
-    the latest, of which nothing is then known, and where one cannot be used as this rig's.
+    the latest, of which nothing is then known, and where one cannot be read or used as this rig's.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def monitor(
     UsageError
         There are fewer than two, they are of different rigs, or one recording is in two of them.
     DataError, RigError
-        One cannot be read.
+        A calibration cannot be read, or no campaign.
     """
     first = _date(since)
     calibrations, folders = _sorted_out(sources_of(*files))
@@ -143,16 +143,19 @@ def monitor(
     for earlier in known[1:]:
         require_one_rig((known[0].name, known[0].rig), (earlier.name, earlier.rig))
     groups = [[folder] for folder in folders]
-    reads = read_campaigns(groups, Settings(progress, window(from_, to)), like=like)
-    refuse_repeated([*(Recording(e.name, e.inputs, None) for e in known), *reads])
-    if len(known) + len(reads) < 2:
+    if len(known) + len(groups) < 2:
         raise UsageError(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
+    settings = Settings(progress, window(from_, to))
+    reads, unusable = read_campaigns(groups, settings, like=like)
+    refuse_repeated([*(Recording(e.name, e.inputs, None) for e in known), *reads])
+    usable = usable_campaigns(reads, unusable)
+    if not known and not usable:
+        raise unusable.first
+    reads = [read for read in reads if read.name in usable]
     checks: list[Earlier | Read] = [*known, *reads]
     latest = max(check.measured.month for check in checks)
-    usable, unusable = usable_campaigns(reads, len(known))
-    reads = [read for read in reads if read.name in usable]
     rejected = unsound(reads)
     late = {read.name for read in reads if read.measured.month == latest}
     reads = [read for read in reads if read.name not in rejected]
@@ -162,7 +165,7 @@ def monitor(
         for name, why in rejected.items()
         for finding in left_out({name: why}, rejects=name in late or len(checks) < 2)
     ]
-    lost += unusable
+    lost += unusable.findings
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig

@@ -22,7 +22,14 @@ from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.errors import (
+    DataError,
+    NotConvergedError,
+    NotIdentifiableError,
+    RigError,
+    TdfscalError,
+    UsageError,
+)
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
@@ -55,21 +62,56 @@ def read_campaigns(
     settings: Settings,
     rig: PathLike | None = None,
     like: tuple[str, Rig] | None = None,
-) -> list[Read]:
+) -> tuple[list[Read], Unusable]:
     """Read campaigns of one rig, each by its log, or its survey where it has none.
 
     like : name and rig whose constants they must state; of the first, if none is given. Returned
-    in the order of time.
+    in the order of time, and those that cannot be read by name.
 
-    Raises TdfscalError by cause; it names the campaign.
+    Raises UsageError where they are of different rigs.
     """
-    logs = [LogPass(resolve(group, rig), settings) for group in groups]
-    names = [str(group[0]) for group in groups]
-    for name, log in zip(names, logs, strict=True):
+    logs, unusable = dict[str, LogPass](), Unusable()
+    for group in groups:
+        with unusable.noting(str(group[0])):
+            logs[str(group[0])] = LogPass(resolve(group, rig), settings)
+    for name, log in logs.items():
         like = like or (name, log.rig)
         require_one_rig(like, (name, log.rig))
-    reads = [_read(name, log) for name, log in zip(names, logs, strict=True)]
-    return sorted(reads, key=lambda read: read.measured.month)
+    reads = list[Read]()
+    for name, log in logs.items():
+        with unusable.noting(name):
+            reads.append(_read(name, log))
+    return sorted(reads, key=lambda read: read.measured.month), unusable
+
+
+class Unusable(dict[str, TdfscalError]):
+    """Campaigns that cannot be used, by name, each with what is wrong with it."""
+
+    @contextmanager
+    def noting(self, name: str) -> Iterator[None]:
+        """Take down what the data or the files of a campaign do not give."""
+        try:
+            yield
+        except (UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError) as error:
+            self[name] = error
+
+    @property
+    def first(self) -> TdfscalError:
+        """What is wrong with the first, to be raised where nothing is left to judge."""
+        return next(iter(self.values()))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Name them, each with why; the result wants them."""
+        return tuple(
+            Finding(
+                "campaign-unusable",
+                (name,),
+                values={"why": error.what, "hint": error.hint or "compare it with the others"},
+                rejects=True,
+            )
+            for name, error in self.items()
+        )
 
 
 def _read(name: str, log: LogPass) -> Read:
@@ -127,36 +169,13 @@ def recorded(read: Read) -> Recorded:
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
-def usable_campaigns(
-    campaigns: Sequence[Read], others: int = 0
-) -> tuple[dict[str, Recorded], tuple[Finding, ...]]:
-    """What `pool` takes of each campaign, by name; and those that cannot be used as this rig's.
-
-    others : checks beside them, such as calibrations.
-
-    Raises TdfscalError by cause; DataError of the first that cannot be used, where fewer than two
-    checks are left without it.
-    """
-    usable, failed = dict[str, Recorded](), dict[str, DataError]()
+def usable_campaigns(campaigns: Sequence[Read], unusable: Unusable) -> dict[str, Recorded]:
+    """What `pool` takes of each campaign, by name; those that give nothing become unusable."""
+    usable = dict[str, Recorded]()
     for read in campaigns:
-        try:
+        with unusable.noting(read.name):
             usable[read.name] = recorded(read)
-        except DataError as error:
-            failed[read.name] = error
-    if failed and others + len(usable) < 2:
-        raise next(iter(failed.values()))
-    return usable, tuple(
-        Finding(
-            "campaign-unusable",
-            (name,),
-            values={
-                "why": error.what,
-                "hint": error.hint or "compare it with the others",
-            },
-            rejects=True,
-        )
-        for name, error in failed.items()
-    )
+    return usable
 
 
 def rejected_alone(read: Read) -> str | None:
@@ -233,9 +252,11 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     itself takes no part, as long as two others do; one that cannot be used as this rig's takes
     none either, and rejects the result.
     """
-    reads = read_campaigns(groups, settings)
+    reads, unusable = read_campaigns(groups, settings)
     refuse_repeated(reads)
-    usable, unusable = usable_campaigns(reads)
+    usable = usable_campaigns(reads, unusable)
+    if not usable:
+        raise unusable.first
     reads = [read for read in reads if read.name in usable]
     if all(read.dwells is None for read in reads):
         raise UsageError(
@@ -263,7 +284,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
     reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
-    reasons += (*unusable, *left_out(rejected, rejects=not enough))
+    reasons += (*unusable.findings, *left_out(rejected, rejects=not enough))
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),

@@ -204,11 +204,20 @@ def update(
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
     earlier = read_earlier(calibration)
     groups = campaign_folders(paths, rig)
-    reads = read_campaigns(groups, settings, rig, like=(earlier.name, earlier.rig))
+    reads, unusable = read_campaigns(groups, settings, rig, like=(earlier.name, earlier.rig))
     _check(earlier, reads)
-    for read in reads[:-1]:
-        earlier = read_earlier(_updated(earlier, read, 0))
-    return _updated(earlier, reads[-1], trials)
+    while reads:
+        standing, known = earlier, len(unusable)
+        for read in reads:
+            with unusable.noting(read.name):
+                some = trials if read is reads[-1] else 0
+                updated = _updated(standing, read, some, unusable.findings)
+                if read is not reads[-1]:
+                    standing = read_earlier(updated)
+        if len(unusable) == known:
+            return updated
+        reads = [read for read in reads if read.name not in unusable]
+    raise unusable.first
 
 
 def _check(earlier: Earlier, reads: Sequence[Read]) -> None:
@@ -231,11 +240,17 @@ def _check(earlier: Earlier, reads: Sequence[Read]) -> None:
             )
 
 
-def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
-    """Calibrate from a campaign with all that was known, and hold the two against each other."""
+def _updated(
+    earlier: Earlier, read: Read, trials: int | None, lost: tuple[Finding, ...]
+) -> Calibration:
+    """Calibrate from a campaign with all that was known, and hold the two against each other.
+
+    lost : campaigns that had to be left out.
+    """
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
     own = calibrate_informed(read, informed, trials, tuple(read.inputs))
+    own = replace(own, findings=(*own.findings, *lost))
     level = float(alarm_level(month - since))
     misfit, this = _contribution(informed, own, read, level)
     if misfit.p_value <= level:

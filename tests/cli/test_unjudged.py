@@ -158,14 +158,62 @@ def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
     assert beside["covariance"] == alone["covariance"]
 
 
-def test_two_checks_must_be_left(
+def spoilt(source: Path, target: Path, fault: str) -> Path:
+    """A copy of a campaign that nobody can read as one."""
+    shutil.copytree(source, target)
+    log = target / "log.csv"
+    if fault == "empty":
+        log.write_bytes(b"")
+    elif fault == "torn":
+        log.write_bytes(log.read_bytes()[:40])
+    else:
+        (target / {"no log": "log.csv", "no rig": "rig.yaml"}[fault]).unlink()
+    return target
+
+
+@pytest.mark.parametrize("fault", ["empty", "torn", "no log", "no rig"])
+def test_a_month_that_cannot_be_read_stops_neither_history_nor_pool_nor_update(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fault: str
+) -> None:
+    """It is named, and the numbers are those of the others alone; by itself it is an error."""
+    months = tmp_path / "months"
+    for name in ("sound1", "sound2"):
+        shutil.copytree(home / name, months / name)
+    each = [months / "sound1", months / "sound2"]
+    bad = spoilt(home / "sound3", months / "torn", fault)
+    base = tmp_path / "base.yaml"
+    run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
+    checks = monitored(capsys, 0, *each)["checks"]
+    for named in ([months], [*each, bad]) if fault != "no log" else ([*each, bad],):
+        result = monitored(capsys, 1, *named)
+        assert [name for name, _ in unjudged(result)] == [str(bad)]
+        assert result["checks"] == checks
+    if fault == "torn":
+        assert len(monitored(capsys, 1, base, bad)["checks"]) == 1
+    assert run(capsys, "monitor", bad, bad, "-q").status in (2, 3)
+    for command in (["calibrate", each[0]], ["update", base]):
+        results = []
+        for status, more in ((0, []), (1, [bad])):
+            target = tmp_path / f"{command[0]}{status}.yaml"
+            done = run(
+                capsys, *command, each[1], *more, "--trials", 0, "--json", "-q", "-o", target
+            )
+            assert target.exists() == (not status)
+            assert done.status == status, done.err
+            results.append(json.loads(done.out))
+        alone, beside = results
+        assert [name for name, _ in unjudged(beside)] == [str(bad)]
+        assert beside["supports"] == alone["supports"]
+
+
+def test_one_campaign_that_is_left_is_judged_alone(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bad = miswired(home / "sound3", tmp_path / "unit", "unit")
     for command in (["monitor"], ["calibrate", "--trials", 0]):
-        done = run(capsys, *command, home / "sound1", bad, "-q")
-        assert (done.status, done.out) == (3, "")
-        assert str(bad) in done.err
+        done = run(capsys, *command, home / "sound1", bad, "--json", "-q")
+        assert done.status == 1
+        assert [name for name, _ in unjudged(json.loads(done.out))] == [str(bad)]
 
 
 def test_where_none_can_be_judged_there_is_no_history(
