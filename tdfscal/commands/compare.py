@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,14 +12,14 @@ from tdfscal.catalogue import documents, rigs_apart
 from tdfscal.checks.same_rig import other_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import Calibration, read_sources, sources_of
+from tdfscal.commands.calibration import read_sources, sources_of
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
-from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair
-from tdfscal.comparison.shared_data import Recorded, relation
+from tdfscal.comparison.compatibility import Comparison
 from tdfscal.errors import UsageError
+from tdfscal.files.calibration.compared import compared
 from tdfscal.findings import Finding, Value
-from tdfscal.records import ANGLES, Measured, Rotations
+from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
@@ -123,7 +122,7 @@ def compare(
     first, rigs = read[0], [c.loaded_rig(name).rig for name, c in read]
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other, rig in zip(read[1:], rigs[1:], strict=True):
-        pair, remark = _compared(first, other)
+        pair, remark = compared(first, other)
         found = _obstacle(pair, rejected, other_rig(rigs[0], rig))
         if pair.obstacle is not None and found is not pair.obstacle:
             remark = (*remark, pair.obstacle)
@@ -135,102 +134,6 @@ def compare(
         if rig.name != rigs[0].name
     )
     return CompareResult(tuple(pairs), rejected, renamed, tuple(remarks))
-
-
-Named = tuple[str, Calibration]
-
-
-def _compared(first: Named, second: Named) -> tuple[Comparison, tuple[Finding, ...]]:
-    """Compare two calibrations by what they have in common; and what there is to say of that."""
-    (a, A), (b, B) = first, second
-    common = relation(_recordings(A), _recordings(B))
-    if common in ("first", "second"):
-        return _nested(first, second, 1 if common == "first" else 0)
-    pair = compare_pair((a, A.rotations()), (b, B.rotations()))
-    if common == "apart":
-        return pair, ()
-    code = "compared-same-data" if common == "same" else "compared-overlapping"
-    return _no_two_results(pair, Finding(code, (a, b), values={"first": a, "second": b})), ()
-
-
-def _nested(first: Named, second: Named, whole: int) -> tuple[Comparison, tuple[Finding, ...]]:
-    """Compare two calibrations of which one has all recordings of the other, and more."""
-    (all_name, most), (part_name, part) = (first, second) if whole == 0 else (second, first)
-    walk = most.loaded_rig(all_name).rig.drift.angle ** 2 * abs(_month(most) - _month(part))
-    scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
-    given = [(name, c.rotations()) for name, c in (first, second)]
-    unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
-    if None not in unscaled:  # or else their ratios would pass for what the data added
-        given = [(n, u) for (n, _), u in zip(given, unscaled, strict=True) if u is not None]
-    pair = compare_pair(given[0], given[1], Nested(whole, walk))
-    values: dict[str, Value] = {"whole": all_name, "part": part_name, "walked": walk > 0}
-    if pair.dof == 0:
-        found = Finding("compared-nothing-added", (all_name, part_name), values=values)
-        return _no_two_results(pair, found), ()
-    return pair, (Finding("compared-nested", (all_name, part_name), values=values),)
-
-
-def _no_two_results(pair: Comparison, found: Finding) -> Comparison:
-    """Leave of a comparison the differences: nothing is known of how large they may be."""
-    unknown = np.full_like(pair.rpy, np.nan)
-    return replace(
-        pair,
-        rpy_std=unknown,
-        en=unknown,
-        detectable=unknown,
-        chi2=np.nan,
-        dof=0,
-        p_value=np.nan,
-        verified=False,
-        obstacle=found,
-    )
-
-
-def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
-    """Rotations with the covariance by what is stated, times a ratio common to both; or None."""
-    if c.parameters is None or c.parameters.unscaled is None:
-        return None
-    covariance = np.array(c.parameters.unscaled)
-    if covariance.shape != c.rotation_covariance.shape:
-        return None
-    return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
-
-
-def _recordings(c: Calibration) -> frozenset[Recorded]:
-    """The recordings that a calibration stands on, its earlier campaigns' among them.
-
-    Nominal points and servo positions are what was wanted, and no recording.
-    """
-    wanted, surveyed = set[str](), set[str]()
-    if c.rig.tracker is not None:
-        targets, moves = c.rig.tracker.targets, c.rig.tracker.moves
-        wanted = {Path(targets.nominal).name, Path(moves.servo).name}
-        surveyed = {Path(targets.measured).name, Path(moves.measured).name}
-    span = None if c.campaigns else _span(c)
-    inputs = [*c.inputs, *(entry for campaign in c.campaigns for entry in campaign.inputs)]
-    named = ((Path(entry.path).name, entry.sha256) for entry in inputs)
-    return frozenset(
-        Recorded(digest, None if name in surveyed else span)
-        for name, digest in named
-        if name not in wanted
-    )
-
-
-def _span(c: Calibration) -> tuple[float, float] | None:
-    """Begin and end of the part of a log that was used, s in the log's time."""
-    if c.motion is not None:
-        return c.motion.begin, c.motion.begin + c.motion.seconds
-    if c.dwells is not None and len(c.dwells.start):
-        return float(min(c.dwells.start)), float(max(c.dwells.end))
-    return None
-
-
-def _month(c: Calibration) -> float:
-    """When the angles were as they are given, in months since 1970."""
-    if c.measured is not None:
-        return c.measured.record().month
-    moment = datetime.fromisoformat(c.created).timestamp()
-    return Measured(moment, moment, "file").month
 
 
 def _obstacle(

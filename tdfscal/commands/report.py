@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.calibration import (
@@ -63,8 +65,9 @@ class ReportResult(Result):
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
-        view = put_side_by_side(self.named)
-        return (drift(view.history),)
+        history = put_side_by_side(self.named).history
+        told = any(np.isfinite(pair.p_value) for pair in history.against_first)
+        return (drift(history),) if told else ()
 
 
 @options.command("report calibration.yaml --html report.html", html="html")

@@ -5,9 +5,8 @@ Self-calibration and laser tracker of one rig are then joined into what both say
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy import special
@@ -105,8 +104,14 @@ class History:
     steps: tuple[Comparison, ...]
 
 
-def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
+def compare(
+    calibrations: Sequence[tuple[str, Rotations]],
+    pair: Callable[[int, int], Comparison] | None = None,
+) -> History:
     """Compare two or more calibrations of the same sensors; (name, rotations), oldest first.
+
+    pair : compares two by their places, sensors in the first one's order; by default they count
+    as independent.
 
     Raises DataError where there are fewer than two, or where their supports differ.
     """
@@ -114,7 +119,9 @@ def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
         raise DataError(Finding("comparison-of-one"))
     first = calibrations[0]
     ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
-    against_first = tuple(compare_pair(later, first) for later in ordered[1:])
+    pair = pair or (lambda later, earlier: compare_pair(ordered[later], ordered[earlier]))
+    count = range(1, len(ordered))
+    against_first = tuple(pair(k, 0) for k in count)
     rpy = np.stack([so3.to_rpy(r.rotation) for _, r in ordered])
     zero = np.zeros((1, *rpy.shape[1:]))
     return History(
@@ -125,7 +132,7 @@ def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
         drift=np.concatenate([zero, [c.rpy for c in against_first]]),
         drift_std=np.concatenate([zero, [c.rpy_std for c in against_first]]),
         against_first=against_first,
-        steps=tuple(compare_pair(b, a) for a, b in pairwise(ordered)),
+        steps=tuple(pair(k, k - 1) for k in count),
     )
 
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History, compare, compare_pair
+from tdfscal.comparison.compatibility import Comparison, History, compare
+from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.reporting import layout
@@ -19,23 +20,35 @@ from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_
 from tdfscal.reporting.traceability import UNSEALED
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
+#: Said where calibrations stand on the same recordings.
+_NO_RESULTS = "NOT SEPARATE RESULTS"
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """Calibrations in the order of measurement; letters stand for the files in tables."""
+    """Calibrations in the order of measurement; letters stand for the files in tables.
+
+    remarks : on the data that some have in common.
+    """
 
     names: tuple[str, ...]
     letters: tuple[str, ...]
     content: tuple[Calibration, ...]
     history: History
+    remarks: tuple[Finding, ...] = ()
 
     @property
     def agrees(self) -> bool:
-        """Every later one is compatible with the first, at one level for all (Bonferroni)."""
+        """Every later one is a result of its own, compatible with the first."""
         pairs = self.history.against_first
-        return min(pair.p_value for pair in pairs) * len(pairs) >= INCOMPATIBLE
+        return not self.departs and all(np.isfinite(pair.p_value) for pair in pairs)
+
+    @property
+    def departs(self) -> bool:
+        """One is not compatible with the first, at one level for all (Bonferroni)."""
+        known = [p.p_value for p in self.history.against_first if np.isfinite(p.p_value)]
+        return any(p * len(known) < INCOMPATIBLE for p in known)
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
@@ -46,12 +59,18 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
     ordered = sorted(calibrations, key=lambda pair: _instant(pair[1]))
     letters = tuple(letter(i) for i in range(len(ordered)))
     content = tuple(c for _, c in ordered)
-    return Several(
-        names=tuple(name for name, _ in ordered),
-        letters=letters,
-        content=content,
-        history=compare([(a, c.rotations()) for a, c in zip(letters, content, strict=True)]),
-    )
+    named = tuple(zip(letters, content, strict=True))
+    given = [(name, c.rotations()) for name, c in named]
+
+    remarks = list[Finding]()
+
+    def pair(later: int, earlier: int) -> Comparison:
+        found, said = compared(named[later], named[earlier], given[0][1])
+        remarks.extend(one for one in said if one not in remarks)
+        return found
+
+    names, history = tuple(name for name, _ in ordered), compare(given, pair)
+    return Several(names, letters, content, history, tuple(remarks))
 
 
 def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
@@ -67,7 +86,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
     return Report(
         title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
         subtitle=f"{len(view.names)} calibrations side by side, oldest first",
-        verdict="COMPATIBLE" if view.agrees else "NOT COMPATIBLE",
+        verdict="NOT COMPATIBLE" if view.departs else "COMPATIBLE" if view.agrees else _NO_RESULTS,
         accepted=view.agrees,
         reasons=tuple(_verdict(step) for step in view.history.against_first if not step.verified),
         sections=(
@@ -156,14 +175,7 @@ def _warnings(view: Several) -> tuple[str, ...]:
     ]
     if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")
-    logs = [
-        {f.sha256 for f in c.inputs} | {f.sha256 for part in c.campaigns for f in part.inputs}
-        for c in view.content
-    ]
-    if any(a & b for i, a in enumerate(logs) for b in logs[i + 1 :]):
-        found.append(
-            "some share input files: they are not independent, and E_n is then only a guide"
-        )
+    found += map(sentence, view.remarks)
     return tuple(found)
 
 
@@ -187,7 +199,10 @@ def _en(h: History) -> Table:
 
 
 def _marked(en: Any) -> layout.Cell:
-    return lambda i, j: f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}"
+    def cell(i: int, j: int) -> str:
+        return f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}" if np.isfinite(en[i, j]) else "–"
+
+    return cell
 
 
 def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
@@ -221,19 +236,17 @@ def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
 
     Raises DataError where the two are of different sensors.
     """
-    pair = compare_pair(("as left", c.rotations()), (name, previous.rotations()))
+    pair, _ = compared(("as left", c), (name, previous))
     old = [previous.support_names.index(support) for support in pair.supports]
     columns = {
         "as found": mrad(previous.rpy[old]),
         "as left": mrad(c.rpy),
         "change": mrad(pair.rpy, "+.3f"),
-        f"U, {_K}": mrad(COVERAGE_FACTOR * pair.rpy_std),
-        "E_n": lambda i, j: f"{pair.en[i, j]:.2f}",
     }
+    if np.isfinite(pair.p_value):
+        columns[f"U, {_K}"] = mrad(COVERAGE_FACTOR * pair.rpy_std)
+        columns["E_n"] = lambda i, j: f"{pair.en[i, j]:.2f}"
     said = layout.begun(_verdict(pair), ".")
-    if c.history:  # what stands on an earlier one is not independent of it
-        columns = dict(list(columns.items())[:3])
-        said = "This calibration stands on earlier ones: its changes are not independent of them."
     rows = by_angle(pair.supports, *columns.values())
     both = np.repeat(c.determined & previous.determined[old], 3)
     shown = tuple(row for row, known in zip(rows, both, strict=True) if known)

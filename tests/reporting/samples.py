@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +124,15 @@ def changed(c: Calibration, **changes: Any) -> Calibration:
     """The same file with some fields altered, checked again; nothing marks its rig as edited."""
     content = c.model_dump() | changes
     return Calibration.model_validate(content)
+
+
+def of_another_log(c: Calibration, name: str = "other") -> Calibration:
+    """The same file, but from inputs of its own."""
+    inputs = [
+        {**one, "sha256": sha256(f"{name} {one['sha256']}".encode()).hexdigest()}
+        for one in c.model_dump()["inputs"]
+    ]
+    return changed(c, inputs=inputs)
 
 
 def without_parameters(content: dict[str, Any]) -> dict[str, Any]:

@@ -16,11 +16,11 @@ from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.several import as_found
 from tdfscal.reporting.traceability import campaign
 from tests.cli.running import run
-from tests.reporting.samples import sample, sketch
+from tests.reporting.samples import of_another_log, sample, sketch
 
 
 def test_the_change_is_what_lies_between_the_two() -> None:
-    one, other = sample(seed=1).calibration, sample(seed=2).calibration
+    one, other = of_another_log(sample(seed=1).calibration), sample(seed=2).calibration
     table = as_found(other, "before.yaml", one).blocks[0]
     assert isinstance(table, Table)
     cells = np.array([[float(x) for x in row[2:]] for row in table.rows])

@@ -166,16 +166,17 @@ def comparison(pair: Comparison, number: int = 1) -> Drawing:
 
 
 def drift(h: History) -> Drawing:
-    """Changes of every later calibration against the first."""
-    en = np.stack([pair.en for pair in h.against_first])
+    """Changes of every later calibration against the first, of those that can be told."""
+    pairs = [pair for pair in h.against_first if np.isfinite(pair.p_value)]
+    en = np.nan_to_num(np.stack([pair.en for pair in pairs]))
     f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
-    worst = h.against_first[f]
+    worst = pairs[f]
     said = (
         f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
         f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
         f"E_n = {en[f, i, j]:.2f}; {'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
     )
-    return Drawing("drift", "Change of each angle", said, lambda: _paint_changes(h.against_first))
+    return Drawing("drift", "Change of each angle", said, lambda: _paint_changes(pairs))
 
 
 def _paint_changes(pairs: Sequence[Comparison]) -> Figure:

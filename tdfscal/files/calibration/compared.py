@@ -1,0 +1,125 @@
+"""Two calibration files compared by the recordings that both stand on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair, in_order_of
+from tdfscal.comparison.shared_data import Recorded, relation
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.findings import Finding, Value
+from tdfscal.records import Measured, Rotations
+
+Named = tuple[str, Calibration]
+
+
+def compared(
+    first: Named, second: Named, order: Rotations | None = None
+) -> tuple[Comparison, tuple[Finding, ...]]:
+    """First minus second, by what they have in common; and what there is to say of that.
+
+    Of no two results the differences stand alone, with what keeps them from being two. order :
+    whose sensors' order holds, by default the first's.
+
+    Raises DataError where they are of different supports.
+    """
+    (a, A), (b, B) = first, second
+    order = A.rotations() if order is None else order
+    given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
+    common = relation(_recordings(A), _recordings(B))
+    if common in ("first", "second"):
+        return _nested(first, second, 1 if common == "first" else 0, given)
+    pair = compare_pair(given[0], given[1])
+    if common == "apart":
+        return pair, ()
+    code = "compared-same-data" if common == "same" else "compared-overlapping"
+    return _no_two_results(pair, Finding(code, (a, b), values={"first": a, "second": b})), ()
+
+
+def _nested(
+    first: Named, second: Named, whole: int, given: list[tuple[str, Rotations]]
+) -> tuple[Comparison, tuple[Finding, ...]]:
+    """Compare two calibrations of which one has all recordings of the other, and more."""
+    (all_name, most), (part_name, part) = (first, second) if whole == 0 else (second, first)
+    walk = most.loaded_rig(all_name).rig.drift.angle ** 2 * abs(_month(most) - _month(part))
+    scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
+    unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
+    if None not in unscaled:  # or else their ratios would pass for what the data added
+        given = [
+            (name, in_order_of(known, own))
+            for (name, known), own in zip(given, unscaled, strict=True)
+            if own is not None
+        ]
+    pair = compare_pair(given[0], given[1], Nested(whole, walk))
+    values: dict[str, Value] = {"whole": all_name, "part": part_name, "walked": walk > 0}
+    if pair.dof == 0:
+        found = Finding("compared-nothing-added", (all_name, part_name), values=values)
+        return _no_two_results(pair, found), ()
+    return pair, (Finding("compared-nested", (all_name, part_name), values=values),)
+
+
+def _no_two_results(pair: Comparison, found: Finding) -> Comparison:
+    """Leave of a comparison the differences: nothing is known of how large they may be."""
+    unknown = np.full_like(pair.rpy, np.nan)
+    return replace(
+        pair,
+        rpy_std=unknown,
+        en=unknown,
+        detectable=unknown,
+        chi2=np.nan,
+        dof=0,
+        p_value=np.nan,
+        verified=False,
+        obstacle=found,
+    )
+
+
+def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
+    """Rotations with the covariance by what is stated, times a ratio common to both; or None."""
+    if c.parameters is None or c.parameters.unscaled is None:
+        return None
+    covariance = np.array(c.parameters.unscaled)
+    if covariance.shape != c.rotation_covariance.shape:
+        return None
+    return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
+
+
+def _recordings(c: Calibration) -> frozenset[Recorded]:
+    """The recordings that a calibration stands on, its earlier campaigns' among them.
+
+    Nominal points and servo positions are what was wanted, and no recording.
+    """
+    wanted, surveyed = set[str](), set[str]()
+    if c.rig.tracker is not None:
+        targets, moves = c.rig.tracker.targets, c.rig.tracker.moves
+        wanted = {Path(targets.nominal).name, Path(moves.servo).name}
+        surveyed = {Path(targets.measured).name, Path(moves.measured).name}
+    span = None if c.campaigns else _span(c)
+    inputs = [*c.inputs, *(entry for campaign in c.campaigns for entry in campaign.inputs)]
+    named = ((Path(entry.path).name, entry.sha256) for entry in inputs)
+    return frozenset(
+        Recorded(digest, None if name in surveyed else span)
+        for name, digest in named
+        if name not in wanted
+    )
+
+
+def _span(c: Calibration) -> tuple[float, float] | None:
+    """Begin and end of the part of a log that was used, s in the log's time."""
+    if c.motion is not None:
+        return c.motion.begin, c.motion.begin + c.motion.seconds
+    if c.dwells is not None and len(c.dwells.start):
+        return float(min(c.dwells.start)), float(max(c.dwells.end))
+    return None
+
+
+def _month(c: Calibration) -> float:
+    """When the angles were as they are given, in months since 1970."""
+    if c.measured is not None:
+        return c.measured.record().month
+    moment = datetime.fromisoformat(c.created).timestamp()
+    return Measured(moment, moment, "file").month
