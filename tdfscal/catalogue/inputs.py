@@ -24,6 +24,10 @@ recorders-overlap-in-part warns
   {subject} holds {begin:.1f} s to {end:.1f} s of the first recorder's {span:.1f} s:
   what only one of the two saw is not used
   -> see whether a file of either is missing, or was cut short
+log-missing warns
+  {subject} describes a log{files: in ~|}, and there is none: all rests on the
+  tracker's survey alone
+  -> copy the log into the campaign folder, or name it
 log-window notes
   the log is used {window} only
 messages-lost warns

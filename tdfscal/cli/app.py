@@ -219,7 +219,9 @@ def _mistake(error: Any) -> str:
     if near := getattr(error, "possibilities", None):  # the nearest option first
         said = f"{said} (did you mean {near[0]}?)"
     context = getattr(error, "ctx", None)
-    path = getattr(context, "command_path", "tdfscal")
+    # An option without its value is found before there is a context.
+    named = [word for word in sys.argv[1:2] if word in COMMANDS]
+    path = getattr(context, "command_path", " ".join(["tdfscal", *named]))
     epilog = getattr(getattr(context, "command", None), "epilog", None) or ""
     shown = f" {epilog.rstrip('.')}." if "is missing" in said and epilog else ""
     return f"{said}.{shown} '{path} --help' lists what it takes."

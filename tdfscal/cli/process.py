@@ -13,7 +13,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from inspect import signature
 from itertools import chain
 from pathlib import Path
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tdfscal.commands.arguments import Progress
     from tdfscal.commands.options import Command
     from tdfscal.commands.result import Result
+    from tdfscal.reporting.layout import Report
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
@@ -196,7 +197,9 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             # What the quality gate rejects is not written, unless asked for.
             written = result.exit_status == 0 or asked.get("allow_rejected", True)
             words = not json and (carried is None or not written)
-            for note in result.notes:  # before the numbers that they concern
+            report = result.to_report()
+            # Before the numbers that they concern, and wherever these go.
+            for note in dict.fromkeys((*result.notes, *(report.warnings if report else ()))):
                 say(f"tdfscal: warning: {note}")
             if json:
                 hand_over(_to_json(result.to_dict()))
@@ -211,7 +214,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
                 and p.name in asked
                 and (written or p.option.holds == "html")
             ]
-            text = _in_words(result, places, whole=verbose)
+            text = _in_words(result, report, places, whole=verbose)
             with reporting():
                 sys.stdout.write(text)
     except (KeyboardInterrupt, Signalled):
@@ -227,12 +230,12 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     return result.exit_status
 
 
-def _in_words(result: Result, places: list[str], *, whole: bool) -> str:
+def _in_words(result: Result, report: Report | None, places: list[str], *, whole: bool) -> str:
     """Return a result in words, in colours for a terminal, and what was written."""
     from tdfscal.reporting.text import shown
 
-    report = result.to_report()
-    text = result.text if report is None else shown(report, whole=whole)
+    said = None if report is None else replace(report, warnings=())
+    text = result.text if said is None else shown(said, whole=whole)
     if not text or not places:
         return text
     *others, last = map(visible, places)

@@ -84,8 +84,9 @@ def calibrate(
         # A joint result has intervals of its own; trials of its parts would be thrown away.
         own = replace(settings, trials=0) if method == "joint" else settings
         log = LogPass(resolve(groups[0], rig), own)
-        method = method or ("self" if log.campaign.logs else "tracker")
-        return _calibrated(log, method, samples, estimator)
+        if method is None and not log.campaign.logs:
+            method, log.messages = "tracker", [*log.campaign.lost_log]
+        return _calibrated(log, method or "self", samples, estimator)
     except (NotIdentifiableError, NotConvergedError) as error:
         if html is None or error.exit_status != 4:
             raise
@@ -157,6 +158,8 @@ def _calibrated(
     tracker, files, remarks = surveyed(campaign, settings.trials, tracker_rng)
     assert own is None or isinstance(own, SelfCalibration)
     inputs = [*log.inputs, *files]
+    if own is None:
+        notes += log.messages
     return _with_survey(log.rig, own, tracker, origin_of(log, inputs), [*notes, *remarks])
 
 

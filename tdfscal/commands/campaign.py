@@ -15,6 +15,7 @@ from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.findings import Finding, Value
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.formats import NOWHERE, check_regular
 from tdfscal.logs.recorders import owns
@@ -58,6 +59,15 @@ class Campaign:
     def averaged(self) -> bool:
         """Each row of a log is a posture."""
         return self.rig.averaged
+
+    @property
+    def lost_log(self) -> tuple[Finding, ...]:
+        """Say so where the rig file describes a log and there is none."""
+        if self.logs or not self.rig.log:
+            return ()
+        files = [recorder.files for recorder in self.rig.log if recorder.files]
+        values: dict[str, Value] = {"files": ", ".join(files)}
+        return (Finding("log-missing", (str(self.rig.path),), values=values),)
 
 
 def resolve(

@@ -165,6 +165,7 @@ def monitor(
         for name, why in rejected.items()
         for finding in left_out({name: why}, rejects=name in late or len(checks) < 2)
     ]
+    lost += [one for read in reads if read.dwells is None for one in read.log.messages]
     lost += unusable.findings
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))

@@ -122,6 +122,7 @@ def _read(name: str, log: LogPass) -> Read:
         with _naming(name), log.explaining():
             dwells = log.dwells()
     else:
+        log.messages += log.campaign.lost_log
         found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
         survey, exact = found.rotations, found.exact
     return Read(

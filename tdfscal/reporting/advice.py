@@ -130,7 +130,8 @@ def _rests_on(c: Calibration) -> str:
         besides = f" ({left_out} left out)" if left_out else ""
         parts.append(f"{c.fit.postures} postures{besides}")
     if c.tracker is not None:
-        parts.append(f"{c.tracker.get('points')} points of the tracker")
+        alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
+        parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
     if c.fit is not None and c.fit.dof:
         parts.append(f"scatter against stated {c.fit.birge:.2f}")
     for clock in c.clocks:

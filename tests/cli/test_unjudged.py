@@ -168,6 +168,7 @@ def spoilt(source: Path, target: Path, fault: str) -> Path:
         log.write_bytes(log.read_bytes()[:40])
     else:
         (target / {"no log": "log.csv", "no rig": "rig.yaml"}[fault]).unlink()
+        shutil.rmtree(target / "tracker")
     return target
 
 
@@ -184,7 +185,7 @@ def test_a_month_that_cannot_be_read_stops_neither_history_nor_pool_nor_update(
     base = tmp_path / "base.yaml"
     run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
     checks = monitored(capsys, 0, *each)["checks"]
-    for named in ([months], [*each, bad]) if fault != "no log" else ([*each, bad],):
+    for named in ([months], [*each, bad]):
         result = monitored(capsys, 1, *named)
         assert [name for name, _ in unjudged(result)] == [str(bad)]
         assert result["checks"] == checks
@@ -204,6 +205,22 @@ def test_a_month_that_cannot_be_read_stops_neither_history_nor_pool_nor_update(
         alone, beside = results
         assert [name for name, _ in unjudged(beside)] == [str(bad)]
         assert beside["supports"] == alone["supports"]
+
+
+def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Unless the survey is asked for; both as a calibration and as a check of a history."""
+    bare = Path(shutil.copytree(home / "sound3", tmp_path / "bare"))
+    (bare / "log.csv").unlink()
+    for more, said in (([], True), (["--method", "tracker"], False)):
+        done = run(capsys, "calibrate", bare, "--trials", 0, "-q", "-o", tmp_path / "c.yaml", *more)
+        assert done.status == 0
+        assert ("describes a log" in done.err) is said
+        head = done.out.partition("Installation angles")[0]
+        assert ("the tracker alone" in head) is said
+    result = monitored(capsys, 0, home / "sound1", bare)
+    assert [found["code"] for found in result["findings"]] == ["log-missing"]
 
 
 def test_one_campaign_that_is_left_is_judged_alone(
