@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,9 +29,11 @@ from tdfscal.commands.validate import validate as validate
 from tdfscal.dwells import DwellOptions as DwellOptions
 from tdfscal.dwells import find_dwells as find_dwells
 from tdfscal.errors import TdfscalError as TdfscalError
+from tdfscal.errors import expect
 from tdfscal.files.calibration.document import save_calibration as save_calibration
 from tdfscal.files.rig.reading import LoadedRig as LoadedRig
 from tdfscal.files.rig.reading import load_rig as load_rig
+from tdfscal.files.yaml import as_path
 from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
 
@@ -52,7 +53,7 @@ def read_log(paths: PathLikes, rig: LoadedRig | PathLike) -> Log:
     ------
     UsageError, RigError, DataError
     """
-    loaded = rig if isinstance(rig, LoadedRig) else load_rig(Path(rig))
+    loaded = rig if isinstance(rig, LoadedRig) else load_rig(as_path(rig))
     return logs.read_log(listed(paths), loaded.log, loaded.rig.supports, axes=loaded.rig.axes)
 
 
@@ -60,6 +61,7 @@ def dwells_frame(dwells: Dwells) -> pd.DataFrame:
     """One row per dwell and support: times in s, mean position in m, force and its std in N."""
     import pandas as pd
 
+    expect("dwells", dwells, Dwells, "what find_dwells returns")
     K, n = dwells.force.shape[:2]
     std = np.sqrt(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
     columns = {

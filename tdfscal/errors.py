@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Self
+from reprlib import repr as shortly
+from typing import Any, ClassVar, Self
 
 from tdfscal.findings import Finding
 
@@ -95,6 +96,10 @@ class UsageError(TdfscalError):
     exit_status = 2
 
 
+class OutputError(UsageError):
+    """A result cannot be written where it is asked for, or would replace an input."""
+
+
 class MemoryShortError(TdfscalError):
     """The memory that this run may use does not suffice."""
 
@@ -129,6 +134,14 @@ class RejectedError(TdfscalError):
     """The quality gate rejected what is asked to be used."""
 
     exit_status = 1
+
+
+def expect(name: str, value: object, kinds: Any, wanted: str) -> None:
+    """Raise UsageError where an argument is of none of these types; wanted : what to give."""
+    if not isinstance(value, kinds):
+        raise UsageError(
+            f"{shortly(value)} is none of what this takes", where=name, hint=f"give {wanted}"
+        )
 
 
 def inaccessible(fault: OSError) -> UsageError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,31 @@ def test_step_by_step(sample: tdfscal.Calibration, tmp_path: Path) -> None:
 def test_errors_are_the_projects_own() -> None:
     with pytest.raises(tdfscal.TdfscalError, match="no-such-folder"):
         tdfscal.calibrate("no-such-folder")
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: tdfscal.find_dwells(None),  # type: ignore[arg-type]
+        lambda: tdfscal.find_dwells([3]),  # type: ignore[list-item]
+        lambda: tdfscal.find_dwells([], options=3),  # type: ignore[arg-type]
+        lambda: tdfscal.read_log(None, None),  # type: ignore[arg-type]
+        lambda: tdfscal.read_log([3], SAMPLES / "csv" / "rig.yaml"),  # type: ignore[list-item]
+        lambda: tdfscal.dwells_frame(3),  # type: ignore[arg-type]
+        lambda: tdfscal.load_rig(3),  # type: ignore[arg-type]
+        lambda: tdfscal.load_calibration(3),  # type: ignore[arg-type]
+        lambda: tdfscal.calibrate(None),  # type: ignore[arg-type]
+        lambda: tdfscal.Progress(stage=3),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_of_another_kind_is_told_what_is_wanted(call: Callable[[], object]) -> None:
+    with pytest.raises(tdfscal.TdfscalError, match=r"[.] (Give|It means)"):
+        call()
+
+
+def test_a_calibration_is_saved_under_a_name(sample: tdfscal.Calibration) -> None:
+    with pytest.raises(tdfscal.TdfscalError, match="Give a path"):
+        sample.save(None)  # type: ignore[arg-type]
 
 
 def test_every_public_name_is_there_and_documented() -> None:

@@ -179,6 +179,11 @@ wrench-rewired warns
   the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times
   smaller with {other}
   -> check the log block in rig.yaml, and the cabling
+reading-absurd warns
+  {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~
+  N|which is a hundred times the weight and more}: no contact does that, and the
+  wrench there is none
+  -> look at the sensor and its cable at that time; leave it out with --from, --to
 wrench-large warns
   the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the
   weight in force

@@ -40,6 +40,7 @@ class Inspection:
         self._given = given
         self._stride = 1
         self._passed = 0
+        self._largest, self._when = np.zeros((2, given.rig.n, 3))
         self.kept: Samples | None = None
 
     def watch(self, pieces: Iterable[Samples]) -> Iterator[Samples]:
@@ -52,10 +53,35 @@ class Inspection:
         """
         for piece in pieces:
             self._keep(piece)
+            self._measure(piece)
             if piece.time.size >= _FEW:
                 some = piece.position[:: max(1, piece.time.size // _KEPT)]
                 log_against_rig.check_size(self._given.rig, some)
             yield piece
+
+    def _measure(self, piece: Samples) -> None:
+        """Keep the largest reading of every channel, N, and its time, s."""
+        if piece.time.size:
+            size = np.nan_to_num(np.abs(piece.force))
+            place = size.argmax(axis=0)
+            found = np.take_along_axis(size, place[None], axis=0)[0]
+            self._when = np.where(found > self._largest, piece.time[place], self._when)
+            self._largest = np.maximum(self._largest, found)
+
+    def _absurd(self) -> tuple[Finding, ...]:
+        """Name the reading that is farthest beyond what its sensor or the machine can show."""
+        rig, state = self._given.rig, self._given.state
+        capacity = np.where(rig.axes, rig.capacity, np.inf)
+        known = np.isfinite(_mass_std(self._given))
+        limit = np.minimum(capacity, _HUGE * state.mass * rig.gravity if known else np.inf)
+        i, j = np.unravel_index(int(np.argmax(self._largest / limit)), limit.shape)
+        size = float(self._largest[i, j])
+        if size <= limit[i, j]:
+            return ()
+        values: dict[str, Value] = {"axis": "xyz"[j], "time": float(self._when[i, j])}
+        if size > capacity[i, j]:
+            values["capacity"] = float(capacity[i, j])
+        return (Finding("reading-absurd", (rig.supports[i],), size, "N", values=values),)
 
     def _keep(self, piece: Samples) -> None:
         part = piece.rows(slice(-self._passed % self._stride, None, self._stride))
@@ -81,7 +107,8 @@ class Inspection:
         given, seen = self._given, self.kept
         log_against_rig.check_geometry(given.rig, seen.position, seen.force)
         _check_forces(given, seen)
-        return [*log_against_rig.turned(given.rig, seen.position), *_doubt(given, seen)]
+        turned = log_against_rig.turned(given.rig, seen.position)
+        return [*turned, *_doubt(given, seen), *self._absurd()]
 
 
 def _mass_std(given: Calibrated) -> float:

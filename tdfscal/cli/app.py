@@ -131,12 +131,18 @@ def described(name: str) -> Command:
 def made(name: str) -> Any:
     """Make a command of the function of its name."""
     command = described(name)
+    from tdfscal.commands.arguments import Unasked
 
-    def call(**asked: Any) -> int:
+    def call(ctx: typer.Context, **asked: Any) -> int:
+        for one in command.parameters:  # where nobody named a file
+            source = ctx.get_parameter_source(one.name)
+            if one.option.writes is not None and source and source.name == "DEFAULT":
+                asked[one.name] = None if asked[one.name] is None else Unasked(asked[one.name])
         return perform(command, asked)
 
     call.__doc__ = summary(name)
-    parameters = [_parameter(each) for each in command.parameters]
+    parameters = [Parameter("ctx", Parameter.KEYWORD_ONLY, annotation=typer.Context)]
+    parameters += [_parameter(each) for each in command.parameters]
     parameters += [
         Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
         for each, option in _PRINTED.items()

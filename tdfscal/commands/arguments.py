@@ -7,11 +7,12 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tdfscal.errors import UsageError
+from tdfscal.errors import UsageError, expect
+from tdfscal.files.yaml import as_path
 from tdfscal.logs import Moment, TimeWindow
 from tdfscal.logs.date_times import seconds_of
 
@@ -20,6 +21,13 @@ PathLikes = PathLike | Sequence[PathLike]
 Numbers = str | Sequence[float]
 #: A moment of a log as text, a number of s, or a date and time.
 Instant = str | float | datetime
+
+
+class Unasked(str):
+    """A place to write to that nobody named: it is a command's own default."""
+
+    __slots__ = ()
+
 
 _UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?")
@@ -48,6 +56,10 @@ class Progress:
     count: Callable[[str], None] = _unheard
     reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
 
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            expect(field.name, getattr(self, field.name), Callable, "a function")
+
 
 SILENT = Progress()
 
@@ -55,7 +67,8 @@ SILENT = Progress()
 def listed(paths: PathLikes) -> list[Path]:
     """Return one path, or several, as a list."""
     each = [paths] if isinstance(paths, str | os.PathLike) else paths
-    return [Path(path) for path in each]
+    expect("paths", each, Sequence, "a path, or a list of them")
+    return list(map(as_path, each))
 
 
 def one(path: PathLike | None) -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,8 +13,8 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, listed, window
-from tdfscal.commands.calibration import Calibration, Records, as_calibration
+from tdfscal.commands.arguments import SILENT, PathLike, Unasked, listed, window
+from tdfscal.commands.calibration import Calibration, Records, as_calibration, load_calibration
 from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
@@ -80,10 +81,13 @@ def calibrate(
         if len(groups) > 1:
             from tdfscal.commands.several_campaigns import calibrate_several
 
-            return calibrate_several(groups, settings)
+            found = calibrate_several(groups, settings)
+            _keep_other_rig(output, found.loaded_rig("").rig)
+            return found
         # A joint result has intervals of its own; trials of its parts would be thrown away.
         own = replace(settings, trials=0) if method == "joint" else settings
         log = LogPass(resolve(groups[0], rig), own)
+        _keep_other_rig(output, log.rig)
         if method is None and not log.campaign.logs:
             method, log.messages = "tracker", [*log.campaign.lost_log]
         return _calibrated(log, method or "self", samples, estimator)
@@ -94,6 +98,23 @@ def calibrate(
         _write_attempt(error, log, listed(paths), Path(html))
         look = f"{html} shows what is weak and what the log holds"
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
+
+
+def _keep_other_rig(output: PathLike | None, rig: Rig) -> None:
+    """Raise UsageError where the file that nobody named would replace another rig's calibration."""
+    if not isinstance(output, Unasked) or not Path(output).is_file():
+        return
+    whose = "a file that is no calibration"
+    with suppress(DataError):
+        other = load_calibration(output).loaded_rig(output).rig
+        if (other.name, other.serial, other.supports) == (rig.name, rig.serial, rig.supports):
+            return
+        whose = f"the calibration of {other.name}"
+    raise UsageError(
+        f"{whose} lies here, and this is one of {rig.name}",
+        where=output,
+        hint=f"name another file with -o, or this one to replace it: -o {output}",
+    )
 
 
 def _check(

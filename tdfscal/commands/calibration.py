@@ -114,7 +114,7 @@ class Calibration(Result, CalibrationFile):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the file, .json, .yaml or .yml, whole or not at all. Raises UsageError."""
-        save_calibration(self, Path(path))
+        save_calibration(self, as_path(path))
 
     def write(self, path: Path, holds: str) -> None:
         """Write its page, or its file by the name's ending. Raises UsageError."""

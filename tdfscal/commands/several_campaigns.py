@@ -26,6 +26,7 @@ from tdfscal.errors import (
     DataError,
     NotConvergedError,
     NotIdentifiableError,
+    OutputError,
     RigError,
     TdfscalError,
     UsageError,
@@ -92,6 +93,8 @@ class Unusable(dict[str, TdfscalError]):
         """Take down what the data or the files of a campaign do not give."""
         try:
             yield
+        except OutputError:
+            raise
         except (UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError) as error:
             self[name] = error
 

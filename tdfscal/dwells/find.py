@@ -16,7 +16,7 @@ from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_ext
 from tdfscal.dwells.field import Field, common_drift, prepare, within
 from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.dwells.temperature import Thermometer
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, expect
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
@@ -44,10 +44,13 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
         for an empty log, times that step back, or readings that are not numbers. A log without a
         single dwell is no error here: `left_out` says why.
     """
+    expect("pieces", pieces, Iterable | Log, "what read_log returns, or its consecutive pieces")
+    expect("options", options, DwellOptions | None, "DwellOptions")
     stream = iter([pieces] if isinstance(pieces, Log) else pieces)
     first = next(stream, None)
     if first is None:
         raise DataError("the log is empty", hint="give a log with recorded samples")
+    expect("pieces", first, Log, "what read_log returns")
     said: list[Finding] = []
     thermometer = Thermometer()
 

@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tdfscal.errors import UsageError
+from tdfscal.errors import OutputError, UsageError
 from tdfscal.files.yaml import shorten
 
 #: Of report pages.
@@ -226,7 +226,7 @@ def checked_place(path: Path, protected: set[Identity]) -> Path:
         hint = "create the folder first, or choose another"
     else:
         return place
-    raise UsageError(what, where=shorten(str(path), 300), hint=hint)
+    raise OutputError(what, where=shorten(str(path), 300), hint=hint)
 
 
 @contextlib.contextmanager

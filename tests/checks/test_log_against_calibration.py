@@ -85,6 +85,21 @@ def test_a_log_at_rest_is_nothing_to_remark() -> None:
     assert Inspection(GIVEN).finish() == []
 
 
+@pytest.mark.parametrize(
+    ("reading", "capacity", "named"),
+    [(5001.0, 5000.0, True), (4999.0, 5000.0, False), (101 * WEIGHT, np.inf, True)],
+)
+def test_one_reading_that_no_contact_explains(reading: float, capacity: float, named: bool) -> None:
+    """It is named with its sensor and its time, however short it lasts."""
+    seen = samples()
+    seen.force[37, 1, 0] = -reading
+    full = np.full((3, 3), capacity)
+    (*said,) = judge(seen, replace(GIVEN, rig=replace(GIVEN.rig, capacity=full)))
+    assert [("ncp2" in text or "support_2" in text) and "3.70 s" in text for text in said] == (
+        [True] if named else []
+    )
+
+
 @pytest.mark.parametrize("n", [4, 5])
 def test_rigs_of_more_supports(n: int) -> None:
     given = independent(rig(n), np.resize(X, (n, 3, 3)), 1e-8 * np.eye(3 * n))

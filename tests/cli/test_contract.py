@@ -146,6 +146,8 @@ MISTAKES = [
     ("simulate new --postures 0", 2, "give 1 or more"),
     ("monitor", 2, "Example: tdfscal monitor"),
     ("info log.csv", 2, "log.csv"),
+    ("calibrate campaign --trials", 2, "'tdfscal calibrate --help'"),
+    ("calibrate campaign --trails 3", 2, "'tdfscal calibrate --help'"),
     ("--verison", 2, "did you mean --version?"),
     ("-x", 2, "--help"),
 ]

@@ -428,3 +428,22 @@ def test_a_signal_ends_the_run_though_another_exception_is_made_of_it(home: Path
     done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
     assert (done.returncode, done.stdout) == (143, "")
     assert done.stderr == "tdfscal: interrupted; nothing was written\n"
+
+
+def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What lies at the place that nobody named stays, unless it is of the same rig."""
+    monkeypatch.chdir(tmp_path)
+    rig = yaml.safe_load((built / "campaign" / "rig.yaml").read_text())
+    Path("other.yaml").write_text(yaml.safe_dump(rig | {"name": "Other rig"}))
+    place, line = Path("calibration.yaml"), ("calibrate", built / "campaign", "--trials", 0, "-q")
+    assert run(capsys, *line).status == run(capsys, *line).status == 0
+    for before in (place.read_bytes(), b"some: notes"):
+        place.write_bytes(before)
+        done = run(capsys, *line, "--rig", "other.yaml")
+        assert (done.status, done.out) == (2, "")
+        assert "-o" in done.err
+        assert place.read_bytes() == before
+    assert run(capsys, *line, "--rig", "other.yaml", "-o", place).status == 0
+    assert "Other rig" in place.read_text()
