@@ -44,6 +44,70 @@ mountings-alike refuses
   {mountings}
   -> state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or
     squeeze harder, tilt more and record more postures
+axis-follows refuses
+  the {axis} axis of the sensor of {subject} is declared as not measured, but its
+  reading follows the load: it varies by {size}
+  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields
+  @ log forces
+axes-blind refuses
+  the sensors together do not measure forces in all directions, so that the balance of
+  forces and moments says nothing of their angles
+  -> at least one sensor has to measure the horizontal forces too
+  @ rig.yaml, supports.axes
+axis-frozen refuses
+  the {axis} axis of the sensor of {subject} is frozen: it stands at {number:.6g} N in
+  all {postures} postures that could be read{left_out: (~ more were left out)|}, and
+  the whole log reads {low:.6g} to {high:.6g} N
+  -> check the sensor, its amplifier and the recorder
+  @ log forces
+axis-saturated refuses
+  the {axis} axis of the sensor of {subject} is saturated: it stands at {number:.6g} N
+  in all {postures} postures that could be read{left_out: (~ more were left out)|}
+  ? moves , and the whole log reads {low:.6g} to {high:.6g} N
+  -> check the range of the sensor and of its amplifier, and squeeze less
+  @ log forces
+hinges-off refuses
+  the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of
+  ~ is not where it is stated, by {by:m}{more: or more|}|}{servo:{hinge:, or|:} the
+  servo coordinates of ~ are offset, by {by:m}{more: or more|}|}
+  ? fits ; it would fit with {fits}
+  -> {fits:correct the position fields of the log block in rig.yaml|measure the hinges
+    again ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in
+    rig.yaml), or check the position fields and that log and rig.yaml belong together}
+  @ log positions
+terminal-overturned refuses
+  the terminal stands on its head in the log: its z axis points downwards
+  ? fits ; it would fit with {fits}
+  -> {fits:correct the position fields of the log block in rig.yaml|check the position
+    fields, and that log and rig.yaml belong together}
+  @ log positions
+lengths-rescaled refuses
+  the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
+  ? units , as if the positions were {units}
+  -> {foreign:convert the log: log.length_unit knows m, mm and um|{units:state the
+    recorder's unit as log.length_unit in rig.yaml|check log.length_unit, the position
+    fields and the hinge coordinates}}
+  @ log positions
+reaction-recorded refuses
+  the forces sum to the weight with the wrong sign, as if the sensors recorded the
+  reaction
+  -> set log.force_on in rig.yaml to the other value, or state nominal_rpy where a
+    sensor is mounted upside down
+  @ log forces
+forces-rescaled refuses
+  the forces sum to {number:.3g} times the weight of {mass:.6g} kg
+  ? unit , as if they were in {unit}{declared: where ~ is declared|}
+  -> check log.force_unit, the force fields, the mass, and nominal_rpy
+  @ log forces
+samples-twice refuses
+  the readings of {subject} from {begin:.6g} to {end:.6g} s are those from
+  {original:.6g} s on, noise included
+  -> give each recording once; choose a part with --from and --to
+  @ log
+instants-broken refuses
+  no instant has finite numbers in all fields
+  -> check the cells of the log; `tdfscal info LOG` names the first that is none
+  @ log
 forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the
   residuals fall from {before:.2g} to {after:.2g} times what is stated
@@ -51,7 +115,9 @@ forces-exchanged refuses
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors
-  ask of it{as_if:, as if it were ~|}; without it the residuals fall from
+  ask of it{unit:, as if it were in ~|}{declared:
+  where ~ is declared|};
+  without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
   -> look at the recorder's scaling of that channel, and at its amplifier; correct
     the log, or leave the axis out of `axes` in rig.yaml

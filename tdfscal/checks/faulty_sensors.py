@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import nominal
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 
@@ -104,13 +104,9 @@ def check_unmeasured(
         return
     moves = scatter > np.maximum(_FOLLOWS * np.median(scatter[live]), _AUDIBLE * noise)
     for i, j in np.argwhere(~axes & moves):
-        raise DataError(
-            f"the {AXES[j]} axis of the sensor of {supports[i]} is declared as not measured, but "
-            f"its reading follows the load: it varies by {scatter[i, j]:.3g} N",
-            where="log forces",
-            hint=f"add {AXES[j]} to the axes of {supports[i]} in rig.yaml, or check the force "
-            "fields",
-        )
+        facts: dict[str, Value] = {"axis": AXES[j]}
+        size = float(scatter[i, j])
+        raise DataError(Finding("axis-follows", (supports[i],), size, "N", values=facts))
 
 
 def check_directions(rig: Rig) -> None:
@@ -121,26 +117,11 @@ def check_directions(rig: Rig) -> None:
     sensor, axis = np.nonzero(rig.axes)
     measured = nominal(rig).rotation[sensor, :, axis]
     if np.linalg.matrix_rank(measured, _ALONG) < 3:
-        raise NotIdentifiableError(
-            "the sensors together do not measure forces in all directions, so that the balance of "
-            "forces and moments says nothing of their angles",
-            where="rig.yaml, supports.axes",
-            hint="at least one sensor has to measure the horizontal forces too",
-        )
-
-
-def axes_line(rig: Rig, i: int, j: int) -> str:
-    """The line of the rig file that takes an axis out."""
-    left = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
-    return f"write `axes: [{', '.join(left)}]` for {rig.supports[i]} in rig.yaml"
+        raise NotIdentifiableError(Finding("axes-blind"))
 
 
 def _spoilt(code: str, rig: Rig, i: int, j: int, force: float) -> Finding:
     return Finding(code, (rig.supports[i],), force, "N", values={"axis": AXES[j]})
-
-
-def _axis(rig: Rig, i: int, j: int) -> str:
-    return f"the {AXES[j]} axis of the sensor of {rig.supports[i]}"
 
 
 def _at_limit(dwells: Dwells, value: float, i: int, j: int) -> bool:
@@ -157,22 +138,17 @@ def _at_limit(dwells: Dwells, value: float, i: int, j: int) -> bool:
 def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
     """The error for an axis with one reading in every posture: saturated, frozen or dead."""
     value = float(dwells.force_max[0, i, j])
-    found = f"in all {len(dwells)} postures that could be read"
-    if dwells.left_out:
-        found += f" ({len(dwells.left_out)} more were left out)"
     low, high = (value, value) if dwells.force_range is None else dwells.force_range[:, i, j]
-    moves = bool(low < high)
-    span = f"{low:.6g} to {high:.6g} N" if moves else ""
-    what, hint = (
-        f"reads {value:.6g} N in every posture: it is dead or not connected",
-        "check the sensor, its amplifier and the force fields in rig.yaml; to calibrate the rest "
-        f"without it, {axes_line(rig, i, j)}",
-    )
-    if moves:
-        what = f"is frozen: it stands at {value:.6g} N {found}, and the whole log reads {span}"
-        hint = "check the sensor, its amplifier and the recorder"
+    facts: dict[str, Value] = {
+        "axis": AXES[j],
+        "postures": len(dwells),
+        "left_out": len(dwells.left_out),
+        "low": float(low),
+        "high": float(high),
+        "moves": bool(low < high),
+        "others": [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j],
+    }
+    code = "axis-frozen" if low < high else "channel-dead"
     if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(dwells, value, i, j):
-        what = f"is saturated: it stands at {value:.6g} N {found}"
-        what += f", and the whole log reads {span}" if span else ""
-        hint = "check the range of the sensor and of its amplifier, and squeeze less"
-    return DataError(f"{_axis(rig, i, j)} {what}", where="log forces", hint=hint)
+        code = "axis-saturated"
+    return DataError(Finding(code, (rig.supports[i],), value, "N", values=facts))

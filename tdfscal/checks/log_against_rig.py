@@ -35,13 +35,8 @@ _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
 #: A terminal turned further than this from the BCS hints at exchanged names, rad.
 _TURNED = np.pi / 4
-#: Units of force by what they make of a reading in the unit that is declared.
-UNITS = {
-    1e3: "in N where kN is declared",
-    1e-3: "in kN where N is declared",
-    1 / 9.80665: "in kgf",
-    1 / 4.4482216: "in lbf",
-}
+#: Units of force, with the one declared, by what they make of a reading.
+UNITS = {1e3: ("N", "kN"), 1e-3: ("kN", "N"), 1 / 9.80665: ("kgf", ""), 1 / 4.4482216: ("lbf", "")}
 
 
 def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
@@ -61,52 +56,45 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if off <= limit and up > 0:
         check_size(rig, position)
         return
-    found = _explanation(rig, position, limit)
-    variance = np.full(len(position), rig.declared.positioner**2)
-    pattern = geometry.examine(rig, position, variance)
-    placed = off > limit and pattern.explained and pattern.causes[:1]
-    if not (found or (placed and placed[0].support is not None)):
+    facts: dict[str, Value] = {
+        "fits": _explanation(rig, position, limit),
+        **_farthest(rig, position),
+    }
+    misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
+    if not (facts["fits"] or misplaced):
         check_size(rig, position)
-    wrong = (
-        f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
-        if off > limit
-        else "the terminal stands on its head in the log: its z axis points downwards"
-    )
-    if found:
-        wrong += f"; it would fit with {found}"
-    elif placed:
-        wrong += ": " + ", or ".join(_misplaced(rig, cause) for cause in pattern.causes)
-    raise DataError(
-        wrong,
-        where="log positions",
-        hint="correct the position fields of the log block in rig.yaml"
-        if found
-        else f"measure the hinges again ({_farthest(rig, position)}), or check the position fields "
-        "and that log and rig.yaml belong together",
-    )
+    if off <= limit:
+        raise DataError(Finding("terminal-overturned", values=facts))
+    for cause in reversed(misplaced):
+        own = "hinge" if cause.kind == "hinge" else "servo"
+        facts[own] = rig.supports[cause.support or 0]
+        facts |= {
+            "by": float(np.linalg.norm(cause.amount)),
+            "more": bool(np.isinf(cause.std).any()),
+        }
+    raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
 
 
-def _misplaced(rig: Rig, cause: Cause) -> str:
-    """What does not fit, and by how much, in words."""
-    size = float(np.linalg.norm(cause.amount))
-    if cause.support is None:
-        return "what gives, or a scale, would explain it"
-    what = "the hinge of {}" if cause.kind == "hinge" else "the servo coordinates of {}"
-    verb = "is not where it is stated" if cause.kind == "hinge" else "are offset"
-    more = "" if np.isfinite(cause.std).all() else " or more"
-    return f"{what.format(rig.supports[cause.support])} {verb}, by {1e3 * size:.3g} mm{more}"
+def _misplaced(rig: Rig, position: FloatArray) -> list[Cause]:
+    """The hinges or positioners one of which explains the distances, the likeliest first."""
+    found = geometry.examine(rig, position, np.full(len(position), rig.declared.positioner**2))
+    if not (found.explained and found.causes and found.causes[0].support is not None):
+        return []
+    return [cause for cause in found.causes if cause.support is not None]
 
 
-def _farthest(rig: Rig, position: FloatArray) -> str:
-    """The two hinges whose distance in the log, position (K, n, 3), differs most from rig.yaml."""
+def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:
+    """The two hinges whose distance in the log, position (K, n, 3), differs most from rig's."""
     first, second = np.triu_indices(rig.n, 1)
     logged = np.median(np.linalg.norm(position[:, first] - position[:, second], axis=2), axis=0)
     stated = np.linalg.norm(rig.hinge[first] - rig.hinge[second], axis=1)
     k = int(np.argmax(np.abs(logged - stated)))
-    return (
-        f"{rig.supports[first[k]]} to {rig.supports[second[k]]} is {logged[k]:.4f} m in the log "
-        f"and {stated[k]:.4f} m in rig.yaml"
-    )
+    return {
+        "first": rig.supports[first[k]],
+        "second": rig.supports[second[k]],
+        "logged": float(logged[k]),
+        "stated_m": float(stated[k]),
+    }
 
 
 def check_size(rig: Rig, position: FloatArray) -> None:
@@ -116,34 +104,25 @@ def check_size(rig: Rig, position: FloatArray) -> None:
     size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
     if abs(size - 1) <= _SIZE:
         return
-    units, foreign = _units(size)
-    raise DataError(
-        f"the NCPs stand {size:.4g} times as far apart as the hinges of rig.yaml"
-        + (f", as if the positions were {units}" if units else ""),
-        where="log positions",
-        hint="convert the log: log.length_unit knows m, mm and um"
-        if foreign
-        else "state the recorder's unit as log.length_unit in rig.yaml"
-        if units
-        else "check log.length_unit, the position fields and the hinge coordinates",
-    )
+    facts: dict[str, Value] = {}
+    for name, table in (("declared", _DECLARED), ("foreign", _FOREIGN)):
+        if units := _units(size, table):
+            facts = {"units": ", or ".join(units), "foreign": name == "foreign"}
+            break
+    raise DataError(Finding("lengths-rescaled", size=size, values=facts))
 
 
-def _units(size: float) -> tuple[str, bool]:
-    """Words for the units that make lengths wrong by this factor, and whether none is declarable.
+def _units(size: float, table: dict[str, float]) -> list[str]:
+    """Units that make lengths wrong by this factor.
 
     What is declared is not known here: each is named with the unit that it was taken for.
     """
-    for table in (_DECLARED, _FOREIGN):
-        found = [
-            f"in {own} where {stated} is declared"
-            for stated, declared in _DECLARED.items()
-            for own, metres in table.items()
-            if abs(size * metres / declared - 1) < _SIZE
-        ]
-        if found:
-            return ", or ".join(found), table is _FOREIGN
-    return "", False
+    return [
+        f"in {own} where {stated} is declared"
+        for stated, declared in _DECLARED.items()
+        for own, metres in table.items()
+        if abs(size * metres / declared - 1) < _SIZE
+    ]
 
 
 def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
@@ -239,7 +218,7 @@ def check_unit(rig: Rig, force: FloatArray) -> None:
     ratio = float(np.median(weight_share(state, rig.gravity, measured)))
     for factor, unit in UNITS.items():
         if abs(np.log10(factor)) >= 3 and 1 / _COARSELY < abs(ratio) / factor < _COARSELY:
-            raise _unit_error(ratio, mass, unit)
+            raise DataError(_rescaled(ratio, mass, unit))
 
 
 def weight_share(state: State, g: float, force: FloatArray) -> FloatArray:
@@ -254,28 +233,19 @@ def weight_tolerance(relative: float) -> float:
     return _WEIGHT + 6 * relative
 
 
-def unit_of(ratio: float) -> str | None:
-    """Words for the unit that makes of forces so many times what they should be."""
-    return next((name for f, name in UNITS.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
+def unit_of(ratio: float) -> tuple[str, str]:
+    """The unit, and the one declared, that makes of forces so many times what they should be."""
+    near = (unit for f, unit in UNITS.items() if abs(abs(ratio) / f - 1) < _WEIGHT)
+    return next(near, ("", ""))
 
 
 def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
     """The error for forces that sum to `ratio` times the weight of `mass`, kg."""
     if abs(ratio + 1) <= allowed:
-        return DataError(
-            "the forces sum to the weight with the wrong sign, as if the sensors recorded the "
-            "reaction",
-            where="log forces",
-            hint="set log.force_on in rig.yaml to the other value, or state nominal_rpy where a "
-            "sensor is mounted upside down",
-        )
-    return _unit_error(ratio, mass, unit_of(ratio))
+        return DataError(Finding("reaction-recorded"))
+    return DataError(_rescaled(ratio, mass, unit_of(ratio)))
 
 
-def _unit_error(ratio: float, mass: float, unit: str | None) -> DataError:
-    return DataError(
-        f"the forces sum to {ratio:.3g} times the weight of {mass:.6g} kg"
-        + (f", as if they were {unit}" if unit else ""),
-        where="log forces",
-        hint="check log.force_unit, the force fields, the mass, and nominal_rpy",
-    )
+def _rescaled(ratio: float, mass: float, unit: tuple[str, str]) -> Finding:
+    facts: dict[str, Value] = {"mass": mass, "unit": unit[0], "declared": unit[1]}
+    return Finding("forces-rescaled", size=ratio, values=facts)

@@ -128,12 +128,12 @@ def refuse(repeats: Sequence[Repeat], supports: Sequence[str]) -> None:
     alike = [r.begin < first.end and first.begin < r.end for r in repeats]
     sensors = {r.sensor for r, there in zip(repeats, alike, strict=True) if there}
     named = _named(supports, np.isin(np.arange(len(supports)), list(sensors)))
-    raise DataError(
-        f"the readings of {', '.join(named)} from {first.begin:.6g} to {first.end:.6g} s are "
-        f"those from {first.original:.6g} s on, noise included",
-        where="log",
-        hint="give each recording once; choose a part with --from and --to",
-    )
+    facts: dict[str, Value] = {
+        "begin": first.begin,
+        "end": first.end,
+        "original": first.original,
+    }
+    raise DataError(Finding("samples-twice", named, values=facts))
 
 
 def _named(supports: Sequence[str], which: BoolArray) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 
@@ -63,11 +64,7 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
     """
     whole = np.isfinite(position).all(axis=(1, 2)) & np.isfinite(force).all(axis=(1, 2))
     if not whole.any():
-        raise DataError(
-            "no instant has finite numbers in all fields",
-            where="log",
-            hint="check the cells of the log; `tdfscal info LOG` names the first that is none",
-        )
+        raise DataError(Finding("instants-broken"))
     position, force = position[whole], force[whole]
     hinge, reference, spread = _shape(position)
     rotation, upright, turned = _mounting(position, force)

@@ -64,7 +64,7 @@ class Misreading:
     @property
     def exact(self) -> bool:
         """Whether no number was fitted to it: an exchange, a sign, a unit."""
-        return bool(self.names or (self.jump is None and log_against_rig.unit_of(self.factor)))
+        return bool(self.names or (self.jump is None and any(log_against_rig.unit_of(self.factor))))
 
     @property
     def turn(self) -> float:
@@ -111,7 +111,8 @@ def refusal(
     subject = (rig.supports[mistake.support],)
     if mistake.jump is None:
         axis = "" if mistake.axis is None else "xyz"[mistake.axis]
-        values |= {"axis": axis, "as_if": log_against_rig.unit_of(mistake.factor) or ""}
+        unit, declared = log_against_rig.unit_of(mistake.factor)
+        values |= {"axis": axis, "unit": unit, "declared": declared}
         return DataError(Finding("force-rescaled", subject, mistake.factor, values=values))
     assert time is not None  # without it no jump is looked for
     last, first = mistake.between
@@ -209,7 +210,7 @@ def check_forces(
     strongest = np.linalg.norm(observed.force - rig.zero.value, axis=2).sum(axis=1)
     weak = bool(np.median(strongest) < _weakest(rig))
     held = log_against_rig.weight_share(nominal(rig), rig.gravity, observed.force)
-    if weak and log_against_rig.unit_of(float(np.median(held))):
+    if weak and any(log_against_rig.unit_of(float(np.median(held)))):
         log_against_rig.check_weight(rig, observed, nominal(rig))
     if spread(start.distance, start.at.rows) > _LOST:
         check_readings(rig, observed, start, number, time)
