@@ -85,7 +85,7 @@ change-zeros-moved rejects
   -> tare, or state in zero.std by how much zeros move, and validate again
 change-zeros-wander rejects
   the zeros of all sensors wander by {size} per axis, from posture to posture and
-  over the whole log, as 1/f noise does
+  over the whole log
   -> let sensors and amplifiers warm up, keep cables and temperature still, or state
     drift.walk, and validate again
 """,

@@ -29,8 +29,8 @@ from tdfscal.commands.samples import delay_of
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
+from tdfscal.planning.candidates import Limits, travel_limits
 from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
-from tdfscal.planning.limits import Limits, travel_limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Objective, Plan, Request
 from tdfscal.planning.recorded_postures import recorded, scatter_of

@@ -1,4 +1,4 @@
-"""Postures that could be commanded: poses and squeezes inside the limits."""
+"""Postures that could be commanded: poses and squeezes inside the limits of the machine."""
 
 from __future__ import annotations
 
@@ -10,8 +10,99 @@ from tdfscal.errors import UsageError
 from tdfscal.model.parameters import gravity, nominal
 from tdfscal.model.statics import carrying, internal_modes
 from tdfscal.numerics import so3
-from tdfscal.planning.limits import Limits, displacement
 from tdfscal.records import FloatArray, IntArray, Rig
+
+#: Lean beyond which nobody tilts a terminal on hinges.
+MOST_TILT = np.deg2rad(45.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a posture may ask of the machine.
+
+    tilt : rad, largest lean; the turn about the vertical stays within it, too.
+    squeeze : N, largest internal force at any NCP. force : N, largest force at any NCP in all.
+    travel : (n, 3), m, how far each NCP goes from its place at home, either way along each axis
+    of the BCS. home : (3,), m, BCS, the LCS origin at home, where the terminal stands level.
+    stiffness : N/m, of each NCP, isotropic; None where forces are servoed to.
+    """
+
+    tilt: float
+    squeeze: float
+    travel: FloatArray
+    home: FloatArray
+    force: float = np.inf
+    stiffness: float | None = None
+
+    def repeatability_force(self, rig: Rig) -> float:
+        """Standard deviation, N per internal mode, of the forces that the NCPs' scatter makes.
+
+        Unplanned, but read by the sensors like any other: they carry information.
+        """
+        return (self.stiffness or 0.0) * rig.declared.positioner
+
+
+def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
+    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None is every support.
+
+    Raises UsageError for an unknown support or an impossible range.
+    """
+    travel = np.full((rig.n, 3), np.inf)
+    for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
+        if name is not None and name not in rig.supports:
+            raise UsageError(
+                f"there is no support {name!r}",
+                where="travel",
+                hint=f"the rig has {', '.join(rig.supports)}",
+            )
+        if len(value) not in (1, 3):
+            raise UsageError(
+                f"{len(value)} ranges are given", where="travel", hint="give one, or x, y and z"
+            )
+        travel[slice(None) if name is None else rig.supports.index(name)] = value
+    return travel
+
+
+def check_limits(rig: Rig, limits: Limits) -> None:
+    """Refuse what no machine can be asked for. Raises UsageError."""
+    if not 0.0 <= limits.tilt <= MOST_TILT:
+        raise UsageError(
+            f"the tilt limit is {np.rad2deg(limits.tilt):.4g}°", hint="give 0 to 45 degrees"
+        )
+    for what, value in (("squeeze", limits.squeeze), ("force limit", limits.force)):
+        if not value >= 0.0 or (what == "squeeze" and np.isinf(value)):
+            raise UsageError(f"the {what} is {value:g} N", hint="give a number of newtons")
+    if limits.stiffness is not None and not 0.0 < limits.stiffness < np.inf:
+        raise UsageError(
+            f"the stiffness is {limits.stiffness:g} N/m", hint="give a number above zero"
+        )
+    if limits.travel.shape != (rig.n, 3) or not np.all(limits.travel >= 0.0):
+        raise UsageError("a range is negative or no number", where="travel", hint="give metres")
+    if limits.home.shape != (3,) or not np.all(np.isfinite(limits.home)):
+        raise UsageError("home is no point", where="home", hint="give x,y,z in metres")
+
+
+def check_reach(rig: Rig, limits: Limits, rotation: FloatArray, what: str) -> None:
+    """Raise UsageError where a posture (rotation (3, 3), LCS → BCS) lies outside the travel.
+
+    Home is fixed and the middle of the hinges stays there, as in every planned posture.
+    """
+    offset = displacement(rig, rotation)
+    over = np.abs(offset) - limits.travel
+    i, axis = np.unravel_index(int(np.argmax(over)), over.shape)
+    if over[i, axis] > 0.0:
+        raise UsageError(
+            f"{what} takes {rig.supports[i]} {abs(offset[i, axis]):.4g} m along {'xyz'[axis]} from "
+            f"home, beyond its travel of {limits.travel[i, axis]:.4g} m",
+            hint="tilt less, or state the travel that the NCPs really have",
+        )
+
+
+def displacement(rig: Rig, rotation: FloatArray) -> FloatArray:
+    """Way (..., n, 3), m, BCS, of each hinge from home with the middle of the hinges at rest."""
+    spoke = rig.hinge - rig.hinge.mean(axis=0)
+    return np.asarray(spoke @ np.swapaxes(rotation, -1, -2) - spoke)
+
 
 #: Share of a sensor's capacity that a plan uses.
 OF_CAPACITY = 0.9
@@ -20,8 +111,6 @@ _MARGIN = 3.0
 #: Share of the candidates whose lean, and whose squeeze, is on the limit: good plans live there.
 _AT_THE_LIMIT = 0.8
 _ROUNDING = 1e-9
-#: Projections on the internal forces and onto the limit, in turn, until both hold.
-_PROJECTIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +146,9 @@ class Candidates:
 
     def take(self, which: IntArray) -> Candidates:
         """Return the candidates with these indices, in their order."""
-        return Candidates(*(values[which] for values in self._arrays))
-
-    def joined(self, others: Candidates) -> Candidates:
-        """Return these candidates, and the others behind them."""
-        pairs = zip(self._arrays, others._arrays, strict=True)
-        return Candidates(*(np.concatenate(pair) for pair in pairs))
-
-    @property
-    def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        return self.rotation, self.place, self.carried, self.squeeze
+        return Candidates(
+            self.rotation[which], self.place[which], self.carried[which], self.squeeze[which]
+        )
 
 
 def draw(
@@ -96,46 +178,11 @@ def draw(
     radius = np.where(at_limit[2], 1.0, rng.uniform(size=count))
     reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
     squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
-    return _loaded(rig, limits, rotation, squeeze)[0]
+    return _loaded(rig, limits, rotation, squeeze)
 
 
-def realised(
-    rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray, squeeze: FloatArray
-) -> tuple[Candidates, IntArray] | None:
-    """Postures inside the limits, nearest to those wished for, and which of these exist; None where
-    not one does.
-
-    turn : (N,), about the vertical, lean : (N, 2), about horizontal axes of the LCS, rad: the
-    rotation is exp(turn z) exp(lean); both are scaled down onto tilt and travel. squeeze :
-    (N, n, 3), N, BCS, is projected on the internal forces, and each NCP's part of it onto the limit
-    in turn with that.
-    """
-    length = np.linalg.norm(lean, axis=1)
-    shrink = np.minimum(1.0, limits.tilt / np.maximum(length, _ROUNDING))
-    turn = np.clip(turn, -limits.tilt, limits.tilt)
-    rotation = _within_travel(rig, limits, turn, shrink[:, None] * lean)
-    modes = internal_modes(hanging(rig, rotation)[0])
-
-    def internal(force: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, force)))
-
-    for _ in range(_PROJECTIONS):
-        squeeze = internal(squeeze)
-        size = np.linalg.norm(squeeze, axis=2, keepdims=True)
-        squeeze = squeeze / np.maximum(1.0, size / max(limits.squeeze, _ROUNDING))
-    squeeze = internal(squeeze)
-    reach = np.max(np.linalg.norm(squeeze, axis=2), axis=1)
-    squeeze *= np.minimum(1.0, limits.squeeze / np.maximum(reach, _ROUNDING))[:, None, None]
-    try:
-        return _loaded(rig, limits, rotation, squeeze)
-    except UsageError:
-        return None
-
-
-def _loaded(
-    rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray
-) -> tuple[Candidates, IntArray]:
-    """Postures with as much of the squeeze as the limits leave, and which: some have no room.
+def _loaded(rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray) -> Candidates:
+    """Postures with as much of the squeeze as the limits leave; those without room are left out.
 
     Raises UsageError where none has.
     """
@@ -146,7 +193,7 @@ def _loaded(
     if not keep.size:
         raise _too_heavy(rig, limits, carried)
     squeeze = squeeze * np.minimum(share, 1.0)[:, None, None]
-    return Candidates(rotation, place, carried, squeeze).take(keep), keep
+    return Candidates(rotation, place, carried, squeeze).take(keep)
 
 
 def hanging(rig: Rig, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:

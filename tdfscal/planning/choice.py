@@ -9,8 +9,7 @@ import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates, draw
-from tdfscal.planning.limits import check_limits, check_reach
+from tdfscal.planning.candidates import Candidates, check_limits, check_reach, draw
 from tdfscal.planning.plan import Plan, Request, contact_conforms, hinge_radius
 from tdfscal.planning.predicted_information import (
     Forecast,
@@ -21,7 +20,6 @@ from tdfscal.planning.predicted_information import (
     leaning,
     wrench_rows,
 )
-from tdfscal.planning.refinement import refine
 from tdfscal.planning.selection import (
     approaches,
     choose,
@@ -155,20 +153,14 @@ class Planner:
             ]
         )
 
-    def largest(self, count: int) -> float:
-        """Largest standard uncertainty of an angle to expect of `count` rows, rad."""
+    def expected(self, count: int) -> Forecast:
+        """Uncertainty to expect of the pool's best `count` rows."""
         index, returns = self.select(count)
         rows = np.concatenate([index, np.repeat(index[:1], returns)])
-        return self.forecast(self.pool.take(rows)).largest
-
-    def within_contact(self, count: int) -> bool:
-        """Whether the contact wrench is to be expected within its limits after `count` rows."""
-        index, returns = self.select(count)
-        rows = np.concatenate([index, np.repeat(index[:1], returns)])
-        return contact_conforms(self.rig, self.forecast(self.pool.take(rows)))
+        return self.forecast(self.pool.take(rows))
 
     def scaled(self, count: int) -> float:
-        """Return about the same as `largest`, from the information per posture of a usual plan."""
+        """About the largest std to expect, rad, by the information per posture of a usual plan."""
         if self._usual is None:
             index, _ = self.select(min(_PER_RETURN, len(self.pool)))
             J = self.rows[index]
@@ -176,28 +168,12 @@ class Planner:
         C = inverse(self.held + count * self._usual)
         return float(np.sqrt(variances(C, angle_rows(self.sight)).max()))
 
-    def _refined(self, count: int) -> tuple[Candidates, int]:
-        """Choose and move freely: from the pool's best, and from postures anywhere."""
-        index, returns = self.select(count)
-        limits, starts = self.request.limits, [self.pool.take(index)]
-        anywhere = draw(self.rig, limits, 4 * len(index), self.rng, extremes=False)
-        if len(anywhere) >= len(index):
-            starts.append(anywhere.take(np.arange(len(index))))
-        base = self.held + count * self.scatter
-        found = [
-            refine(self.sight, limits, start, base, self.objective, self.rng) for start in starts
-        ]
-        values = [
-            objective(inverse(base + information(self.sight.rows(postures))), self.objective)
-            for postures in found
-        ]
-        return found[int(np.argmin(values))], returns
-
     def plan(self, count: int) -> Plan:
         """Choose, order and judge."""
         if count < 1:
             raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
-        distinct, returns = self._refined(count)
+        index, returns = self.select(count)
+        distinct = self.pool.take(index)
         order = with_returns(short_tour(distances(distinct.place), 0), returns)
         postures = distinct.take(order)
         expected = self.forecast(postures)
@@ -264,7 +240,7 @@ def make_plan(
     *,
     given: Fit | None = None,
 ) -> Plan:
-    """Choose postures and squeezes: exchange over a random pool, then moved freely.
+    """Choose postures and squeezes by exchange over a random pool.
 
     postures : how many rows to drive, returns included. given : the fit of postures recorded
     already; the plan adds the best next ones.
@@ -300,15 +276,7 @@ def plan_for_target(
             f"{1e3 * target:.3g} mrad is asked for",
             hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
         )
-    # The search goes by the pool alone, which is quick; free postures do better by some share.
-    count = _fewest(planner, target)
-    plan = planner.plan(count)
-    share = plan.expected.largest / planner.largest(count)
-    for fewer in range(_fewest(planner, target / min(1.0, share)), count):
-        better = planner.plan(fewer)
-        if better.expected.largest <= target:
-            return better
-    return plan
+    return planner.plan(_fewest(planner, target))
 
 
 def plan_for_contact(
@@ -326,7 +294,7 @@ def plan_for_contact(
     Raises UsageError, NotIdentifiableError as `make_plan`.
     """
     planner, count = Planner(rig, request, rng, given), postures
-    while not planner.within_contact(count):
+    while not contact_conforms(rig, planner.expected(count)):
         count = ceil(_MORE * count)
         if count > MOST:
             count = postures
@@ -339,13 +307,13 @@ def _fewest(planner: Planner, target: float) -> int:
     guess = next(count for count in range(1, MOST + 1) if planner.scaled(count) <= target)
     step = max(1, guess // 16)
     low, high = guess - 1, guess
-    while planner.largest(high) > target:
+    while planner.expected(high).largest > target:
         low, high = high, high + step
-    while low > 0 and planner.largest(low) <= target:
+    while low > 0 and planner.expected(low).largest <= target:
         low, high = max(0, low - step), low
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if planner.largest(middle) <= target else (middle, high)
+        low, high = (low, middle) if planner.expected(middle).largest <= target else (middle, high)
     return high
 
 

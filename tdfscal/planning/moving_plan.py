@@ -14,8 +14,7 @@ from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.motioncal.noise import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates
-from tdfscal.planning.limits import Limits, check_limits
+from tdfscal.planning.candidates import Candidates, Limits, check_limits
 from tdfscal.planning.predicted_information import Forecast, averaged
 from tdfscal.planning.selection import inverse
 from tdfscal.planning.trajectory import Lines, Trajectory, brought_to_limits

@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.acceptance.conformity import coverage_radius
-from tdfscal.planning.candidates import Candidates
-from tdfscal.planning.limits import Limits
+from tdfscal.planning.candidates import Candidates, Limits
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import FloatArray, IntArray, Rig
 
@@ -26,7 +25,7 @@ class Request:
 
     limits: Limits
     noise: float = 1.0
-    candidates: int = 1000
+    candidates: int = 2000
     objective: Objective = "angles"
     at: tuple[float, float, float] | None = None
 

@@ -10,8 +10,7 @@ import numpy as np
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates, hanging
-from tdfscal.planning.limits import Limits
+from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, inverse, variances
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.covariance import faked_information

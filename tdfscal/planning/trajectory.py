@@ -15,8 +15,7 @@ import numpy as np
 from tdfscal.errors import UsageError
 from tdfscal.model.statics import internal_modes, internal_part
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates, hanging, room
-from tdfscal.planning.limits import Limits, displacement
+from tdfscal.planning.candidates import Candidates, Limits, displacement, hanging, room
 from tdfscal.records import FloatArray, IntArray, Rig
 
 #: Time in which a motion starts and ends, s, and at most as a share of it.

@@ -185,9 +185,16 @@ def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
         *(("noise grown", i, zero[:, :, i], each) for i in range(n)),
         ("hinges stick", None, given.own[:, :, 3:], each),
     ]
+    found = [_scatter(given, models, *suspect) for suspect in suspects]
     if 1 < K <= _CONNECTED:
-        suspects.append(("zeros wander", None, zero.reshape(K, 6, -1), _octaves(K)))
-    return [_scatter(given, models, *suspect) for suspect in suspects]
+        elapsed = given.course.time - given.course.time.min()
+        walk = np.minimum(elapsed[:, None], elapsed) / max(float(elapsed.max()), 1e-9)
+        wander = [
+            _scatter(given, models, "zeros wander", None, zero.reshape(K, 6, -1), together)
+            for together in (_octaves(K), walk, 0.5 * (1.0 + walk))
+        ]
+        found.append(max(wander, key=WEIGHT))
+    return found
 
 
 def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.planning.limits import Limits
+from tdfscal.planning.candidates import Limits
 from tdfscal.records import Rig
 
 

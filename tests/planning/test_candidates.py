@@ -9,8 +9,7 @@ import pytest
 
 from tdfscal.errors import UsageError
 from tdfscal.model.statics import carrying, internal_modes
-from tdfscal.planning.candidates import draw
-from tdfscal.planning.limits import check_limits, displacement, travel_limits
+from tdfscal.planning.candidates import check_limits, displacement, draw, travel_limits
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 

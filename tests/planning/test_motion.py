@@ -16,7 +16,7 @@ from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
-from tdfscal.planning.limits import Limits
+from tdfscal.planning.candidates import Limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, forecast, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
 from tdfscal.records import FloatArray
