@@ -92,7 +92,7 @@ INCOMPATIBLE: Final = 0.01
 VALIDATION_ALARM: Final = 0.005
 #: Probability with which the smallest turn that `validate` calls detectable is detected.
 DETECTION_POWER: Final = 0.95
-#: A cause explains residuals when what it leaves is at least this probable.
+#: A cause explains residuals when what it leaves is at least this probable, and what it takes less.
 CAUSE_EXPLAINS: Final = 0.01
 #: Two causes are told apart when one leaves this much less χ² (3σ), beyond its further unknowns.
 CAUSES_APART: Final = 9.0
@@ -103,6 +103,8 @@ CAUSES_APART: Final = 9.0
 #: its pool, per year: two years raise none in 99 of 100. One rate for all of them, or the laxest
 #: would contradict the others of months in which nothing happened.
 ALARMS_PER_YEAR: Final = 0.005
+#: Months between calibrations at most, however far off a limit is: what no history shows.
+LONGEST_INTERVAL: Final = 24.0
 #: Months between checks that are counted at least, a day, and at most.
 _INTERVALS: Final = 1 / 30.4375, 12.0
 

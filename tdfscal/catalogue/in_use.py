@@ -195,8 +195,8 @@ turns-visible notes
 postures-left-out warns
   {number:.0f} of {postures} postures were left out (mostly: {reason})
 campaign-unsound rejects
-  {subject} could not be judged and says nothing of any turn, since calibrate rejects it
-  by itself: {why}
+  {subject} is not counted, since calibrate rejects it by itself: {why}
+  -> {hint}
 campaign-unusable rejects
   {subject} takes no part, since it cannot be used as a campaign of this rig: {why}
   -> mend {subject} or leave it out: {hint}
@@ -228,7 +228,7 @@ moves-beyond rejects
   {subject}: on the move the wrench reaches {size}, {time:.4g} s into the path,
   where {limit:.3g} may stand on a free one: what moving adds is in no threshold, and
   it would stop the machine
-  -> state terminal.inertia, or drive slower
+  -> {unstated:state terminal.inertia, or |}drive slower
 threshold-unbounded rejects
   {subject}: nothing bounds what stands on it without contact, for zeros, load or
   their drift are unknown
@@ -245,6 +245,10 @@ drift-undeclared warns
   the zeros are {number:.3g} days old and the rig file declares no drift: but for
   their 1/f noise they count as they were
   -> tare, or declare drift in the rig file
+path-inertia-unknown notes
+  no inertia of the terminal is stated: what moving adds to the wrench is in no
+  threshold
+  -> state terminal.inertia, or watch for contact at rest only
 path-without-noise notes
   the path shows no noise of samples: thresholds are for what it is without
 contact-conforms-until notes

@@ -207,6 +207,8 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
                 "limit": float(limit[worst]),
                 "time": float(largest.when[worst] - path.places.time[0]),
             }
+            if path.given.rig.inertia is None:
+                values["unstated"] = True
             axes, size = _axes(contact), float(largest.size[worst])
             out.append(Finding(code, axes, size, UNITS[worst], values=values, rejects=True))
     if path.errors.open.any():
@@ -226,6 +228,8 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
         out.append(Finding("drift-undeclared", size=days))
     if not noisy:
         out.append(Finding("path-without-noise"))
+    if path.given.rig.inertia is None and path.interval and not any(f.rejects for f in out):
+        out.append(Finding("path-inertia-unknown"))
     return [*out, *_stated_contact(path, found)]
 
 

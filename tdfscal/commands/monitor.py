@@ -23,11 +23,11 @@ from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.several_campaigns import (
     Read,
-    left_out,
     read_campaigns,
     require_one_rig,
     unsound,
     usable_campaigns,
+    wanted,
 )
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
@@ -63,9 +63,8 @@ class MonitorResult(Result):
         """Lay out verdict, what was not judged, alarms, state, angles."""
         from tdfscal.reporting.history import history_report
 
-        unjudged = rejecting(self.findings)
-        report = history_report(self.life, self.alarms, drawings, tuple(map(told, unjudged)))
-        rest = [found for found in self.findings if found not in unjudged]
+        report = history_report(self.life, self.alarms, self.findings, drawings, _ends(self.rig))
+        rest = [found for found in self.findings if not found.rejects]
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
@@ -160,13 +159,10 @@ def monitor(
     late = {read.name for read in reads if read.measured.month == latest}
     reads = [read for read in reads if read.name not in rejected]
     checks = [*known, *reads]
-    lost = [
-        finding
-        for name, why in rejected.items()
-        for finding in left_out({name: why}, rejects=name in late or len(checks) < 2)
-    ]
+    needed = {name for name in rejected if name in late or len(checks) < 2}
+    lost = [*wanted({name: rejected[name] for name in needed}), *unusable.findings]
+    lost += (found for name, found in rejected.items() if name not in needed)
     lost += [one for read in reads if read.dwells is None for one in read.log.messages]
-    lost += unusable.findings
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
@@ -217,10 +213,16 @@ def _papers(rig: Rig) -> tuple[Finding, ...]:
     """Sensors whose own calibration is due."""
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     return tuple(
-        Finding("sensor-overdue", (name,), values={"due": papers.due})
-        for name, papers in zip(rig.supports, rig.sensors, strict=False)
-        if papers.due is not None and papers.due < today
+        Finding("sensor-overdue", (name,), values={"due": due})
+        for due, name in _ends(rig)
+        if due < today
     )
+
+
+def _ends(rig: Rig) -> list[tuple[str, str]]:
+    """Day on which the certificate of a sensor ends, and its support, where it is stated."""
+    named = zip(rig.supports, rig.sensors, strict=False)
+    return [(papers.due, name) for name, papers in named if papers.due is not None]
 
 
 def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:

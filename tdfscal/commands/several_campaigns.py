@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import rigs_apart, sentence, told
+from tdfscal.catalogue import cure, rigs_apart, sentence, told
 from tdfscal.checks.same_rig import different_constants
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import origin_of, surveyed
@@ -182,11 +182,11 @@ def usable_campaigns(campaigns: Sequence[Read], unusable: Unusable) -> dict[str,
     return usable
 
 
-def rejected_alone(read: Read) -> str | None:
+def rejected_alone(read: Read) -> Finding | None:
     """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
 
     A cause rather than how badly they fit. None where it does not reject them, or where they do
-    not suffice to be judged alone.
+    not suffice to be judged alone. Its words, cure and code are values of what is said of it.
     """
     if read.dwells is None or not len(read.dwells):
         return None
@@ -203,20 +203,19 @@ def rejected_alone(read: Read) -> str | None:
     if reasons[0].code == "postures-rejected":
         spoilt = Counter(map(sentence, alone.rejected.values()))
         why = f"{why}: {spoilt.most_common(1)[0][0]}"
-    return why
+    values: dict[str, Value] = {"why": why, "hint": cure(reasons[0]), "cause": reasons[0].code}
+    return Finding("campaign-left-out", (read.name,), values=values)
 
 
-def unsound(campaigns: Sequence[Read]) -> dict[str, str]:
+def unsound(campaigns: Sequence[Read]) -> dict[str, Finding]:
     """Campaigns whose own data do not agree among themselves, by name, each with why."""
     return {read.name: why for read in campaigns if (why := rejected_alone(read)) is not None}
 
 
-def left_out(campaigns: Mapping[str, str], *, rejects: bool = False) -> tuple[Finding, ...]:
-    """Say that these campaigns say nothing of any turn; rejects : and the result wants them."""
-    code = "campaign-unsound" if rejects else "campaign-left-out"
+def wanted(campaigns: Mapping[str, Finding]) -> tuple[Finding, ...]:
+    """Say the same of campaigns that the result wants: it is rejected without them."""
     return tuple(
-        Finding(code, (name,), values={"why": why}, rejects=rejects)
-        for name, why in campaigns.items()
+        replace(found, code="campaign-unsound", rejects=True) for found in campaigns.values()
     )
 
 
@@ -288,7 +287,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
     reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
-    reasons += (*unusable.findings, *left_out(rejected, rejects=not enough))
+    reasons += (*unusable.findings, *(rejected.values() if enough else wanted(rejected)))
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),

@@ -23,10 +23,10 @@ from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     Read,
     calibrate_informed,
-    left_out,
     misfit_finding,
     read_campaigns,
     unsound,
+    wanted,
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
@@ -254,7 +254,7 @@ def _updated(
     level = float(alarm_level(month - since))
     misfit, this = _contribution(informed, own, read, level)
     if misfit.p_value <= level:
-        found = left_out(unsound([read]), rejects=True)
+        found = wanted(unsound([read]))
         found = found or (misfit_finding(misfit, since=earlier.name),)
         own = replace(own, findings=(*own.findings, *found))
     notes = [_could_have_missed(misfit, read.rig, earlier)]

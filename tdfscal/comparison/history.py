@@ -15,11 +15,12 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.significance import INTERVAL_COVERAGE
+from tdfscal.significance import INTERVAL_COVERAGE, LONGEST_INTERVAL
 
 #: Fewer checks say nothing of a walk.
 _FEWEST_FOR_WALK = 4
-#: What a history shows is taken to go on for so many times its own length, and no longer.
+#: What a history shows is taken to go on for so many times its own length, at most for the longest
+#: interval between calibrations.
 _FORESEEN = 2.0
 
 
@@ -219,7 +220,7 @@ def _due(
     np.divide(2 * room, slower, out=waits, where=slower > 0)
     waits[room == 0.0] = 0.0
     sensor = int(np.argmin(waits)) if np.isfinite(waits).any() else int(np.argmax(largest))
-    foreseen = last + _FORESEEN * (last - first)
+    foreseen = last + min(_FORESEEN * (last - first), LONGEST_INTERVAL)
     month: float | None = last + float(waits[sensor])
     earliest = month
     if month is not None and month > foreseen:

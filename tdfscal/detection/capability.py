@@ -119,8 +119,8 @@ class Capability(Thresholds):
 
     shares : per source (6,) of the variance that stands against a contact. time : (B,), s.
     calibration_std : (B, 6), what one machine has on it, standard deviation: calibration, zeros and
-    postures. seen_from : (B, 6), smallest contact at each time. noise : of each component.
-    duration : s, of the path.
+    postures. seen_from : (B, 6), smallest contact at each time. noise : of each component;
+    resting : as it is at stops, else along a motion. duration : s, of the path.
     """
 
     shares: dict[str, FloatArray]
@@ -128,6 +128,7 @@ class Capability(Thresholds):
     calibration_std: FloatArray
     seen_from: FloatArray
     noise: tuple[Noise, ...]
+    resting: bool
     duration: float
 
 
@@ -150,6 +151,7 @@ def assess(
         std,
         seen_from,
         components,
+        noise.resting,
         duration,
     )
 

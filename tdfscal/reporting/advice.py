@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import ceil
 
 import numpy as np
@@ -126,8 +126,7 @@ def _rests_on(c: Calibration) -> str:
     if c.motion is not None:
         parts.append(f"{c.motion.seconds:.0f} s of motion")
     if c.fit is not None and (c.motion is None or c.fit.postures):
-        left_out = len(c.fit.rejected)
-        besides = f" ({left_out} left out)" if left_out else ""
+        besides = f" ({_numbers(c.fit.rejected)} left out)" if c.fit.rejected else ""
         parts.append(f"{c.fit.postures} postures{besides}")
     if c.tracker is not None:
         alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
@@ -145,6 +144,12 @@ def _rests_on(c: Calibration) -> str:
         of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
         limit = f"; limited by {source} ({of})"
     return f"It rests on {', '.join(parts)}{limit}."
+
+
+def _numbers(rejected: Sequence[RejectedPosture]) -> str:
+    """Numbers of postures, the first of many, by which to find them in the log."""
+    more = ", …" if len(rejected) > _NAMED else ""
+    return ", ".join(str(r.index + 1) for r in rejected[:_NAMED]) + more
 
 
 def _source(name: str) -> tuple[str, str]:
@@ -245,12 +250,11 @@ def _of_the_sensors(c: Calibration) -> Iterator[str]:
 def _of_what_touched(c: Calibration) -> Iterator[str]:
     """Postures, or stretches of a motion, that something touched."""
     if c.motion is None:
-        touched = [r.index + 1 for r in _many_rejected(c) if r.code not in _SPOILT]
+        touched = [r for r in _many_rejected(c) if r.code not in _SPOILT]
         if touched:
-            names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
             yield (
-                f"find what touched the terminal at postures {names} (cables, a hand, a stop), "
-                "free it, and record again"
+                f"find what touched the terminal at postures {_numbers(touched)} (cables, a hand, "
+                "a stop), free it, and record again"
             )
         return
     if c.found("motion-left-out"):

@@ -8,14 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import told
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
+from tdfscal.findings import Finding, rejecting
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
-from tdfscal.significance import COVERAGE_FACTOR
+from tdfscal.significance import COVERAGE_FACTOR, LONGEST_INTERVAL
+
+#: Codes of campaigns that take no part; and of what makes one worth its own headline.
+_NO_PART = ("campaign-unsound", "campaign-unusable", "campaign-left-out")
+_SLIP = "sensor-slipped"
 
 _ADVICE = {
     "load": (
@@ -73,21 +79,33 @@ def sentence(life: Life, alarm: Alarm) -> str:
 def history_report(
     life: Life,
     alarms: tuple[Alarm, ...],
+    findings: Sequence[Finding] = (),
     drawings: tuple[Drawing, ...] = (),
-    unjudged: tuple[str, ...] = (),
+    certificates: Sequence[tuple[str, str]] = (),
 ) -> Report:
     """Lay out a history; alarms : those that count, of all in `life`.
 
-    unjudged : what is said first of campaigns that take no part, though the result wants them.
+    findings : those that reject are of campaigns that take no part, though the result wants them,
+    and are said first. certificates : day on which a sensor's own ends, and its support.
     """
-    kinds = dict.fromkeys(alarm.kind for alarm in alarms)
-    facts = Facts(_facts(life, alarms))
+    unjudged = rejecting(findings)
+    lost = [found for found in findings if found.code in _NO_PART]
+    kinds = list(dict.fromkeys(alarm.kind for alarm in alarms))
+    if slipped := any(found.values.get("cause") == _SLIP for found in unjudged):
+        kinds = [kind for kind in kinds if kind != "step"]  # the slip's own cure says it
+    facts = Facts(_facts(life, alarms, len(lost), certificates))
+    verdict = _verdict(alarms, unjudged=bool(unjudged))
+    if slipped and not alarms:
+        verdict = "slip"
+    elif lost and not alarms and not unjudged:
+        verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
     return Report(
         title=f"History of {_checks(life)}",
         subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement",
-        verdict=_verdict(alarms, unjudged=bool(unjudged)).upper(),
+        verdict=verdict.upper(),
         accepted=not alarms and not unjudged,
-        reasons=(*unjudged, *(sentence(life, alarm) for alarm in alarms)),
+        provisional=bool(lost),
+        reasons=(*map(told, unjudged), *(sentence(life, alarm) for alarm in alarms)),
         summary=(facts,),
         sections=(
             Section("State", (facts,)),
@@ -107,14 +125,21 @@ def _checks(life: Life) -> str:
     return f"{len(life.names)} check{'s' if len(life.names) > 1 else ''}"
 
 
-def _facts(life: Life, alarms: tuple[Alarm, ...]) -> tuple[tuple[str, str], ...]:
+def _facts(
+    life: Life, alarms: tuple[Alarm, ...], lost: int, certificates: Sequence[tuple[str, str]]
+) -> tuple[tuple[str, str], ...]:
     older = f" of {len(life.alarms)} in the history" if len(alarms) < len(life.alarms) else ""
+    beside = f"; {lost} more left out" if lost else ""
+    due, months = _due(life), life.month[-1] - life.month[0]
+    if certificates:
+        ends, name = min(certificates)
+        due += f"; the certificate of {name}'s sensor ends on {ends[:10]}"
     rows = [
-        ("checks", f"{len(life.names)} in {life.month[-1] - life.month[0]:.1f} months"),
-        ("alarms", f"{len(alarms)}{older}"),
+        ("checks", f"{len(life.names)} in {months:.1f} months{beside}"),
+        ("alarms", f"{len(alarms)}{older}" + (" in the checks judged" if lost else "")),
         ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
         ("random walk", _walk(life)),
-        ("next calibration", _due(life)),
+        ("next calibration", due),
     ]
     if life.birge > 1.05:
         rows.append(("Birge ratio", f"{life.birge:.2f}: all uncertainties were scaled by it"))
@@ -140,6 +165,8 @@ def _due(life: Life) -> str:
     if due.earliest is None:
         return f"no date: no walk is declared, and the checks are too few to tell one ({now})"
     months = life.month[-1] - life.month[0]
+    if due.earliest - life.month[-1] >= LONGEST_INTERVAL:
+        return f"within two years, though no limit is reached till then ({now})"
     return f"not before {day(due.earliest)}, as far as these {months:.1f} months tell ({now})"
 
 

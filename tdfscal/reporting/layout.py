@@ -76,7 +76,7 @@ class Items:
         more = len(self.items) - LISTED
         if more <= 0:
             return self
-        kept = (*self.items[:LISTED], f"… and {more} more; a page or JSON lists them all")
+        kept = (*self.items[:LISTED], f"… and {more} more; --html FILE or --json lists them all")
         return Items(self.caption, kept)
 
 

@@ -30,6 +30,8 @@ _TIMES = ((86400.0, "days"), (3600.0, "h"), (60.0, "min"))
 _IDLE = 0.95
 #: Remedies that are told.
 _TOLD = 3
+#: Share of the variance from which on the noise is explained.
+_MOSTLY = 0.5
 _DO = {
     "tare": "tare each sensor before the run",
     "set-to-zero": "set the wrench to zero before the run, hanging free for 3 s",
@@ -129,8 +131,10 @@ def capability_report(
     for name, share in found.shares.items():
         columns[name] = [_number(v, ".0%", "–") for v in share]
     better = (_remedy(one, found) for one in remedies[:_TOLD])
+    unstated = any(f.code == "path-inertia-unknown" or f.values.get("unstated") for f in findings)
+    noise = _noise(found, request, inertia=not unstated)
     lowers = layout.listed("What lowers the smallest contact", better)
-    blocks: tuple[Block, ...] = (_by_component(columns), *lowers)
+    blocks: tuple[Block, ...] = (_by_component(columns), *noise, *lowers)
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
@@ -142,6 +146,27 @@ def capability_report(
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
     )
+
+
+def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[str]:
+    """Where noise stands most against a contact: what it is, and what takes it off.
+
+    inertia : it is stated, or does not matter.
+    """
+    worst = [c for c in found.worst if found.shares["noise"][c] > _MOSTLY]
+    sizes = [f"{found.noise[c].std:.3g} {UNITS[c]} in {COMPONENTS[c]}" for c in worst]
+    if worst and not any(found.noise[c].std for c in worst):
+        yield "The noise is what is declared of a posture (uncertainty.force_noise)."
+    elif worst:
+        behind, lower = "of single samples", "with a filter (--filter HZ)"
+        if request.cutoff is not None:
+            behind, lower = "behind the filter", "with a lower filter"
+        shown = "the stops of the path show"
+        if not found.resting:
+            shown = "the moving path shows, with what moving adds"
+            lower += ", and on a path at rest" if inertia else ", with an inertia that is stated, "
+            lower += "" if inertia else "and on a path at rest"
+        yield f"The noise is the scatter {behind} that {shown} ({', '.join(sizes)}): less {lower}."
 
 
 def _remedy(remedy: Remedy, found: Capability) -> str:

@@ -81,18 +81,20 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
     found = [parts(block) for block in report.blocks(whole=whole)]
     captions, lists = ("Warnings", "What next"), (report.warnings, report.advice)
     sentences = [[wrapped(f"- {item}") for item in items] for items in lists]
-    counts = [min(len(items), LISTED) for items in sentences]
+    counts = [len(items) for items in sentences]
     if report.summary and not whole:
         room = LINES - _FILES - above - sum(1 + len(c) + len(b) for c, b in found)
         counts = _fitting(sentences, room)
     yield from found
-    more = "see `tdfscal report` or the page"
+    shown = "-v or --html FILE shows"
     for caption, items, count in zip(captions, sentences, counts, strict=True):
         if items and not count:
-            yield [f"{caption}: {len(items)}; {more}"], []
+            yield [f"{caption}: {len(items)}; {shown} them"], []
         elif items:
-            rest = [f"  … {len(items) - count} more: {more}"] if count < len(items) else []
+            rest = [f"  … {len(items) - count} more: {shown} all"] if count < len(items) else []
             yield [caption], [*(line for item in items[:count] for line in item), *rest]
+    if report.number and (whole or not report.summary):
+        yield [f"Report {report.number}"], []
 
 
 def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:

@@ -14,10 +14,10 @@ from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResul
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, probability, utc
-from tdfscal.significance import EXPANDED_COVERAGE, MOST_REJECTED
+from tdfscal.significance import EXPANDED_COVERAGE, LONGEST_INTERVAL, MOST_REJECTED
 
-#: Days of a month; months beyond which nothing is said.
-_MONTH, _FOREVER = 30.4375, 1200.0
+#: Days of a month.
+_MONTH = 30.4375
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
 _SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 #: Sensors beside each other in a table: 80 letters hold so many.
@@ -33,12 +33,13 @@ UNSEALED = (
 )
 #: Quantities named in one sentence, and the share of the half width from which on they are.
 _NAMED, _NOTABLE = 3, 0.1
-#: Standard uncertainties of the rig file's block, by the words for what they are of.
+#: Standard uncertainties of the rig file's block, by the words for what they are of; those of which
+#: a typical error is worked out are called as there.
 _DECLARED = {
     "positioner": "NCP repeatability",
-    "hinge": "hinges",
+    "hinge": "hinge drawing",
     "datum": "servo datums",
-    "force_sensitivity": "gain and crosstalk",
+    "force_sensitivity": "gain, crosstalk",
     "hinge_moment": "friction of the hinges",
 }
 
@@ -81,7 +82,7 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
     """What is in no uncertainty, when a result is accepted, and how its contact wrench fares."""
-    exact = ", ".join(_exact(c)) or "nothing"
+    exact = "; ".join(_exact(c)) or "nothing"
     said = ("Taken as exact", exact), ("Decision rule", _decision_rule(c))
     return said if c.conformity is None else (*said, ("Contact wrench", _contact(c.conformity)))
 
@@ -118,11 +119,13 @@ def _next_due(c: Calibration) -> str:
     due = []
     room = limit**2 - float(c.rpy_std[c.determined].max()) ** 2
     if c.status == "accepted" and 0 < angle < math.inf and room > 0:
-        months = room / angle**2
-        if months < _FOREVER:
-            begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
-            day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
-            due.append((day, "by drift.angle an angle then reaches its limit"))
+        months = min(room / angle**2, LONGEST_INTERVAL)
+        why = "by drift.angle an angle then reaches its limit"
+        if months == LONGEST_INTERVAL:
+            why = "after two years, though by drift.angle no limit is reached till then"
+        begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
+        day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
+        due.append((day, why))
     due += [(end[:10], f"when the certificate of {name}'s sensor ends") for end, name in _ends(c)]
     return ", ".join(min(due)) if due else ""
 
@@ -148,13 +151,17 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
     half_width : rad, of the angles' intervals; what is small against it is not named.
     """
     worst = {q.name: float(_effects(q).max()) for q in c.taken_as_exact}
-    found = sorted(c.taken_as_exact, key=lambda q: -worst[q.name])
-    named = [q for q in found if worst[q.name] > _NOTABLE * half_width][:_NAMED]
+    named = [q for q in _by_effect(c) if worst[q.name] > _NOTABLE * half_width][:_NAMED]
     parts = [
         f"{q.name} ({_typical_error(q)}{by} by {1e3 * worst[q.name]:.2g} mrad)"
         for q, by in zip(named, (" would move an angle", "", ""), strict=False)
     ]
     return f"Taken as exact: {'; '.join(parts)}." if parts else ""
+
+
+def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
+    """Quantities taken as exact, the one whose typical error moves an angle most first."""
+    return sorted(c.taken_as_exact, key=lambda q: -float(_effects(q).max()))
 
 
 def exact_tables(c: Calibration) -> tuple[Table, ...]:
@@ -168,7 +175,7 @@ def exact_tables(c: Calibration) -> tuple[Table, ...]:
                 f"{quantity.name}, {_typical_error(quantity)}",
                 *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)[shown]),
             )
-            for quantity in c.taken_as_exact
+            for quantity in _by_effect(c)
         )
         tables.append(Table("" if first else _CAPTION, ("", *names[shown]), rows))
     return tuple(tables)
@@ -203,15 +210,19 @@ def provenance(c: Calibration) -> Section:
 
 
 def _exact(c: Calibration) -> list[str]:
-    """Quantities that the rig file states without uncertainty: the result has none of theirs."""
+    """Quantities that the rig file states without uncertainty: the result has none of theirs.
+
+    Those of which a typical error is worked out come first, the worst before the others.
+    """
     terminal, declared = c.rig.terminal, c.rig.uncertainty
     exact = [words for name, words in _DECLARED.items() if getattr(declared, name) == 0]
     if c.method == "tracker":
         return exact
     stated: dict[str, Any] = {"mass": terminal.mass.std, "barycentre": terminal.barycenter.std}
     stated |= {f"zero of {s.name}": s.zero.std for s in c.rig.supports}
-    stated["direction of gravity"] = c.rig.gravity.tilt_std
-    return [*exact, *(name for name, std in stated.items() if not np.any(std))]
+    stated["base level"] = c.rig.gravity.tilt_std
+    exact += [name for name, std in stated.items() if not np.any(std)]
+    return list(dict.fromkeys([*(q.name for q in _by_effect(c)), *exact]))
 
 
 def _decision_rule(c: Calibration) -> str:
@@ -227,6 +238,8 @@ def _decision_rule(c: Calibration) -> str:
     elif c.method != "tracker":
         rule += f", and at most {MOST_REJECTED:.0%} of the postures are rejected"
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
+    if c.status == "provisional":
+        rule += "; provisional: accepted, with lines of the rig file's draft still to be confirmed"
     if limits.contact is not None:
         rule += (
             "; contact wrench: guarded acceptance, the guard band being the expanded uncertainty "

@@ -44,7 +44,8 @@ def reasons(v: Tested) -> list[str]:
         return [f"The residual wrench of {extent(v)} is {explained} ({tests}).", *zeros, _sure(v)]
     said = [f"The residual wrench of {extent(v)} is not {explained}: {_rejecting(v)}."]
     if not v.suspected:
-        return [*said, "No single change, of a sensor, a zero or the load, explains all of it."]
+        none = "No single change, of a sensor, a zero or the load, whose size is told from none "
+        return [*said, f"{none}explains all of it."]
     said += [layout.begun(cure(found[0]), "."), *zeros]
     if len(v.suspected) > 1:
         said.append(

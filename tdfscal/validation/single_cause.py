@@ -80,6 +80,11 @@ class Cause:
         """Nothing remarkable is left."""
         return self.remaining_p >= CAUSE_EXPLAINS
 
+    @property
+    def told(self) -> bool:
+        """Its size is told from none."""
+        return self.p_value < CAUSE_EXPLAINS
+
 
 @dataclass(frozen=True, slots=True)
 class Causes:
@@ -94,8 +99,12 @@ class Causes:
 
     @property
     def suspected(self) -> tuple[Cause, ...]:
-        """The causes that explain the residuals and cannot be told apart, the likeliest first."""
-        explaining = [cause for cause in self.best if cause.explains]
+        """The causes that explain the residuals and cannot be told apart, the likeliest first.
+
+        One whose size may as well be none is not among them: near the limit it explains the
+        residuals as nothing would.
+        """
+        explaining = [cause for cause in self.best if cause.explains and cause.told]
         if not explaining:
             return ()
         most = explaining[0].weight

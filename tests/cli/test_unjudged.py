@@ -78,6 +78,8 @@ def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
         result = monitored(capsys, 1, *others, home / name)
         ((subject, text),) = unjudged(result)
         assert subject == str(home / name)
+        verdict = run(capsys, "monitor", *others, home / name, "-q").out.splitlines()[0]
+        assert verdict.endswith("SLIP" if name == "slipped" else "NOT ALL JUDGED")
         assert why in text
         assert result["alarms"] == []
         assert len(result["checks"]) == len(others)

@@ -162,8 +162,9 @@ def test_a_walk_is_foreseen_by_its_upper_bound() -> None:
 
 
 def test_no_date_beyond_what_the_history_foresees() -> None:
-    """Seven months at rest tell of fourteen more; two checks tell of none."""
+    """Seven months at rest tell of fourteen more, forty of two years; two checks tell of none."""
     life = lived(np.zeros((8, 9)), noise=1.0)
     assert (life.due.month, life.due.earliest) == (None, 7 + 14)
+    assert lived(np.zeros((40, 9)), noise=1.0).due.earliest == 39 + 24
     few = lived(np.zeros((2, 9)), noise=1.0)
     assert (few.due.month, few.due.earliest) == (None, None)

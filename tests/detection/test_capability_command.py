@@ -101,6 +101,7 @@ def test_a_free_log_gives_thresholds(places: Places, capsys: pytest.CaptureFixtu
 def test_the_text_fits_a_screen(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
     seen = run(capsys, "capability", places.calibration, places.free, "--filter", "10", "-q")
     assert len(seen.out.splitlines()) <= 20
+    assert "behind the filter that the stops of the path show" in " ".join(seen.out.split())
     assert max(map(len, seen.out.splitlines())) <= 80
 
 

@@ -73,14 +73,16 @@ def _due(c: Calibration) -> str:
     return str(said.get("Next due", ""))
 
 
-def test_the_next_date_follows_from_the_drift_of_angles() -> None:
-    """limit² = std² + drift² months."""
+@pytest.mark.parametrize("walk", [1.2e-3, 2e-4])
+def test_the_next_date_follows_from_the_drift_of_angles(walk: float) -> None:
+    """limit² = std² + drift² months, at most two years."""
     c = sample().calibration
     day = "2026-01-01T00:00:00Z"
-    rig = c.rig.model_copy(update={"drift": c.rig.drift.model_copy(update={"angle": 1e-3})})
+    rig = c.rig.model_copy(update={"drift": c.rig.drift.model_copy(update={"angle": walk})})
     measured = MeasuredResult(begin=day, end=day, source="log")
     known = c.model_copy(update={"rig": rig, "measured": measured})
-    months = (known.rig.acceptance.angle_std**2 - known.rpy_std.max() ** 2) / 1e-6
+    months = (known.rig.acceptance.angle_std**2 - known.rpy_std.max() ** 2) / walk**2
     found = re.match(r"\d{4}-\d{2}-\d{2}", _due(known))
     assert found is not None
-    assert found[0] == str(np.datetime64("2026-01-01") + int(months * 30.4375))
+    assert found[0] == str(np.datetime64("2026-01-01") + int(min(months, 24) * 30.4375))
+    assert ("two years" in _due(known)) is bool(months > 24)

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from tdfscal.catalogue import document
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding, Value
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
@@ -49,6 +49,7 @@ def test_eighty_columns_and_verdict_first() -> None:
     for c in (sample(touched=True).calibration, *surveyed()):
         lines = render(c).splitlines()
         assert lines[0] == "Test rig: ACCEPTED"
+        assert lines[-1] == f"Report {file_content(c)['content_sha256'][:8]}"
         assert max(map(len, lines)) <= 80
         assert not any(line != line.rstrip() for line in lines)
 
@@ -74,7 +75,7 @@ def test_a_summary_fits_a_terminal() -> None:
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22
-    assert "Warnings: 9; see `tdfscal report` or the page" in lines
+    assert "Warnings: 9; -v or --html FILE shows them" in lines
 
 
 def test_the_lines_of_a_draft_stand_in_the_first_paragraph() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.reporting.advice import headline
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
@@ -77,12 +78,17 @@ def test_what_is_taken_as_exact() -> None:
     """The sample's rig declares noise, hinges and positioner, and prior zeros unknown."""
     exact = facts(sample().calibration)["Taken as exact"]
     assert "servo datums" in exact
-    assert "direction of gravity" in exact
+    assert "base level" in exact
+    # The same words as in the claim, the worst first.
+    named = [q.name for q in sample().calibration.taken_as_exact]
+    assert sorted(exact.split("; ")[: len(named)]) == sorted(named)
+    assert f"Taken as exact: {exact.split('; ')[0]} (" in headline(sample().calibration)
     assert "hinges" not in exact.replace("friction of the hinges", "")
     assert "mass" not in exact
     tilted = stated(gravity={"magnitude": 9.80665, "tilt_std": 1e-3})
-    assert "direction of gravity" not in facts(tilted)["Taken as exact"]
-    assert "direction of gravity" not in facts(surveyed()[0])["Taken as exact"]
+    tilted = tilted.model_copy(update={"taken_as_exact": ()})
+    assert "base level" not in facts(tilted)["Taken as exact"]
+    assert "base level" not in facts(surveyed()[0])["Taken as exact"]
 
 
 def test_the_rule_states_the_limits_of_the_rig() -> None:

@@ -67,6 +67,25 @@ def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
         assert p_value(v.p_value) not in found["why"]
 
 
+def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:
+    """There nearly everything leaves what chance explains: a size of none would as well."""
+    unnamed = 0
+    for trial in (12, 24, 33, 54):
+        v = validation(1e-3, trial)
+        if v.holds:
+            continue
+        assert ("sensor turned", 1) in [(c.kind, c.support) for c in v.suspected]
+        for cause in (c for c in v.suspected if c.unknowns == len(c.value) > 0):
+            assert np.max(np.abs(cause.value) / cause.std) > 1.96
+        likely = [c for c in v.causes.best if c.explains and c.weight > v.suspected[0].weight - 9]
+        unnamed += len(likely) - len(v.suspected)
+    assert unnamed > 6
+    doubtful = tuple(replace(c, p_value=0.2) for c in v.causes.best)
+    none = replace(v, judged=replace(v.judged, causes=replace(v.causes, best=doubtful)))
+    assert none.suspected == ()
+    assert "whose size is told from none explains all of it" in written(none)[1]
+
+
 def test_by_what_a_p_was_found_is_told() -> None:
     stated, known = (written(validation(0.0, known=each))[0] for each in (AS_STATED, KNOWN))
     assert stated["chi2_noise_dof"] is None
