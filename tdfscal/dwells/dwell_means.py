@@ -56,10 +56,10 @@ class Extent:
         ]
         return whole[0], whole[1]
 
-    def followed_by(self, later: Extent) -> Extent:
-        """One dwell of both; what lies between is not averaged."""
-        between = np.zeros(later.begin - self.end, dtype=np.bool_)
-        return Extent(self.begin, later.end, np.concatenate([self.used, between, later.used]))
+    def followed_by(self, later: Extent, *, between: bool) -> Extent:
+        """One dwell of both, with or without what lies between."""
+        pause = np.full(later.begin - self.end, between)
+        return Extent(self.begin, later.end, np.concatenate([self.used, pause, later.used]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ LONGEST = 9  # scales at which noise is measured, where stops are long enough
 _BLOCKS, _BLOCK = 8, 2048  # bins
 _ENOUGH = 8_000  # differences that show the noise
 _ENOUGH_LONG = 4  # windows one after the other that show it at long scales
-_FOLLOWING = 16  # pairs of differences apart from each other that show how these follow
+_APART = 16  # differences apart from each other that show how large they are, and how they follow
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _P90 = 1.6448536269514722  # 90 % quantile of a size / standard deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (SCALES - 1))
@@ -151,20 +151,21 @@ def clean(marked: BoolArray, length: int) -> BoolArray:
 def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
     """Robust noise of the differences over the bins that are not marked.
 
-    most : scales, as far as there are windows enough.
+    most : scales, as far as there are windows enough. Too few of them may be alike by chance, as if
+    there were no noise: these count for no less than what white noise leaves of shorter ones.
     """
     signal, marked = blocks(signal, marked)
     axes = len(signal.value)
-    some = []
+    some, few = [], []
     follow: tuple[int, IntArray] | None = None
     for scale in range(most):
         index = np.flatnonzero(clean(marked, 2 ** (scale + 1)))
         if scale and len(index) < (8 if scale < SCALES else _ENOUGH_LONG * 2**scale):
             break
         some.append(index[:: max(len(index) // _ENOUGH, 1)])
+        few.append(0 < scale < SCALES and _apart(index, 2 ** (scale + 1)) < _APART)
         index = np.flatnonzero(clean(marked, 3 * 2**scale))
-        apart = 1 + np.count_nonzero(np.diff(index) > 1)
-        if len(index) and apart + (len(index) - apart) / 2**scale >= _FOLLOWING:
+        if _apart(index, 2**scale) >= _APART:
             follow = scale, index[:: max(len(index) // _ENOUGH, 1)]
     smooth = np.ones(axes, dtype=np.bool_)
     result = np.zeros((len(some), axes))
@@ -173,6 +174,9 @@ def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
         for scale, (width, difference) in enumerate(differences(signal.value[axis], len(some))):
             if len(some[scale]) >= 8:
                 result[scale, axis] = _spread(np.abs(difference[some[scale]]), signal.quantum[axis])
+            if few[scale]:
+                white = result[scale - 1, axis] / np.sqrt(2.0)
+                result[scale, axis] = max(result[scale, axis], white)
             if follow is not None and follow[0] == scale:
                 first, second = difference[follow[1]], difference[follow[1] + width]
                 # Mean products, not medians: a stop shows one or two of the longest windows.
@@ -180,6 +184,14 @@ def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
 
     in_threads(measure, range(axes))
     return Noise(result, signal.quantum, smooth)
+
+
+def _apart(index: IntArray, length: int) -> float:
+    """How many windows of some length do not overlap, of those that begin at each index."""
+    if not len(index):
+        return 0.0
+    runs_of = 1 + np.count_nonzero(np.diff(index) > 1)
+    return float(runs_of + (len(index) - runs_of) / length)
 
 
 def _spread(size: FloatArray, quantum: float) -> float:

@@ -88,8 +88,12 @@ def _whole_stops(
         earlier = joined[-1] if joined else None
         if earlier is not None and _stays(field, earlier, later):
             factor = np.maximum(field.noisier.at(earlier.begin), field.noisier.at(later.begin))
-            if one_level(stretch.noisier(factor), earlier.ends[1], later.ends[0], SAME_LEVEL):
-                joined[-1] = earlier.followed_by(later)
+            here = stretch.noisier(factor)
+            if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
+                away = _leaves(here, earlier.ends[1], later.begin)
+                joined[-1] = earlier.followed_by(later, between=not away)
+                if not away:
+                    continue
                 moved = field.moving[earlier.end : later.begin].any()
                 out.append(field.out(earlier.end, later.begin, _WRONG if moved else _JOLT))
                 continue
@@ -112,6 +116,19 @@ def _stays(field: Field, earlier: Extent, later: Extent) -> bool:
     level = value[:, last.begin : last.end].mean(axis=1)
     away = np.abs(value[:, earlier.end : later.begin] - level[:, None])
     return not pause or bool((np.quantile(away, 1 / 3, axis=1) <= field.visible).all())
+
+
+def _leaves(stretch: Stretch, earlier: Extent, end: int) -> bool:
+    """Does any bin from a stretch at rest to `end`, or all of them together, leave its level?
+
+    Else chance has made a change of level where none was.
+    """
+    bins = np.arange(earlier.end, end)
+    begin, after = np.append(bins, earlier.end), np.append(bins + 1, end)
+    difference = stretch.mean(begin, after) - stretch.mean(earlier.begin, earlier.end)
+    variance = stretch.noise.of_mean(after - begin) ** 2
+    variance = variance + stretch.noise.of_mean(earlier.end - earlier.begin) ** 2
+    return bool(stretch.misfit(difference, variance, SAME_LEVEL / len(begin)).any())
 
 
 def _neighbours(first: IntArray, last: IntArray, brief: float) -> Iterator[slice]:

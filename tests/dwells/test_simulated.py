@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, poisson
 
 from tdfscal.dwells import find_dwells
+from tdfscal.dwells.change_points import segment
+from tdfscal.dwells.noise_level import Signals
 from tdfscal.records import FloatArray
-from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
+from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG
+from tdfscal.simulation import Options, Recorder, reference_rig, run, simulate_campaign
 
 CASES = {
     "as it comes": Recorder(),
@@ -78,6 +81,41 @@ def test_true_dwells_are_found_and_their_means_are_right(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_same_over_many_campaigns(name: str) -> None:
     check(score(CASES[name], range(12), 24))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [20.0, 30.0, 60.0, 100.0, 200.0, 1000.0])
+def test_nothing_is_said_of_clean_campaigns(rate: float) -> None:
+    options = Options(postures=16, recorder=Recorder(force_rate=rate, position_rate=rate))
+    false = 0
+    for seed in range(100):
+        campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(seed))
+        false += len(find_dwells(campaign.log).findings)
+    assert false <= poisson.ppf(0.99, 100 * (LEVEL_CHANGES_PER_LOG + DRIFT_PER_LOG))
+
+
+def test_a_change_of_level_that_no_reading_shows_is_none() -> None:
+    """Windows as long as half a stop differ here by chance, by more than their noise as found."""
+    recorder = Recorder(force_rate=30.0, position_rate=30.0)
+    options = Options(postures=16, squeeze=200.0, recorder=recorder)
+    played = run(reference_rig(), "self", options, np.random.default_rng(21)).campaign
+    assert played is not None
+    dwells = find_dwells(played.log)
+    assert len(dwells) == 16
+    assert not dwells.left_out
+    assert not dwells.findings
+
+
+@pytest.mark.parametrize(("stops", "length"), [(4, 68), (8, 66)])
+def test_noise_of_which_a_log_shows_little_is_no_change_of_level(stops: int, length: int) -> None:
+    """White noise of stops hardly longer than the two longest windows, in bins."""
+    base = np.tile(np.arange(length + 4) >= length, stops)
+    false = 0
+    for seed in range(100):
+        value = np.random.default_rng(seed).standard_normal((9, len(base)))
+        marked, _ = segment(Signals(value, base, np.zeros(9)), base, 0.02)
+        false += bool((marked & ~base).any())
+    assert false <= poisson.ppf(0.999, 100 * LEVEL_CHANGES_PER_LOG)
 
 
 def check(found: Score) -> None:
