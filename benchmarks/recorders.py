@@ -85,7 +85,7 @@ def calibrated(
     """Calibrate from two recordings by their moves or dwells."""
     mapping = LogMapping.default(rig.supports)
     sources = [
-        (replace(mapping, files=name, clock=prior), iter([part]))
+        (replace(mapping, files=name, clock=prior), partial(iter, [part]))
         for name, prior, part in zip("ab", (ClockPrior(), clock), parts, strict=True)
     ]
     log = concatenate(on_one_clock(sources))

@@ -17,9 +17,8 @@ from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import NOWHERE, check_regular
+from tdfscal.logs.formats import NOWHERE, check_regular, entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.recorders import owns
-from tdfscal.logs.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.records import LogMapping
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.

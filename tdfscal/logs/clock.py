@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rows
+from tdfscal.records import BoolArray, FloatArray, Rows
 
 MAX_STEP_BACK = 1.0
 """A clock that steps back by more than this many seconds was set anew: refused."""
@@ -22,11 +22,6 @@ GAP = 5.0
 MAX_APART = 1.0
 """A stream that begins or ends by more than this many seconds apart from the others is reported."""
 
-MAX_SKEW = 0.1
-"""A header time that departs by more than this from its usual offset to log time is counted, s."""
-MAX_CLOCK_OFFSET = 1.0
-"""A usual offset of header time to log time beyond this is reported, s."""
-
 # Intervals are counted in bins of a relative width of 1 %, so that the memory is bounded.
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
@@ -38,12 +33,6 @@ def shown(time: float) -> str:
     if not 1e6 <= abs(time) < 1e15:
         return f"{time:.9g}"
     return f"{time:.6f}".rstrip("0").rstrip(".")
-
-
-def _level(interval: FloatArray) -> IntArray:
-    """Which bin of its size each interval (N,) counts in."""
-    level = (np.log10(interval) - _LOWEST) * _BINS_PER_DECADE
-    return np.asarray(np.clip(np.rint(level), 0, _BINS - 1), dtype=np.int64)
 
 
 class Clock:
@@ -75,8 +64,15 @@ class Clock:
             return None
         self.count += time.size
         step = np.diff(time, prepend=self._last)
-        if self._rows != "postures" and step.max() > MAX_PAUSE:
-            self._refuse_pause(time, step)
+        pauses = step[int(self._at_start and not np.isfinite(self._last)) :]
+        if self._rows != "postures" and pauses.max(initial=0.0) > MAX_PAUSE:
+            k = int(np.argmax(pauses)) + time.size - pauses.size
+            raise DataError(
+                f"the time of {self.name} goes from {shown(time[k - 1] if k else self._last)} s to "
+                f"{shown(time[k])} s, more than a month",
+                hint="correct or leave out this stamp; give the logs of another month as a "
+                "campaign of their own",
+            )
         if (step > 0.0).all():
             self._note(time, step)
             return None
@@ -146,17 +142,6 @@ class Clock:
                 hint="time must ascend; split the recording where its clock was set anew",
             )
 
-    def _refuse_pause(self, time: FloatArray, step: FloatArray) -> None:
-        pause = np.where(np.isinf(step), 0.0, step)  # before the first there is none
-        k = int(np.argmax(pause))
-        if pause[k] > MAX_PAUSE:
-            raise DataError(
-                f"the time of {self.name} goes from {shown(time[k - 1] if k else self._last)} s to "
-                f"{shown(time[k])} s, more than a month",
-                hint="correct or leave out this stamp; give the logs of another month as a "
-                "campaign of their own",
-            )
-
     def _note(self, time: FloatArray, step: FloatArray) -> None:
         if time.size == 0:
             return
@@ -171,11 +156,13 @@ class Clock:
         if intervals[k] > self.longest[0]:
             at = float(time[k + time.size - intervals.size]) - float(intervals[k])
             self.longest = (float(intervals[k]), at)
-        lowest, highest = _level(np.array([intervals.min(), intervals.max()]))
-        if lowest == highest:  # as a rule, and much faster
-            self._intervals[lowest] += intervals.size
+        size = np.array([intervals.min(), intervals.max()])
+        level = np.clip(np.rint((np.log10(size) - _LOWEST) * _BINS_PER_DECADE), 0, _BINS - 1)
+        if level[0] == level[1]:  # as a rule, and much faster
+            self._intervals[int(level[0])] += intervals.size
         else:
-            self._intervals += np.bincount(_level(intervals), minlength=_BINS)
+            level = np.rint((np.log10(intervals) - _LOWEST) * _BINS_PER_DECADE).astype(np.int64)
+            self._intervals += np.bincount(np.clip(level, 0, _BINS - 1), minlength=_BINS)
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -213,10 +200,8 @@ def apart(clocks: Sequence[Clock]) -> list[Finding]:
     driver does that starts late or dies.
     """
     spans = [(clock, *clock.span) for clock in clocks if clock.span is not None]
-    if len(spans) < 2:
-        return []
-    earliest = min(first for _, first, _ in spans)
-    latest = max(last for _, _, last in spans)
+    earliest = min((first for _, first, _ in spans), default=0.0)
+    latest = max((last for _, _, last in spans), default=0.0)
     late = [(clock, first - earliest) for clock, first, _ in spans]
     early = [(clock, latest - last) for clock, _, last in spans]
     said = []
@@ -225,42 +210,3 @@ def apart(clocks: Sequence[Clock]) -> list[Finding]:
         if found:
             said.append(Finding(code, tuple(found), max(found.values()), "s"))
     return said
-
-
-class Skew:
-    """Header times against the recorder's, over one topic: how many; the worst departure, s.
-
-    A header that is never filled in (all zero) is no time and is not compared.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.worst = 0.0
-        self._usual = np.nan
-        self._far = 0
-
-    def note(self, header: FloatArray, log: FloatArray) -> None:
-        """Take in times of the same messages, (N,), s."""
-        if not header.size or not header.any():
-            return
-        skew = header - log
-        if not self.count:
-            self._usual = float(np.median(skew))
-        self.count += skew.size
-        away = np.abs(skew - self._usual)
-        self._far += int(np.count_nonzero(away > MAX_SKEW))
-        self.worst = max(self.worst, float(away.max()))
-
-    def findings(self, topic: str) -> list[Finding]:
-        """Name where the two clocks part."""
-        found = []
-        if abs(self._usual) > MAX_CLOCK_OFFSET:
-            found.append(Finding("header-clock-off", (topic,), self._usual, "s"))
-        if self._far:
-            values: dict[str, Value] = {
-                "count": self.count,
-                "departing": self._far,
-                "limit": MAX_SKEW,
-            }
-            found.append(Finding("header-clock-departs", (topic,), self.worst, "s", values=values))
-        return found

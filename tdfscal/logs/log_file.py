@@ -7,8 +7,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
-from itertools import repeat
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import ClassVar, Final, TypeVar, cast
 
@@ -167,12 +166,11 @@ def mapped(
 
 def ahead(stream: Generator[Item, None, None]) -> Generator[Item, None, None]:
     """The same stream, computed in a thread of its own."""
-    steps = mapped(lambda _: next(stream, _END), repeat(None), 1)
-    try:
-        for item in steps:
-            if item is _END:
-                return
-            yield cast(Item, item)
-    finally:
-        steps.close()
-        stream.close()
+    with ThreadPoolExecutor(1, thread_name_prefix="ahead") as pool, closing(stream):
+        waiting = pool.submit(next, stream, _END)
+        try:
+            while (item := waiting.result()) is not _END:
+                waiting = pool.submit(next, stream, _END)
+                yield cast(Item, item)
+        finally:
+            pool.shutdown(wait=True)  # before the stream is closed

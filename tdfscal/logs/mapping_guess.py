@@ -9,7 +9,6 @@ from typing import Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.logs import units
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.messages.encodings import topic_of
 from tdfscal.logs.plausible_units import (
@@ -20,6 +19,7 @@ from tdfscal.logs.plausible_units import (
     resampled,
     time_unit,
 )
+from tdfscal.logs.request import unit_factor
 from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
@@ -178,7 +178,7 @@ def _role(vector: Vector) -> Role:
     """What a vector's name says; the words nearest to its end say it best."""
     if vector.unit is not None:
         for role in ("position", "force"):
-            if units.measures(role, vector.unit):
+            if unit_factor(role, vector.unit) is not None:
                 return "position" if role == "position" else "force"
         return "other"
     found = words(vector.label)

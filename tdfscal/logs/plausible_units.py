@@ -8,8 +8,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from tdfscal.logs import units
 from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.request import UNITS, Quantity, canonical, unit_factor
 from tdfscal.logs.text.cells import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
 
@@ -53,7 +53,7 @@ def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
     known = 0.0
     if rig is not None and rig.n == len(positions):
         known = _middle(_between(rig.hinge[:, None, :]))
-    fitting = next((u for u in ("m", "mm") if far * units.factor("position", u) <= _LONGEST), "um")
+    fitting = next((u for u in ("m", "mm") if far * UNITS["position"][u] <= _LONGEST), "um")
     hinges = f" and the rig's hinges {known:.4g} m" if known else ""
     return _proposed(
         "position", far, known, fitting, positions[0].unit, "the NCPs are {} apart" + hinges
@@ -90,8 +90,8 @@ def _proposed(
     if stated is None:
         key = {"position": "length_unit", "force": "force_unit"}[quantity]
         return Finding(fitting, (f"{key}: {fitting}, as {said.format(f'{size:.4g} {fitting}')}",))
-    unit = units.canonical(stated)
-    value = size * units.factor(quantity, unit)
+    unit = canonical(stated)
+    value = size * UNITS[quantity][unit]
     limits, si = {"position": (_APART, "m"), "force": (_WEIGHT, "N")}[quantity]
     if size <= 0.0 or (unit == fitting if known else _within(value, limits)):
         return Finding(unit)
@@ -103,18 +103,18 @@ def time_unit(column: Column, suffix: str) -> Finding:
     """The unit in which the samples' interval is a recorder's; suffix: the name's last word."""
     fitting = fitting_time_unit(column)
     step = f"the step of {column.name} is {column.step:.4g}"
-    if column.unit is not None and units.measures("time", column.unit):
-        unit = units.canonical(column.unit)
+    if column.unit is not None and unit_factor("time", column.unit) is not None:
+        unit = canonical(column.unit)
         if fitting is None or _recordable(column, unit):
             return Finding(unit)
         what = f"{step} {unit}, which is no recorder's interval"
         return _contradicted(unit, what, fitting, rig=False)
-    named = units.canonical(suffix)
-    if named in units.known_units("time") and (fitting is None or _recordable(column, named)):
+    named = canonical(suffix)
+    if named in UNITS["time"] and (fitting is None or _recordable(column, named)):
         return Finding(named)
     if fitting is None:
         return Finding("s", (f"the unit of {column.name} is unclear; s is taken",))
-    doubt = f", though its name says {named}" if named in units.known_units("time") else ""
+    doubt = f", though its name says {named}" if named in UNITS["time"] else ""
     return Finding(fitting, (f"time unit: {fitting}, as {step} {fitting}{doubt}",))
 
 
@@ -122,8 +122,8 @@ def fitting_time_unit(column: Column) -> str | None:
     """The first of s, ms, us, ns in which the column can be a recording's time, if any."""
     whole = bool((column.value == np.rint(column.value)).all())
     span = float(column.value[-1] - column.value[0])
-    for unit in units.known_units("time"):
-        factor = units.factor("time", unit)
+    for unit in UNITS["time"]:
+        factor = UNITS["time"][unit]
         longest = _WHOLE if whole and unit == "s" else _INTERVAL[1]
         long_enough = unit == "s" or span * factor >= _SHORTEST
         if long_enough and _within(column.step * factor, (_INTERVAL[0], longest)):
@@ -144,7 +144,7 @@ def declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
     fitting = fitting_time_unit(column)
     if fitting in (None, unit) or _recordable(column, unit):
         return []
-    step = column.step * units.factor("time", unit)
+    step = column.step * UNITS["time"][canonical(unit)]
     return [
         f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
         f"which is no recorder's interval; `unit: {fitting}` would fit"
@@ -160,7 +160,7 @@ def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Finding:
 
 def _recordable(column: Column, unit: str) -> bool:
     """Can a log be recorded at the column's step in this unit?"""
-    return _within(column.step * units.factor("time", unit), (_INTERVAL[0], _PATIENCE))
+    return _within(column.step * UNITS["time"][canonical(unit)], (_INTERVAL[0], _PATIENCE))
 
 
 def _between(points: FloatArray) -> FloatArray:
@@ -175,13 +175,13 @@ def _middle(value: FloatArray) -> float:
     return float(np.median(finite)) if finite.size else 0.0
 
 
-def _nearest(quantity: units.Quantity, value: float, known: float) -> str:
+def _nearest(quantity: Quantity, value: float, known: float) -> str:
     """The unit in which a value comes nearest to what it should be, by ratio."""
 
     def off(unit: str) -> float:
-        return abs(float(np.log(max(value, 1e-9) * units.factor(quantity, unit) / known)))
+        return abs(float(np.log(max(value, 1e-9) * UNITS[quantity][unit] / known)))
 
-    return min(units.known_units(quantity), key=off)
+    return min(UNITS[quantity], key=off)
 
 
 def _within(value: float, limits: tuple[float, float]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,10 @@ from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import fingerprint, note_outside
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.clock import shown
-from tdfscal.logs.formats import files_of, open_log
+from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
 from tdfscal.logs.recorders import files_by_recorder, on_one_clock
 from tdfscal.logs.request import Request, make_request, without_axis
-from tdfscal.logs.rosbag2 import METADATA, Bag
 from tdfscal.logs.streams import Streams, as_log
 from tdfscal.records import BoolArray, Log, LogMapping, LogTruncated, Series
 
@@ -79,10 +79,12 @@ def iter_log(
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
     mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
     groups: Sequence[tuple[LogMapping | None, Sequence[Path]]] = [(None, paths)]
-    if mappings:
+    if len(mappings) > 1 or any(mapping.files for mapping in mappings):
         groups = files_by_recorder(paths, mappings)
-    sources = [(mapping, files_of(own)) for mapping, own in groups]
-    total = max(sum(path.stat().st_size for _, files in sources for path, _ in files), 1)
+    elif mappings:
+        groups = [(mappings[0], paths)]
+    sizes = [path.stat().st_size for _, own in groups for path, _ in files_of(own)]
+    total = max(sum(sizes), 1) * (1 if len(groups) == 1 else 2)  # several are read twice
     before = 0
 
     def reached(position: int, whole: int = 0) -> None:
@@ -93,12 +95,12 @@ def iter_log(
             progress(min((before + position) / total, 1.0))
 
     streams = []
-    for mapping, files in sources:
+    for mapping, own in groups:
         request = make_request(mapping, supports, axes)
         if axes is not None and not axes.all():
-            _check_silent(files[0][0], make_request(mapping, supports), axes)
-        streams.append((request.mapping, _campaign(files, request, reached)))
-    pieces = streams[0][1] if len(streams) == 1 else on_one_clock(streams)
+            _check_silent(expand(own)[0], make_request(mapping, supports), axes)
+        streams.append((request.mapping, partial(_campaign, own, request, reached)))
+    pieces = streams[0][1]() if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -122,14 +124,12 @@ def concatenate(pieces: Iterable[Log]) -> Log:
     )
 
 
-def _campaign(
-    files: Sequence[tuple[Path, Bag | None]], request: Request, told: Callable[..., None]
-) -> Iterator[Log]:
+def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]) -> Iterator[Log]:
     """Read the files of one recorder, one after the other; told : how far."""
     reached = np.full(len(request.signals), -np.inf)
     row = 0
-    bags = dict(files)
-    for path in _in_sequence([path for path, _ in files], request):
+    bags = dict(files_of(given))
+    for path in _in_sequence([*bags], request) if len(bags) > 1 else bags:
         bag = bags[path]
         streams = Streams(request, reached, row)
         file = open_log(path, bag)
@@ -181,8 +181,6 @@ def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
 
 def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     """Order the files by their first time."""
-    if len(paths) == 1:
-        return list(paths)
     starts: dict[Path, float] = {}
     untimed = 0
     for path in paths:

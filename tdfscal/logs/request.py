@@ -1,18 +1,48 @@
-"""What is wanted of a log, and the pieces that the readers of all formats hand back."""
+"""What is wanted of a log, in which units, and the pieces that the readers of all formats give."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.yaml import shorten
-from tdfscal.logs import units
-from tdfscal.records import BoolArray, FloatArray, LogMapping, Scale
+from tdfscal.records import BoolArray, FloatArray, LogMapping
+
+Quantity = Literal["position", "force", "time"]
+
+UNITS: Final[dict[Quantity, dict[str, float]]] = {
+    "position": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "force": {"N": 1.0, "kN": 1e3},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
+"""Units that can be declared, and their factors to SI."""
+_SPELLINGS: Final = {"µm": "um", "μm": "um", "µs": "us", "μs": "us", "sec": "s"}
+# Units that recorders write and that are none of ours: naming one is a disagreement, not a name.
+_FOREIGN: Final = frozenset(
+    {"in", "inch", "ft", "cm", "dm", "km", "mil", "lbf", "lb", "kp", "kgf", "gf", "mN", "MN", "dN"}
+    | {"daN", "V", "mV", "mV/V", "A", "deg", "rad", "g", "kg", "h", "min", "counts", "raw", "%"}
+)
+
+
+def canonical(unit: str) -> str:
+    """Return the one spelling of a unit: µm and um are the same."""
+    return _SPELLINGS.get(unit.strip(), unit.strip())
+
+
+def unit_factor(quantity: Quantity, unit: str) -> float | None:
+    """Return the factor to SI of a unit however it is spelt; None where it is none of `UNITS`."""
+    return UNITS[quantity].get(_SPELLINGS.get(unit.strip(), unit.strip()))
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether a text is a unit of measurement, ours or another."""
+    unit = canonical(text)
+    return unit in _FOREIGN or any(unit in table for table in UNITS.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +139,15 @@ def make_request(
     declared = mapping is not None
     if mapping is None:
         mapping = LogMapping.default(tuple(supports))
-    length = _factor("position", mapping.length_unit, "length_unit")
-    force = _factor("force", mapping.force_unit, "force_unit")
-    _factor("time", mapping.time_unit, "time.unit")
-    sign = -1.0 if mapping.force_on == "sensor" else 1.0
+    declarations: tuple[tuple[Quantity, str, str], ...] = (
+        ("position", mapping.length_unit, "length_unit"),
+        ("force", mapping.force_unit, "force_unit"),
+        ("time", mapping.time_unit, "time.unit"),
+    )
+    for quantity, unit, place in declarations:
+        if unit_factor(quantity, unit) is None:
+            hint = f"use one of {', '.join(UNITS[quantity])}"
+            raise RigError(f"unknown unit {unit!r}", where=f"log.{place}", hint=hint)
     signals: dict[int, Signal] = {}
     for number, name in enumerate(supports):
         if name not in mapping.supports:
@@ -123,44 +158,40 @@ def make_request(
             )
         i = mapping.supports.index(name)
         measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
-        moves = Signal(name, "position", mapping.position[i], (length,) * 3, mapping.length_unit)
-        loads = Signal(name, "force", mapping.force[i], (sign * force,) * 3, mapping.force_unit)
+        moves = _signal(mapping, "position", i, mapping.position[i])
+        # Without a sensor it reads 0, at the times of the positions.
+        loads = _signal(
+            mapping, "force", i, mapping.force[i] if measured.any() else mapping.position[i]
+        )
         if moves.fields:
-            signals[2 * number] = _scaled(moves, mapping.position_scale[i : i + 1], 1.0)
-        if not measured.any():
-            loads = replace(loads, fields=moves.fields)  # no sensor: it reads 0 at their times
+            signals[2 * number] = moves
         if loads.fields:
-            loads = _scaled(loads, mapping.force_scale[i : i + 1], sign)
-            lacks = not measured.all()
-            signals[2 * number + 1] = loads.lacking(measured, moves) if lacks else loads
+            whole = bool(measured.all())
+            signals[2 * number + 1] = loads if whole else loads.lacking(measured, moves)
     for k, (field, owner) in enumerate(zip(mapping.temperature, supports, strict=False)):
         name = owner if len(mapping.temperature) > 1 else "the rig"
         signals[2 * len(supports) + k] = Signal(name, "temperature", (field,) * 3, (1.0,) * 3)
     return Request(tuple(supports), tuple(signals.values()), tuple(signals), mapping, declared)
 
 
-def _factor(quantity: units.Quantity, unit: str, place: str) -> float:
-    if not units.measures(quantity, unit):
+def _signal(
+    mapping: LogMapping, quantity: Literal["position", "force"], i: int, fields: tuple[str, ...]
+) -> Signal:
+    """The signal of support i, with factors where the mapping states them in place of its unit."""
+    name = mapping.supports[i]
+    if len(fields) not in (0, 1, 3):
         raise RigError(
-            f"unknown unit {unit!r}",
-            where=f"log.{place}",
-            hint=f"use one of {', '.join(units.known_units(quantity))}",
+            f"expected three fields, or one with members x, y, z, got {len(fields)}",
+            where=f"log.supports.{name}",
         )
-    return units.factor(quantity, unit)
-
-
-def _scaled(signal: Signal, stated: Sequence[Scale | None], sign: float) -> Signal:
-    """The signal, checked, with factors where the mapping states them in place of its unit."""
-    if len(signal.fields) not in (1, 3):
-        raise RigError(
-            f"expected three fields, or one with members x, y, z, got {len(signal.fields)}",
-            where=f"log.supports.{signal.support}",
-        )
-    for scale in stated:
-        if scale is not None:
-            x, y, z = scale
-            return replace(signal, factors=(sign * x, sign * y, sign * z), unit=None)
-    return signal
+    unit, scales = mapping.length_unit, mapping.position_scale
+    if quantity == "force":
+        unit, scales = mapping.force_unit, mapping.force_scale
+    stated = scales[i] if scales else None
+    x, y, z = stated or (UNITS[quantity][canonical(unit)],) * 3
+    sign = -1.0 if quantity == "force" and mapping.force_on == "sensor" else 1.0
+    factors = (sign * x, sign * y, sign * z)
+    return Signal(name, quantity, fields, factors, None if stated else unit)
 
 
 def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:
@@ -195,21 +226,3 @@ def without_axis(error: DataError, request: Request) -> DataError:
             )
             return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)
     return error
-
-
-def join(pieces: Sequence[Piece]) -> Piece:
-    """Put consecutive pieces together, clock by clock."""
-    if len(pieces) == 1:
-        return pieces[0]
-    by_clock: dict[str, list[Block]] = {}
-    for piece in pieces:
-        for block in piece:
-            by_clock.setdefault(block.clock, []).append(block)
-    return tuple(
-        Block(
-            clock,
-            np.concatenate([b.time for b in blocks]),
-            {s: np.concatenate([b.value[s] for b in blocks]) for s in blocks[0].value},
-        )
-        for clock, blocks in by_clock.items()
-    )

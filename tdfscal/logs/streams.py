@@ -48,64 +48,63 @@ class Streams:
         self.count = np.zeros(len(reached), dtype=np.int64)
 
     def passed(self, piece: Piece) -> list[Block]:
-        """Leave out the samples that do not ascend; refuse what cannot be."""
-        blocks = [part for block in piece for part in self._parted(self._ascending(block))]
+        """Leave out the samples that do not ascend or stand alone; refuse what cannot be."""
+        blocks: list[Block] = []
+        for block in piece:
+            if block.clock == "row" and self._row:  # without a time, rows count on over the files
+                block = replace(block, time=block.time + self._row)
+            if block.clock not in self._clocks:
+                before = max(float(self._reached[number]) for number in block.value)
+                if block.time.size and block.time[0] < before:
+                    raise DataError(
+                        f"{block.clock} starts at {shown(block.time[0])} s, before the end of "
+                        f"another log at {shown(before)} s",
+                        hint="logs of one campaign follow each other; leave out the one that "
+                        "overlaps",
+                    )
+                rows = self._request.mapping.rows
+                self._clocks[block.clock] = Clock(block.clock, rows, before)
+            keep = self._clocks[block.clock].ascending(block.time)
+            if keep is not None:
+                block = block.at(keep)
+            together = dict(block.value)
+            for number, value in block.value.items():
+                lone = self._lone.get(number)
+                keep = None if lone is None else lone.others(block.time, value)
+                if keep is not None:
+                    own = {number: together.pop(number)}
+                    blocks.append(Block(block.clock, block.time, own).at(keep))
+            if together:
+                blocks.append(Block(block.clock, block.time, together))
         for block in blocks:
-            self._check_size(block)
-            for number in block.value:
+            for number, value in block.value.items():
+                limit, _ = _LARGEST[self._request.signals[number].quantity]
+                if value.size and not (value.max() <= limit and value.min() >= -limit):
+                    self._refuse_size(block, number)
                 self.count[number] += block.time.size
                 if block.time.size:
                     self.last[number] = block.time[-1]
         return blocks
 
-    def _ascending(self, block: Block) -> Block:
-        if block.clock == "row" and self._row:  # without a time, rows count on over the files
-            block = replace(block, time=block.time + self._row)
-        if block.clock not in self._clocks:
-            before = max(float(self._reached[number]) for number in block.value)
-            self._clocks[block.clock] = Clock(block.clock, self._request.mapping.rows, before)
-            if block.time.size and block.time[0] < before:
-                raise DataError(
-                    f"{block.clock} starts at {shown(block.time[0])} s, before the end of another "
-                    f"log at {shown(before)} s",
-                    hint="logs of one campaign follow each other; leave out the one that overlaps",
-                )
-        keep = self._clocks[block.clock].ascending(block.time)
-        return block if keep is None else block.at(keep)
-
-    def _parted(self, block: Block) -> Iterator[Block]:
-        """The block; signals of which a reading stands alone by themselves, without that."""
-        together = dict(block.value)
-        for number, value in block.value.items():
-            lone = self._lone.get(number)
-            keep = None if lone is None else lone.others(block.time, value)
-            if keep is not None:
-                own = {number: together.pop(number)}
-                yield Block(block.clock, block.time, own).at(keep)
-        if together:
-            yield Block(block.clock, block.time, together)
-
-    def _check_size(self, block: Block) -> None:
+    def _refuse_size(self, block: Block, number: int) -> None:
         """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
-        for number, value in block.value.items():
-            signal = self._request.signals[number]
-            limit, unit = _LARGEST[signal.quantity]
-            if not value.size or (value.max() <= limit and value.min() >= -limit):
-                continue
-            over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
-            if over.size:
-                raise DataError(
-                    f"the {signal.quantity} of {signal.support} is "
-                    f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
-                    hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
-                    "the largest value read",
-                )
+        signal = self._request.signals[number]
+        limit, unit = _LARGEST[signal.quantity]
+        size = np.abs(block.value[number]).max(axis=1)
+        k = int(np.argmax(size > limit))
+        raise DataError(
+            f"the {signal.quantity} of {signal.support} is {size[k]:.3g} {unit} at "
+            f"{shown(block.time[k])} s",
+            hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
+            "the largest value read",
+        )
 
     def findings(self, file: LogFile) -> list[Finding]:
         """What is to be said at the file's end; refuses a file that lacks a signal."""
         clocks = tuple(self._clocks.values())
-        said = [*file.findings, *(f for clock in clocks for f in clock.finish()), *apart(clocks)]
-        said += [what for lone in self._lone.values() for what in lone.findings()]
+        said = [*file.findings, *(f for clock in clocks for f in clock.finish())]
+        said += apart(clocks) if len(clocks) > 1 else []
+        said += [lone.finding() for lone in self._lone.values() if lone.count]
         for signal, count in zip(self._request.signals, self.count, strict=True):
             if count:
                 continue
@@ -154,9 +153,14 @@ class LoneReadings:
         if len(time) < _FEWEST:
             return None
         step = np.diff(value, axis=0)
-        usual = _usual(step)
+        # Mean size of some of the steps.
+        usual = np.abs(step[:: max(min(_GLANCE, len(step) // _ENOUGH), 1)]).mean(axis=0)
         unusual = np.maximum(step.max(axis=0), -step.min(axis=0)) > _UNUSUAL * usual
-        found = [(k, axis) for axis in np.flatnonzero(unusual) for k in _lone(value[:, axis])]
+        found = [
+            (k, axis)
+            for axis in np.flatnonzero(unusual)
+            for k in _lone(value[:, axis], usual[axis])
+        ]
         if not found:
             return None
         if self._first is None:
@@ -167,11 +171,9 @@ class LoneReadings:
         self.count += int(np.count_nonzero(~keep))
         return keep
 
-    def findings(self) -> list[Finding]:
+    def finding(self) -> Finding:
         """Say how many there were, and where the first one."""
-        if self._first is None:
-            return []
-        at, lone, before = self._first
+        at, lone, before = self._first or (np.nan,) * 3
         values: dict[str, Value] = {
             "signal": self._signal.quantity,
             "samples": self._samples,
@@ -180,21 +182,16 @@ class LoneReadings:
             "before": before,
             "lone_unit": {"position": "m", "force": "N"}[self._signal.quantity],
         }
-        return [Finding("readings-alone", (self._signal.support,), self.count, values=values)]
+        return Finding("readings-alone", (self._signal.support,), self.count, values=values)
 
 
-def _usual(step: FloatArray) -> FloatArray:
-    """Mean size of some of the steps (N, ...)."""
-    return np.asarray(np.abs(step[:: max(min(_GLANCE, len(step) // _ENOUGH), 1)]).mean(axis=0))
-
-
-def _lone(value: FloatArray) -> Iterator[int]:
-    """Samples of an axis (N,) that stand alone."""
+def _lone(value: FloatArray, usual: float) -> Iterator[int]:
+    """Samples of an axis (N,) that stand alone; usual : size of its steps."""
     step = np.diff(value)
     size = np.abs(step)
     height = np.minimum(size[:-1], size[1:])
     back = (step[:-1] < 0.0) != (step[1:] < 0.0)
-    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * _usual(step))) + 1
+    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * usual)) + 1
     if not candidates.size:
         return
     quiet = size.copy()

@@ -10,12 +10,12 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Clock, Skew
+from tdfscal.logs.clock import Clock
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, shown
-from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
+from tdfscal.logs.messages.topics import UNREADABLE, Skew, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
 MAX_DEPARTURE: Final = 1.0

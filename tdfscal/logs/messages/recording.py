@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar, Final
 
+import numpy as np
 from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
 from tdfscal.logs.contents import Contents, Format, Stream
+from tdfscal.logs.formats import Bag
 from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.contents import TopicLook
 from tdfscal.logs.messages.topics import Topics
-from tdfscal.logs.request import Piece, Request, join
-from tdfscal.logs.rosbag2 import Bag
+from tdfscal.logs.request import Block, Piece, Request
 
 _ENOUGH: Final = 1 << 14  # samples of a piece
 
@@ -78,10 +79,10 @@ class Recording(LogFile):
             waiting.append(piece)
             size += max(block.time.size for block in piece)
             if size >= _ENOUGH:
-                yield join(waiting)
+                yield _join(waiting)
                 waiting, size = [], 0
         if waiting:
-            yield join(waiting)
+            yield _join(waiting)
         topics.check_complete()
         if self._bag is not None:
             found: Counter[str] = Counter()
@@ -116,3 +117,21 @@ class Recording(LogFile):
             tuple(sorted(vectors, key=lambda v: v.fields)),
             problems=tuple(f"{t.name}: {t.problem}" for t in topics.values() if t.problem),
         )
+
+
+def _join(pieces: Sequence[Piece]) -> Piece:
+    """Put consecutive pieces together, clock by clock."""
+    if len(pieces) == 1:
+        return pieces[0]
+    by_clock: dict[str, list[Block]] = {}
+    for piece in pieces:
+        for block in piece:
+            by_clock.setdefault(block.clock, []).append(block)
+    return tuple(
+        Block(
+            clock,
+            np.concatenate([b.time for b in blocks]),
+            {s: np.concatenate([b.value[s] for b in blocks]) for s in blocks[0].value},
+        )
+        for clock, blocks in by_clock.items()
+    )

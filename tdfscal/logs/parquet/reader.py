@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.yaml import shorten
-from tdfscal.logs import units
 from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.date_times import DATES, has_zone, is_date_time, seconds_of_all
 from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
@@ -31,7 +30,7 @@ from tdfscal.logs.parquet.columns import (
     lists_of,
     open_parquet,
 )
-from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.request import UNITS, Piece, Request, canonical
 from tdfscal.logs.table import (
     TICKS,
     Sampled,
@@ -169,7 +168,7 @@ def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatA
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         return _numbers(column.cast(pa.int64()), name, row) / TICKS[kind.unit]
     if not pa.types.is_string(kind):
-        return _numbers(column, name, row) * units.factor("time", request.mapping.time_unit)
+        return _numbers(column, name, row) * UNITS["time"][canonical(request.mapping.time_unit)]
     if column.null_count:
         raise _empty(name, row + int(np.argmax(holes(column))))
     if len(column) and not row and not is_date_time(column[0].as_py()):

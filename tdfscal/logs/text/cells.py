@@ -8,7 +8,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
 
-from tdfscal.logs import units
+from tdfscal.logs.request import is_unit
 
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 _REMARK = "#%/"
@@ -60,9 +60,9 @@ def split_label(cell: str, wanted: Collection[str] = ()) -> tuple[str, str | Non
     if match is None:
         return cell, None
     unit = match["square"] if match["square"] is not None else match["round"]
-    is_unit = units.is_unit(unit)
-    name = cell if cell in wanted or not is_unit else match["name"].strip().strip('"')
-    return name, unit.strip() if is_unit else None
+    known = is_unit(unit)
+    name = cell if cell in wanted or not known else match["name"].strip().strip('"')
+    return name, unit.strip() if known else None
 
 
 def row_cells(rows: Sequence[str], separator: str, header: Sequence[str]) -> int:

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.logs import units
 from tdfscal.logs.date_times import has_zone, is_date_time
 from tdfscal.logs.log_file import AGAIN, placed
-from tdfscal.logs.request import Request, Signal
+from tdfscal.logs.request import UNITS, Quantity, Request, Signal, canonical, is_unit, unit_factor
 from tdfscal.logs.table import columns_of, takes_turns
 from tdfscal.logs.text.cells import (
     fits_header,
@@ -167,24 +166,24 @@ def _units_row(lines: Sequence[str], header: Head, columns: Sequence[int]) -> di
     if not fits_header(cells, header.cells) or not columns:
         return {}
     stated = {c: cells[c] for c in columns if cells[c]}
-    if not stated or not all(units.is_unit(unit) for unit in stated.values()):
+    if not stated or not all(is_unit(unit) for unit in stated.values()):
         return {}
     return stated
 
 
 def _unit(
-    quantity: units.Quantity, declared: str, stated: str | None, request: Request, cell: str
+    quantity: Quantity, declared: str, stated: str | None, request: Request, cell: str
 ) -> float:
     """Return the factor to SI of a column whose header states a unit, or states none."""
-    if stated is None or units.canonical(stated) == units.canonical(declared):
-        return units.factor(quantity, declared)
-    known = units.measures(quantity, stated)
-    if request.declared or not known:
+    if stated is None or canonical(stated) == canonical(declared):
+        return UNITS[quantity][canonical(declared)]
+    factor = unit_factor(quantity, stated)
+    if request.declared or factor is None:
         raise DataError(
             f"column {cell!r} is in {stated}, the mapping says {declared}",
             hint=f"state the unit of the {quantity} in the log block of rig.yaml"
-            if known
-            else f"record the {quantity} in one of {', '.join(units.known_units(quantity))}",
+            if factor is not None
+            else f"record the {quantity} in one of {', '.join(UNITS[quantity])}",
             fields=(cell, split_label(cell)[0]),
         )
-    return units.factor(quantity, stated)
+    return factor

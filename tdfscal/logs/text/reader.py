@@ -12,11 +12,10 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow
-from tdfscal.logs import units
 from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.date_times import has_zone, is_date_time, seconds_of_all
 from tdfscal.logs.log_file import LogFile, mapped
-from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.request import Piece, Request, is_unit
 from tdfscal.logs.table import repeated, sampled, table_contents, table_piece
 from tdfscal.logs.text.cells import (
     decimal_of,
@@ -141,7 +140,7 @@ class _Table:
         row = [cell.strip("[]() ") for cell in rows[0]] if rows else []
         if not fits_header(row, head.cells) or any(is_number(c, self.decimal) for c in row):
             return None
-        return {k: cell for k, cell in enumerate(row) if units.is_unit(cell)}
+        return {k: cell for k, cell in enumerate(row) if is_unit(cell)}
 
     def parsed(self, block: bytes, *, whole: bool) -> pa.Table:
         """Parse whole lines; those with another number of cells are left out, and noted."""
