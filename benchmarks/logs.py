@@ -148,7 +148,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[3])
 from benchmarks.logs import work
 import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.logs.text.reader
-import tdfscal.logs.parquet.reader, tdfscal.logs.messages.mcap
+import tdfscal.logs.parquet, tdfscal.logs.messages.mcap
 start, cpu = time.perf_counter(), time.process_time()
 count = work(sys.argv[1], Path(sys.argv[2]))
 took, cpu = time.perf_counter() - start, time.process_time() - cpu

@@ -14,7 +14,7 @@ from pathlib import Path
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.yaml import as_path
 from tdfscal.logs import Moment, TimeWindow
-from tdfscal.logs.date_times import seconds_of
+from tdfscal.logs.table import seconds_of
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]

@@ -22,6 +22,11 @@ GAP = 5.0
 MAX_APART = 1.0
 """A stream that begins or ends by more than this many seconds apart from the others is reported."""
 
+MAX_SKEW = 0.1
+"""A header time that departs by more than this from its usual offset to log time is counted, s."""
+MAX_CLOCK_OFFSET = 1.0
+"""A usual offset of header time to log time beyond this is reported, s."""
+
 # Intervals are counted in bins of a relative width of 1 %, so that the memory is bounded.
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
@@ -210,3 +215,42 @@ def apart(clocks: Sequence[Clock]) -> list[Finding]:
         if found:
             said.append(Finding(code, tuple(found), max(found.values()), "s"))
     return said
+
+
+class Skew:
+    """Header times against the recorder's, over one topic: how many; the worst departure, s.
+
+    A header that is never filled in (all zero) is no time and is not compared.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.worst = 0.0
+        self._usual = np.nan
+        self._far = 0
+
+    def note(self, header: FloatArray, log: FloatArray) -> None:
+        """Take in times of the same messages, (N,), s."""
+        if not header.size or not header.any():
+            return
+        skew = header - log
+        if not self.count:
+            self._usual = float(np.median(skew))
+        self.count += skew.size
+        away = np.abs(skew - self._usual)
+        self._far += int(np.count_nonzero(away > MAX_SKEW))
+        self.worst = max(self.worst, float(away.max()))
+
+    def findings(self, topic: str) -> list[Finding]:
+        """Name where the two clocks part."""
+        found = []
+        if abs(self._usual) > MAX_CLOCK_OFFSET:
+            found.append(Finding("header-clock-off", (topic,), self._usual, "s"))
+        if self._far:
+            values: dict[str, Value] = {
+                "count": self.count,
+                "departing": self._far,
+                "limit": MAX_SKEW,
+            }
+            found.append(Finding("header-clock-departs", (topic,), self.worst, "s", values=values))
+        return found

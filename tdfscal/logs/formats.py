@@ -225,7 +225,7 @@ def looks_recorded(path: Path) -> bool:
     """
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
-    from tdfscal.logs.text.file import lines_of
+    from tdfscal.logs.text import lines_of
     from tdfscal.logs.text.head import numbered_columns
 
     try:
@@ -246,7 +246,7 @@ def open_log(path: Path, bag: Bag | None = None) -> LogFile:
     """
     match _suffix(path):
         case ".parquet":
-            from tdfscal.logs.parquet.reader import ParquetLog
+            from tdfscal.logs.parquet import ParquetLog
 
             return ParquetLog(path)
         case ".mcap":
@@ -254,11 +254,11 @@ def open_log(path: Path, bag: Bag | None = None) -> LogFile:
 
             return McapFile(path, bag)
         case ".db3":
-            from tdfscal.logs.messages.bags import SqliteBag
+            from tdfscal.logs.messages.recording import SqliteBag
 
             return SqliteBag(path, bag)
         case ".bag":
-            from tdfscal.logs.messages.bags import Ros1Bag
+            from tdfscal.logs.messages.recording import Ros1Bag
 
             return Ros1Bag(path, bag)
         case suffix if suffix in _TEXT:

@@ -19,7 +19,6 @@ from tdfscal.errors import (
     UsageError,
 )
 from tdfscal.logs import clock
-from tdfscal.logs.messages import topics
 from tdfscal.logs.messages.mcap import MAX_CHUNK
 from tests.docs.pages import section, text
 
@@ -70,7 +69,7 @@ def test_limits_of_logs() -> None:
     for said in (
         f"a chunk of more than {MAX_CHUNK >> 20} MiB",
         f"steps back by up to {clock.MAX_STEP_BACK:g} s",
-        f"by more than {topics.MAX_SKEW:g} s are counted",
+        f"by more than {clock.MAX_SKEW:g} s are counted",
         f"Above {DwellOptions().max_bins:,} bins",
     ):
         assert said in words

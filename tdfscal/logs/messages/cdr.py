@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tdfscal.logs.messages.buffer import DATA, Messages, gather
-from tdfscal.logs.messages.encodings import Named, Path, shown
+from tdfscal.logs.messages import DATA, Messages, gather
+from tdfscal.logs.messages.encodings import Named, Path, path_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]
@@ -62,7 +62,7 @@ def layout_of(
         raise ValueError(f"it has {len(data)} bytes where its type takes {walk.position}")
     for k, path in enumerate(paths):
         if k not in walk.places:
-            raise ValueError(f"it has no number at {shown(path)}")
+            raise ValueError(f"it has no number at {path_text(path)}")
     places = tuple(walk.places[k] for k in range(len(paths)))
     return Layout(places, tuple(walk.guards), len(data))
 

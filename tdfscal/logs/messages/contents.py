@@ -10,12 +10,12 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Clock
+from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
-from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, shown
-from tdfscal.logs.messages.topics import UNREADABLE, Skew, encoding_of
+from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, path_text
+from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
 MAX_DEPARTURE: Final = 1.0
@@ -113,15 +113,15 @@ class TopicLook:
                 named = leaf.axes if leaf.label else (leaf.path,)
                 vectors.append(
                     Vector(
-                        fields=tuple(self.name + shown(path) for path in named),
-                        label=self.name + (leaf.label or shown(leaf.path)),
+                        fields=tuple(self.name + path_text(path) for path in named),
+                        label=self.name + (leaf.label or path_text(leaf.path)),
                         kind=f"{self._kind} {leaf.path[0] if leaf.label else leaf.kind}",
                         unit=None,
                         time=time[order],
                         value=three[order],
                     )
                 )
-            name = shown(leaf.path).removeprefix(".")
+            name = path_text(leaf.path).removeprefix(".")
             fields.append(Field(name, leaf.kind, None, low, high))
         stream = Stream(
             self.name, self._kind, count, tuple(fields), start, end, stamped, unusable, self._joints

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from tdfscal.errors import RigError
-from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages import Messages
 from tdfscal.records import FloatArray
 
 Step = str | int
@@ -67,7 +67,7 @@ def parse_steps(rest: str, whole: str) -> Path:
     return tuple(steps)
 
 
-def shown(steps: Path) -> str:
+def path_text(steps: Path) -> str:
     """Return steps as text."""
     return "".join(map(_shown, steps))
 
@@ -89,7 +89,7 @@ Read = Callable[[Messages], FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A number or a list in a message, or what has three axes: paths to them, in the order x, y, z.
+    """A number or a list in a message, or what has three axes: paths to x, y, z.
 
     label : name that says what it is, where that is not the path.
     """
@@ -172,7 +172,7 @@ class OneByOne(Encoding):
         for path in paths:
             number = self._number(message, path)
             if number is None:
-                raise ValueError(f"it has no number at {shown(path)}")
+                raise ValueError(f"it has no number at {path_text(path)}")
             row.append(number)
         return row
 

@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
-from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages import Messages
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
 from tdfscal.logs.messages.encodings import (
     MAX_DEPTH,
@@ -22,7 +22,7 @@ from tdfscal.logs.messages.encodings import (
     Path,
     Read,
     has_axes,
-    shown,
+    path_text,
 )
 from tdfscal.records import FloatArray
 
@@ -74,7 +74,7 @@ class Ros(Encoding):
         steps: list[str | int | Named] = []
         for k, step in enumerate(path):
             kind, detail = node
-            place = shown(path[:k]) or self._name
+            place = path_text(path[:k]) or self._name
             if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
                 steps.append(Named(step) if isinstance(step, str) else step)
                 node = detail[0]

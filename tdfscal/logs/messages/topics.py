@@ -1,28 +1,29 @@
-"""Which topic carries which signals, and how its messages are decoded."""
+"""Which topic carries which signals, how its messages are decoded, and what else a topic holds."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
+from typing import Final
 
 import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.findings import Finding, Value
-from tdfscal.logs.clock import shown
+from tdfscal.logs.clock import Skew, shown
 from tdfscal.logs.log_file import reason
-from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import Encoding, Json, Protobuf, parse_steps, topic_of
+from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.encodings import (
+    Encoding,
+    Json,
+    Protobuf,
+    parse_steps,
+    topic_of,
+)
 from tdfscal.logs.messages.encodings import Path as MessagePath
 from tdfscal.logs.messages.ros import Ros
 from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
-
-MAX_SKEW = 0.1
-"""A header time that departs by more than this from its usual offset to log time is counted, s."""
-MAX_CLOCK_OFFSET = 1.0
-"""A usual offset of header time to log time beyond this is reported, s."""
 
 Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
 """Messages of one channel → time (N,) in s, values (N, 3 · signals) as recorded."""
@@ -45,45 +46,6 @@ def encoding_of(channel: Channel, schema: Schema | None) -> Encoding:
     if encoding == "protobuf":
         return Protobuf(schema.name, schema.data)
     return Ros(schema, encoding)
-
-
-class Skew:
-    """Header times against the recorder's, over one topic: how many; the worst departure, s.
-
-    A header that is never filled in (all zero) is no time and is not compared.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.worst = 0.0
-        self._usual = np.nan
-        self._far = 0
-
-    def note(self, header: FloatArray, log: FloatArray) -> None:
-        """Take in times of the same messages, (N,), s."""
-        if not header.size or not header.any():
-            return
-        skew = header - log
-        if not self.count:
-            self._usual = float(np.median(skew))
-        self.count += skew.size
-        away = np.abs(skew - self._usual)
-        self._far += int(np.count_nonzero(away > MAX_SKEW))
-        self.worst = max(self.worst, float(away.max()))
-
-    def findings(self, topic: str) -> list[Finding]:
-        """Name where the two clocks part."""
-        found = []
-        if abs(self._usual) > MAX_CLOCK_OFFSET:
-            found.append(Finding("header-clock-off", (topic,), self._usual, "s"))
-        if self._far:
-            values: dict[str, Value] = {
-                "count": self.count,
-                "departing": self._far,
-                "limit": MAX_SKEW,
-            }
-            found.append(Finding("header-clock-departs", (topic,), self.worst, "s", values=values))
-        return found
 
 
 class Topics:
@@ -239,3 +201,10 @@ class Topics:
         if len(set(paths)) < sum(len(self._request.signals[n].own) for n in self._signals[topic]):
             raise ValueError("the mapping uses a field of the message twice")
         return paths
+
+
+MAX_DEPARTURE: Final = 1.0
+"""s; header times that leave their usual distance to the recorder's by more are no times."""
+_MAX_LEAVES: Final = 64
+_MOST_SAMPLES: Final = 1 << 14  # of a topic
+_STAMP: Final = ("header", "stamp", "sec")

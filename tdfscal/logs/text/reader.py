@@ -13,23 +13,33 @@ import pyarrow.csv as pa_csv
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow
 from tdfscal.logs.contents import SAMPLES, Contents
-from tdfscal.logs.date_times import has_zone, is_date_time, seconds_of_all
 from tdfscal.logs.log_file import LogFile, mapped
 from tdfscal.logs.request import Piece, Request, is_unit
-from tdfscal.logs.table import repeated, sampled, table_contents, table_piece
-from tdfscal.logs.text.cells import (
+from tdfscal.logs.table import (
+    has_zone,
+    is_date_time,
+    repeated,
+    sampled,
+    seconds_of_all,
+    table_contents,
+    table_piece,
+)
+from tdfscal.logs.text import EXPANDING, TextFile, open_text
+from tdfscal.logs.text.head import (
+    END,
+    SEARCHED,
+    Head,
     decimal_of,
     fits_header,
     is_number,
+    line_above_rows,
     number_in,
     row_cells,
+    scope_head,
     split_cells,
     split_label,
 )
-from tdfscal.logs.text.file import EXPANDING, TextFile, open_text
-from tdfscal.logs.text.head import END, SEARCHED, Head, line_above_rows, scope_head
-from tdfscal.logs.text.header import find_header
-from tdfscal.logs.text.rows import RowParser, Rows, single_spaces
+from tdfscal.logs.text.rows import RowParser, Rows, find_header, single_spaces
 
 _THREADS: Final = 2
 _GLANCE: Final = 1 << 16
@@ -54,15 +64,15 @@ class TextLog(LogFile):
                 for block, whole, fast in results:
                     if not whole and series:
                         continue
-                    rows = fast or parser.slow(block, line)
+                    value, lines = fast or parser.slow(block, line)
                     n = len(header.factors)
-                    vectors = rows.value[: 3 * n].reshape(n, 3, rows.count)
-                    time = None if header.time is None else rows.value[-1] * header.time_factor
+                    vectors = value[: 3 * n].reshape(n, 3, value.shape[1])
+                    time = None if header.time is None else value[-1] * header.time_factor
                     piece = table_piece(
                         request, vectors, header.factors, time, rows_before, sparse=header.sparse
                     )
-                    rows_before += rows.count
-                    line += rows.lines
+                    rows_before += value.shape[1]
+                    line += lines
                     self.position = file.position
                     yield piece
         if rows_before == 0 and file.cut_at is not None:
