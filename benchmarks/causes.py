@@ -24,7 +24,7 @@ import numpy as np
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (

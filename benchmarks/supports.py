@@ -28,8 +28,7 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Rig
-from tdfscal.selfcal.covariance import estimate
-from tdfscal.selfcal.estimator import at_state, fit
+from tdfscal.selfcal.estimator import at_state, estimate, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.selfcal.score_tests import suspicions

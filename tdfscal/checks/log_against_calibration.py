@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.checks import exchanges, log_against_rig
+from tdfscal.checks import log_against_rig
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
@@ -145,7 +145,7 @@ def _check_forces(given: Calibrated, seen: Samples) -> None:
 def _doubt(given: Calibrated, seen: Samples) -> tuple[Finding, ...]:
     """Name a wrench that another wiring explains, or that is of the weight's order."""
     found = wrenches(given, seen.time, seen.position, seen.force)
-    rewired = list(exchanges.rewired(given.rig, single(given, seen.position, seen.force)))
+    rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
     # First among equals: every axis of every sensor of the opposite sign is the reaction.
     words = ["log.force_on set to the other value", *(text for text, _ in rewired)]
     readings = [-seen.force, *(other.force for _, other in rewired)]

@@ -1,7 +1,7 @@
 """Offset and rate of a clock to a part of a sample: by single moves, and by the balance.
 
 When forces and positions pass the same levels on their way from rest to rest tells the lag, and
-how it changes from move to move the rate (`numerics.passing`). In motion the balance tells them.
+how it changes from move to move the rate (`numerics.streams`). In motion the balance tells them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.tracks import Track
 from tdfscal.numerics.distributions import widening
-from tdfscal.numerics.passing import line_through, times_of_passing
+from tdfscal.numerics.streams import line_through, times_of_passing
 from tdfscal.records import FloatArray
 
 _LONGEST = 60.0  # s; a longer way from rest to rest is no single move

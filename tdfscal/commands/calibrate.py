@@ -248,7 +248,7 @@ def _with_survey(
     from tdfscal.files.calibration.from_results import from_joint, from_tracker
     from tdfscal.model.calibrated import independent
     from tdfscal.records import Rotations
-    from tdfscal.selfcal.covariance import joint_posterior
+    from tdfscal.selfcal.estimator import joint_posterior
 
     if own is None:
         given = independent(rig, tracker.rotations.rotation, tracker.rotations.covariance)

@@ -18,7 +18,7 @@ from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report

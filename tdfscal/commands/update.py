@@ -38,12 +38,11 @@ from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
-from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.earlier import constants_known, free_constants, information_of
+from tdfscal.model.calibrated import constants_known, free_constants, information_of, with_rotations
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, InputFile, Measured, Rig
-from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
-from tdfscal.model.earlier import free_constants, of_load, same_load
+from tdfscal.model.calibrated import free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract
 from tdfscal.numerics.information import Information, nothing
 from tdfscal.records import FloatArray, IntArray, Rig

@@ -18,8 +18,7 @@ from tdfscal.comparison.common import Common
 from tdfscal.comparison.walk import others
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL, exact_rows
 from tdfscal.estimation.observation import Observation
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.earlier import free_constants
+from tdfscal.model.calibrated import Calibrated, free_constants
 from tdfscal.numerics.information import Information, inverse
 from tdfscal.records import ExactMoves, FloatArray, IntArray, Rotations
 from tdfscal.selfcal.estimator import Fit

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm, Check, Watching
 from tdfscal.comparison.walk import Intensity, intensity, log_likelihood, others
-from tdfscal.model.earlier import turned
+from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile

@@ -12,7 +12,7 @@ from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.walk import others
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, stated
-from tdfscal.model.earlier import free_constants, information_of, of_load
+from tdfscal.model.calibrated import free_constants, information_of, of_load
 from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
 from tdfscal.numerics.information import (
     Contrast,

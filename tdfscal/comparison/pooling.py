@@ -31,8 +31,7 @@ from tdfscal.estimation.observation import (
     unstated,
 )
 from tdfscal.findings import Finding
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
+from tdfscal.model.calibrated import Calibrated, free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
     CONSTANTS,
     State,

@@ -20,7 +20,7 @@ from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
-from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
+from tdfscal.model.calibrated import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Measured, Rig

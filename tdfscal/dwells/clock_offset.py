@@ -1,7 +1,7 @@
 """Offset between the clocks of positions and forces, and its rate, from moves between dwells.
 
 In a move both pass from one level to the next in step: when they do tells their offset, and how
-that changes from move to move the rate (`numerics.passing`).
+that changes from move to move the rate (`numerics.streams`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.passing import line_through, times_of_passing
+from tdfscal.numerics.streams import line_through, times_of_passing
 from tdfscal.records import BoolArray, Dwells, FloatArray
 
 _LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.estimation.fit import Fitted, Priors
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.earlier import free_constants
+from tdfscal.model.calibrated import Calibrated, free_constants
 from tdfscal.model.parameters import (
     LOAD,
     State,

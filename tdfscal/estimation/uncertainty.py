@@ -12,9 +12,8 @@ from tdfscal.estimation.fit import Fitted
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.numerics.distributions import MonteCarlo, chi2_sf, coverage_factor, propagate
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.monte_carlo import MonteCarlo, propagate
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
 

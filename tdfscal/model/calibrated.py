@@ -1,13 +1,30 @@
-"""A calibration as those see it who use it: every parameter of the rig with one covariance."""
+"""A calibration as those see it who use it, and as the next campaign's prior.
+
+Every parameter of the rig with one covariance; what earlier campaigns know of its constants.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State, layout, nominal, prior_std
-from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    LOAD,
+    State,
+    constants,
+    furthest,
+    layout,
+    nominal,
+    parameter_count,
+    prior_std,
+    retract,
+    vector,
+)
+from tdfscal.numerics.information import Information
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Rig, UncertainValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,3 +148,154 @@ def independent(
         open=unknown,
         joint=False,
     )
+
+
+#: A sensor that was mounted anew turns by about this much, rad per axis. Postures are not called
+#: outliers for a turn that all of them share.
+REMOUNTED = 5e-3
+#: A spin known no better than this, rad, is open: nothing linear holds along it.
+_OPEN = 0.3
+#: And is held within this, rad, while the others are sought.
+_PIN = 1e-3
+
+
+def free_constants(rig: Rig) -> BoolArray:
+    """Which parameters (P,) are constants of the rig and not exactly known.
+
+    Where earlier campaigns speak, those of which they do: a load stated otherwise is none of them.
+    """
+    if rig.earlier is not None:
+        return rig.earlier.places
+    return np.asarray(constants(rig.n) & (prior_std(rig) > 0))
+
+
+def of_load(rig: Rig) -> BoolArray:
+    """Which of the free constants (C,) are of the terminal."""
+    place, load = layout(rig.n), np.zeros(parameter_count(rig.n), dtype=np.bool_)
+    for group in LOAD:
+        load[place[group]] = True
+    return np.asarray(load[free_constants(rig)])
+
+
+def constants_known(rig: Rig, covariance: FloatArray) -> Information:
+    """Information (C,) on the free constants by all parameters' covariance; open ones are wide."""
+    free = free_constants(rig)
+    own = covariance[: len(free), : len(free)][np.ix_(free, free)]
+    wide = np.where(np.diagonal(own) > 0, 0.0, furthest(rig.n)[free])
+    own = own + np.diag(wide**2)
+    # The inverse, scaled.
+    return Information(Information(own, np.zeros(len(own))).covariance, np.zeros(len(own)))
+
+
+def informed(rig: Rig, given: Calibrated) -> Rig:
+    """Return a campaign's rig with what a calibration knows of the rig's constants."""
+    known = constants_known(given.rig, given.covariance)
+    return replace(rig, earlier=joint_prior(given.rig, given.state, known))
+
+
+def same_load(a: Rig, b: Rig) -> bool:
+    """Whether two rig files state the same terminal: one weighing, one realisation."""
+    return all(
+        np.array_equal(getattr(first, of), getattr(second, of))
+        for first, second in ((a.mass, b.mass), (a.barycentre, b.barycentre))
+        for of in ("value", "std")
+    )
+
+
+def joint_prior(
+    rig: Rig,
+    reference: State,
+    known: Information,
+    chi2: float = 0.0,
+    dof: int = 0,
+    *,
+    free: BoolArray | None = None,
+    but: BoolArray | None = None,
+    exact: Sequence[ExactMoves] = (),
+) -> JointPrior:
+    """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit.
+
+    free : (P,), which parameters they are, by default the rig's. but : (C,), those of them that do
+    not hold for this campaign. exact : (C,) rows, how the mean moves with what is taken as exact.
+
+    Estimates of a sensor that measures one axis have no common spin axis, and seem to say something
+    of the spin: that is taken from them.
+    """
+    free = free_constants(rig) if free is None else free.copy()
+    step, shown = np.zeros(len(free)), np.eye(int(free.sum()))
+    for spin in _open_spins(rig, known, reference.rotation):
+        shown -= np.outer(spin, spin)
+    step[free] = shown @ known.mean
+    placed = np.zeros((len(free), len(shown)))
+    placed[free] = shown
+    moves = tuple(one.by(placed) for one in exact)
+    estimate = retract(reference, step)
+    matrix = known.matrix
+    for spin in _open_spins(rig, known, estimate.rotation):
+        seen = matrix @ spin
+        matrix = matrix - np.outer(seen, seen) / (spin @ seen)
+        matrix += np.outer(spin, spin) / EVEN_TURN**2
+    if but is not None and but.any():
+        kept = Information(matrix, np.zeros(len(matrix))).without(but).matrix
+        matrix, free[np.flatnonzero(free)[but]] = kept[np.ix_(~but, ~but)], False
+    root = np.zeros((int(free.sum()), len(free)))
+    root[:, free] = np.linalg.cholesky(matrix).T
+    return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof, moves)
+
+
+def information_of(rig: Rig, prior: JointPrior) -> Information:
+    """Information (C,) of a prior about its own estimate."""
+    root = prior.root[:, prior.places]
+    return Information(root.T @ root, np.zeros(root.shape[1]))
+
+
+def _open_spins(rig: Rig, known: Information, rotation: FloatArray) -> FloatArray:
+    """Directions (s, C) of the spins of sensors about the only axis that they measure, BCS.
+
+    Those that nothing knows; rotation : (n, 3, 3), the estimate.
+    """
+    covariance, found = known.covariance, []
+    for i in np.flatnonzero(rig.axes.sum(axis=1) == 1):
+        direction = np.zeros(len(covariance))
+        direction[3 * i : 3 * i + 3] = rotation[i][:, np.argmax(rig.axes[i])]
+        if direction @ covariance @ direction > _OPEN**2:
+            found.append(direction)
+    return np.array(found).reshape(-1, len(covariance))
+
+
+def pinned(rig: Rig) -> Rig:
+    """Return the rig with an earlier knowledge that holds the spins which no posture shows.
+
+    While the balance is linearised about a state, they seem to be shown and wander.
+    """
+    if rig.earlier is None or not np.any(rig.axes.sum(axis=1) == 1):
+        return rig
+    known = information_of(rig, rig.earlier)
+    spins = _open_spins(rig, known, rig.earlier.rotation)
+    return _with_matrix(rig, known.matrix + spins.T @ spins / _PIN**2)
+
+
+def _with_matrix(rig: Rig, matrix: FloatArray) -> Rig:
+    """Return the rig with another information (C, C) about the same earlier estimate."""
+    assert rig.earlier is not None
+    root = np.zeros_like(rig.earlier.root)
+    root[:, rig.earlier.places] = np.linalg.cholesky(matrix).T
+    return replace(rig, earlier=replace(rig.earlier, root=root))
+
+
+def turned(rig: Rig, std: float, size: int | None = None) -> FloatArray:
+    """Variance (C,) of the free constants after every sensor turned by std, rad per axis.
+
+    size : C, where it is not the rig's own.
+    """
+    variance = np.zeros(int(free_constants(rig).sum()) if size is None else size)
+    variance[: 3 * rig.n] = std**2
+    return variance
+
+
+def loosened(rig: Rig) -> Rig:
+    """Return the rig with an earlier knowledge that allows for sensors mounted anew."""
+    if rig.earlier is None:
+        return rig
+    wide = information_of(rig, rig.earlier).walked(turned(rig, REMOUNTED))
+    return _with_matrix(rig, wide.matrix)

@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model import free_forces
 from tdfscal.model.parameters import (
     SYMMETRIC,
     State,
@@ -39,6 +38,7 @@ from tdfscal.model.parameters import (
 )
 from tdfscal.model.postures import Postures, forces, postures, register, zeros
 from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import free_values, whitener
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 __all__ = [
@@ -100,14 +100,14 @@ class Balance:
     @property
     def whitener(self) -> FloatArray:
         """V (K, 6, 6) with V e white in `rows` directions and 0 along free forces."""
-        return free_forces.whitener(self.cov, self.free)[0]
+        return whitener(self.cov, self.free)[0]
 
     @property
     def rows(self) -> IntArray:
         """Number (K,) of directions of e that no free force reaches."""
         if self.seen.measured.all():
             return np.full(len(self.cov), 6)
-        return free_forces.whitener(self.cov, self.free)[1]
+        return whitener(self.cov, self.free)[1]
 
     @property
     def information(self) -> FloatArray:
@@ -137,7 +137,7 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
     for _ in range(_FILLINGS if missing.any() else 0):
         at = _linearised(posture, state, centre, g)
         e = at.design @ features(with_motions(state, posture.motions), at, g)
-        value, variance = free_forces.least_squares(at.cov, at.free, e)
+        value, variance = free_values(at.cov, at.free, e)
         force, force_cov = posture.force.copy(), posture.force_cov.copy()
         force[:, missing] += value
         for a, b in together:

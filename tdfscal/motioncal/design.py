@@ -17,7 +17,7 @@ from tdfscal.motioncal.across import Across, across, filled
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
-from tdfscal.numerics.splines import even_spline
+from tdfscal.numerics.streams import even_spline
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.contact_wrench import inertial
 from tdfscal.wrench.kinematics import motion, rotations

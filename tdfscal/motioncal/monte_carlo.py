@@ -16,8 +16,8 @@ from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import MovingEstimate, faked_information
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.records import BoolArray, FloatArray
 
 #: Spectra drawn, which the trials share, and trials at most unless asked otherwise.

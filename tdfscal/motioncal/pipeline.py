@@ -41,8 +41,7 @@ from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.score_tests import suspicions, undeclared
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
-from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.numerics.monte_carlo import MonteCarlo
+from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model import statics
-from tdfscal.model.free_forces import least_squares
 from tdfscal.model.parameters import State, sensing
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import inertia_wrench, shifted, static_wrench
 from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.numerics.least_squares import free_values
 from tdfscal.records import FloatArray
 from tdfscal.wrench.kinematics import rotations
 
@@ -62,5 +62,5 @@ def _wrench(fit: MovingFit, block: Block, state: State) -> FloatArray:
     B = statics.wrench(np.einsum("kab,nb->kna", R, state.hinge - state.barycentre))
     cov = np.einsum("knra,knsa->krs", B, B)
     columns = statics.free(B @ sensing(state), rig.axes)
-    free, _ = least_squares(cov, columns, e)
+    free, _ = free_values(cov, columns, e)
     return np.asarray(e + (columns @ free[..., None])[..., 0])

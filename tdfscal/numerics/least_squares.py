@@ -1,4 +1,9 @@
-"""Gauss–Newton with Levenberg's damping on any manifold that offers a retraction."""
+"""Gauss–Newton with Levenberg's damping on any manifold that offers a retraction.
+
+Values that nobody measures, free in one block of rows alone, are eliminated block by block: with
+e = e_0 + N u + noise the rows of the whitened e across N's columns do not see u, whatever it is;
+along them they say nothing else. So a missing reading costs equations and adds no parameter.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, IntArray
 
 S = TypeVar("S")
 
@@ -145,3 +150,33 @@ def gauss_newton(
             return Solution(state, residual, jacobian, cost, iteration, True)
         damping = 0.0 if damping < 1e-5 else damping / 30
     return Solution(state, residual, jacobian, cost, iterations, False)
+
+
+#: A direction whose share of the columns is below this is rounding.
+_REACHED = 1e-9
+
+
+def whitener(cov: FloatArray, columns: FloatArray) -> tuple[FloatArray, IntArray]:
+    """V (K, 6, 6) with V cov Vᵀ a projector on what the columns do not reach, and its rank (K,).
+
+    cov : (K, 6, 6). columns : (K, 6, m).
+    """
+    inverse_root = np.linalg.inv(np.linalg.cholesky(cov))
+    rows = np.full(len(cov), cov.shape[-1])
+    if not columns.shape[2]:
+        return inverse_root, rows
+    U, s, _ = np.linalg.svd(inverse_root @ columns, full_matrices=False)
+    reached = s > _REACHED * s.max(axis=1, keepdims=True)
+    U = np.where(reached[:, None], U, 0.0)
+    return inverse_root - U @ (np.swapaxes(U, 1, 2) @ inverse_root), rows - reached.sum(axis=1)
+
+
+def free_values(
+    cov: FloatArray, columns: FloatArray, residual: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Smallest free forces u (K, m) that the residual (K, 6) asks for, and their covariance."""
+    inverse_root = np.linalg.inv(np.linalg.cholesky(cov))
+    white = inverse_root @ columns
+    inverse = np.linalg.pinv(white, rcond=_REACHED)
+    value = -(inverse @ (inverse_root @ residual[..., None]))[..., 0]
+    return value, np.asarray(inverse @ np.swapaxes(inverse, 1, 2))

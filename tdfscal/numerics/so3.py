@@ -7,6 +7,7 @@ perturbations where it is analytic, so that Jacobians can be checked by complex 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -184,3 +185,23 @@ def to_quaternion(R: npt.ArrayLike) -> FloatArray:
     q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., 3:] < 0, -q, q))
+
+
+def from_directions(
+    nominal_rpy: Sequence[float], directions: dict[Any, tuple[float, float, float]]
+) -> FloatArray:
+    """Rotation (3, 3) next to the nominal mounting whose measured axes point along directions.
+
+    What no axis shows stays as it is nominally: readings turned by it are the same.
+    """
+    R = from_rpy(np.array(nominal_rpy))
+    if len(directions) != 1:
+        columns = [directions.get(axis, np.zeros(3)) for axis in "xyz"]
+        return project(np.stack(columns, axis=1)) if directions else R
+    ((axis, towards),) = directions.items()
+    own, beside = R.T["xyz".index(axis)], R.T["yzx".index(axis)]
+    about = np.cross(own, towards)
+    sine, cosine = np.linalg.norm(about), float(own @ np.array(towards))
+    if sine < 1e-9:
+        return R if cosine > 0 else exp(np.pi * beside) @ R
+    return np.asarray(exp(np.arctan2(sine, cosine) * about / sine) @ R)

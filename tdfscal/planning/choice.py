@@ -33,8 +33,7 @@ from tdfscal.planning.selection import (
     with_returns,
 )
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.covariance import faked_information
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.estimator import Fit, faked_information
 
 #: Most postures that a target may ask for.
 MOST = 400

@@ -13,8 +13,7 @@ from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, inverse, variances
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.covariance import faked_information
-from tdfscal.selfcal.estimator import Fit, at_state
+from tdfscal.selfcal.estimator import Fit, at_state, faked_information
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
 #: arithmetic keeps its digits.

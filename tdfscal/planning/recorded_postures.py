@@ -17,8 +17,7 @@ from tdfscal.model.statics import internal_part, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.covariance import evaluate
-from tdfscal.selfcal.estimator import Fit, at_state
+from tdfscal.selfcal.estimator import Fit, at_state, evaluate
 from tdfscal.selfcal.outliers import fit_robust
 
 

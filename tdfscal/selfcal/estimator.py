@@ -4,6 +4,10 @@ The way inside: postures → balance at a state → statistic (one small triangu
 Gauss–Newton on the statistic and the priors → balance again at the new state, until nothing
 moves. Everything that is not a rotation is a parameter with a prior: standard deviation 0 drops
 its column, ∞ drops its prior row (theory, section 3).
+
+Covariance and budget of a fit to static postures (theory, section 5).
+
+With the estimates of zeros that move and of supports that give, and what they cost the angles.
 """
 
 from __future__ import annotations
@@ -12,12 +16,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.estimation.fit import Priors, solve
-from tdfscal.model.earlier import pinned
-from tdfscal.model.parameters import State, deviation, retract, with_motions
+from tdfscal.estimation.fit import Priors, factored_information, information, solve
+from tdfscal.estimation.uncertainty import (
+    NOISE,
+    UNDECLARED,
+    Estimate,
+    Uncertainty,
+    calibrated,
+    of_shares,
+    parameter_std,
+    prior_shares,
+    quality,
+)
+from tdfscal.model.calibrated import Calibrated, pinned
+from tdfscal.model.parameters import (
+    State,
+    deviation,
+    retract,
+    sensing,
+    with_motions,
+)
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import STEPS, Solution, triangular
+from tdfscal.numerics.least_squares import STEPS, Solution, Spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
@@ -202,3 +224,92 @@ def spread(distance: FloatArray, rows: IntArray | int = ROWS) -> float:
     """Variance of the residuals by their median, never below 1: d² (K,) is χ² of `rows` at 1."""
     typical = max(1, int(np.median(rows)))
     return max(1.0, float(np.median(distance) / chi2_quantile(0.5, typical)))
+
+
+def estimate(fit: Fit, *, noise_from_residuals: bool = False) -> Estimate[Fit]:
+    """Judge a fit by its own residuals; see `evaluate`."""
+    parts = information(fit)
+    stats = quality(fit, parts)
+    known = evaluate(fit, parts, stats.birge, noise_from_residuals=noise_from_residuals)
+    return Estimate(fit, parts, stats, known)
+
+
+def evaluate(
+    fit: Fit,
+    parts: Spectrum,
+    birge: float,
+    *,
+    noise_from_residuals: bool = False,
+    undeclared: FloatArray | None = None,
+) -> Uncertainty:
+    """Posterior covariance, budget and coverage factors.
+
+    birge : its excess over 1 scales the standard deviation of the noise; it never shrinks any.
+    noise_from_residuals : the noise level itself comes from this fit, with its few degrees.
+    undeclared : (p,), by which the active parameters move with what the rig file may lack.
+    """
+    posterior = parts.root @ parts.root.T  # pseudo-inverse of the information
+    inflate = max(1.0, birge) ** 2
+    shares = {
+        name: share * (inflate if name in NOISE else 1.0)
+        for name, share in _shares(fit, posterior).items()
+    }
+    if undeclared is not None:
+        shares[UNDECLARED] = np.outer(undeclared, undeclared)
+        posterior = posterior + shares[UNDECLARED]
+    dof = np.inf
+    if birge > 1 or noise_from_residuals:
+        dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
+        dof += 0 if fit.rig.earlier is None else fit.rig.earlier.dof
+    faked, std = faked_information(fit), parameter_std(fit.active, posterior, parts)
+    return of_shares(fit.state.rotation, shares, faked, parts, std, dof)
+
+
+def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
+    """Covariance (p, p) by source; together they are the posterior covariance."""
+    at, W = fit.at, fit.at.information
+    gain = fit.weight[:, None, None] * (posterior @ np.swapaxes(fit.jacobian, 1, 2) @ W)
+
+    def through(cov: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("kpa,kab,kqb->pq", gain, cov, gain, optimize=True))
+
+    friction = np.diag([0, 0, 0, 1, 1, 1]) * fit.postures.moment_var
+    reading = np.einsum(
+        "kiab,kibc,kidc->kad", at.noise_force, fit.postures.force_cov, at.noise_force
+    )
+    turning = at.noise_turn @ at.turn_cov @ np.swapaxes(at.noise_turn, 1, 2)
+    return {
+        "noise": through(reading),
+        "positioner": through(turning),
+        "hinge friction": through(np.broadcast_to(friction, turning.shape)),
+        **prior_shares(fit, posterior),
+    }
+
+
+def faked_information(fit: Fit) -> FloatArray:
+    """Information (3n, 3n) about the rotations that noise in the readings fakes.
+
+    JᵀWJ takes its levers from the measured forces, noise included: a sensor that feels nothing
+    but its own noise sideways would seem to know its yaw. The expectation of that part is
+    Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
+    """
+    n, M = fit.rig.n, sensing(fit.state)
+    B = fit.at.wrench
+    W = fit.at.information * fit.weight[:, None, None]
+    C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
+    values, axes = np.linalg.eigh(M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2))
+    faked = np.zeros((3 * n, 3 * n))
+    for a in range(3):
+        turn = so3.hat(axes[..., :, a])
+        block = np.einsum("kn,knca,kncd,kndb->nab", values[..., a], turn, C, turn, optimize=True)
+        for i in range(n):
+            faked[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block[i]
+    return faked
+
+
+def joint_posterior(
+    fit: Fit, rotation_covariance: FloatArray, rotation: FloatArray | None = None
+) -> Calibrated:
+    """All parameters of a self-calibration, as `calibrated` has them."""
+    root = factored_information(fit).root
+    return calibrated(fit, root @ root.T, rotation_covariance, rotation)

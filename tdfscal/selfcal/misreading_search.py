@@ -12,15 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.checks import exchanges, log_against_rig
+from tdfscal.checks import log_against_rig
 from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_descent import descend, stacked
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.mounting_search import apart
-from tdfscal.selfcal.profile import linear_in_rotations, turns_from
+from tdfscal.selfcal.mounting_search import apart, linear_in_rotations, turns_from
 from tdfscal.significance import CAUSES_APART
 
 #: Mistakes whose cost is searched at once; pursued to its minimum; returned.
@@ -85,7 +84,7 @@ class _Landscape:
         self._filled, self._measured = at.seen.force, at.seen.measured
 
     def root(self, undone: Undone) -> FloatArray:
-        """A (9n + 1, 9n + 1) with |A y|² the cost of mountings y, as `profile` has it."""
+        """A (9n + 1, 9n + 1) with |A y|² the cost of mountings y, as `mounting_search.profile` has it."""
         K, n = self._filled.shape[:2]
         force = np.where(self._measured, undone.postures.force, self._filled)
         by = self._wrench.reshape(K, 6, n, 3, 1) * force[:, None, :, None, :]
@@ -187,7 +186,7 @@ def _descended(
 
 
 def _renamed(rig: Rig, seen: Postures) -> Iterator[Undone]:
-    for ways in (exchanges.rewired, exchanges.channels_exchanged):
+    for ways in (log_against_rig.rewired, log_against_rig.channels_exchanged):
         for words, other in ways(rig, seen):
             yield Undone(other, words)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.checks import exchanges, log_against_rig
+from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import nominal, starting_state
@@ -22,8 +22,7 @@ from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.covariance import estimate
-from tdfscal.selfcal.estimator import Fit, fit, spread
+from tdfscal.selfcal.estimator import Fit, estimate, fit, spread
 from tdfscal.selfcal.misreading_search import Undone, lowest
 from tdfscal.selfcal.mounting_search import robust_cost
 from tdfscal.selfcal.slip import find_slip
@@ -286,7 +285,7 @@ def misread(
     time: FloatArray | None = None,
 ) -> DataError:
     """The error that names a mistake with its evidence; parameters as in `misreading`."""
-    if found.names == exchanges.REACTION.format(exchanges.EVERYONE):
+    if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     number = np.arange(len(present.postures)) + 1 if number is None else number

@@ -19,12 +19,12 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import Estimate, simulate_angles
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.monte_carlo import MonteCarlo
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.estimator import Fit, statistic
-from tdfscal.selfcal.profile import Profile, profile
+from tdfscal.selfcal.mounting_search import Profile, profile
 
 #: Trials solved together: what fits into a cache.
 CHUNK = 250

@@ -22,9 +22,8 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.selfcal.covariance import estimate
-from tdfscal.selfcal.estimator import ROWS, Fit, fit
-from tdfscal.selfcal.scatter import by_readings, chance, likeliest
+from tdfscal.selfcal.estimator import ROWS, Fit, estimate, fit
+from tdfscal.selfcal.score_tests import best_variance, by_readings, chance
 from tdfscal.significance import (
     CAUSES_APART,
     GROSS_NOISE_FACTOR,
@@ -93,7 +92,7 @@ def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoi
     white = known.fit.white[: ROWS * len(stated)].reshape(-1, ROWS)
     gain = np.array(
         [
-            [likeliest(sensor[..., [a]], white, left)[1] for a in range(3)]
+            [best_variance(sensor[..., [a]], white, left)[1] for a in range(3)]
             for sensor in np.moveaxis(by_readings(known.fit), 1, 0)
         ]
     )

@@ -15,19 +15,17 @@ from tdfscal.estimation.fit import information
 from tdfscal.estimation.suspicion import PARABOLAS, SCATTERS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
-from tdfscal.model.earlier import loosened
+from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
-from tdfscal.selfcal.covariance import estimate, evaluate, joint_posterior
-from tdfscal.selfcal.estimator import Fit, at_state, fit
-from tdfscal.selfcal.hidden_contact import hidden_contact
-from tdfscal.selfcal.hidden_contact import worth as contact_worth
+from tdfscal.selfcal.estimator import Fit, at_state, estimate, evaluate, fit, joint_posterior
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.misreadings import check_readings
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
-from tdfscal.selfcal.outliers import RobustFit, cross_validate, fit_robust
+from tdfscal.selfcal.outliers import RobustFit, cross_validate, fit_robust, hidden_contact
+from tdfscal.selfcal.outliers import worth as contact_worth
 from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
 from tdfscal.selfcal.result import (
     Estimator,
@@ -36,8 +34,7 @@ from tdfscal.selfcal.result import (
     caveats,
     check_determined,
 )
-from tdfscal.selfcal.scatter import wandering
-from tdfscal.selfcal.score_tests import suspicions
+from tdfscal.selfcal.score_tests import suspicions, wandering
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
 

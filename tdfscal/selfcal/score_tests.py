@@ -2,12 +2,31 @@
 
 Friction of the hinges is no shift but a scatter, of the moments alone; it is asked for by the
 variance of the residuals along them. What the tests speak for is held against all kinds of noise
-and zeros that wander (`scatter`).
+and zeros that wander.
+
+Noise beyond what is stated: whose is it? Variances held against each other by likelihood.
+
+Each suspect adds a variance θ along known columns H of the whitened residual r, so that −2 ln L =
+ln det C + rᵀ C⁻¹ r, C = I + θ H Hᵀ; restricted to what no parameter can follow (REML: r at the best
+parameters for this θ, and + ln det JᵀC⁻¹J), for they follow the noise that was weighted too high,
+and carry it elsewhere. How far it falls at the best θ says how well the suspect explains the
+scatter; friction of the hinges shows in the moments alone, noise of the forces in forces and
+moments, a sensor's own noise where its lever arm lets it, posture by posture. Zeros that wander
+make noise that goes together from posture to posture: H are a walk's modes (Karhunen–Loève) through
+the zeros' columns, of intensity √θ, and with the eigenvalues s and vectors v of HᵀH, of what no
+parameter follows, and a = vᵀ Hᵀ r / √s
+
+    −2 ln L(θ) = Σ ln(1 + θ s) + a² / (1 + θ s).
+
+References
+----------
+Patterson, Thompson: Recovery of inter-block information when block sizes are unequal. Biometrika
+58 (1971) 545–554.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +38,15 @@ from tdfscal.estimation.score_tests import (
     speaking,
     stated_suspects,
 )
-from tdfscal.estimation.suspicion import Suspicion, likeliest
+from tdfscal.estimation.suspicion import Suspicion, likeliest, suspicion
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout, prior_std
 from tdfscal.model.statics import balance, features_jacobian
+from tdfscal.model.zero_motion import walk_modes
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.selfcal.scatter import chance, scatters, wandering
 from tdfscal.significance import MISFIT, UNDECLARED_ERROR, UNDECLARED_FRICTION_SHARE
 
 _HOUR = 3600.0
@@ -115,3 +136,197 @@ def _away_from(start: FloatArray, values: FloatArray) -> FloatArray:
     """
     away = values - start
     return np.asarray(away / np.maximum(np.abs(away).max(axis=0), np.finfo(float).tiny))
+
+
+#: Variances that are tried, in units of what equals the stated noise along the columns, before the
+#: best is sought between the neighbours of the likeliest, by its logarithm to this tolerance.
+_RATIO, _FINE = np.geomspace(1e-2, 1e5, 13), 0.03
+#: Postures from which on the parameters follow next to none of the noise.
+_MANY = 300
+#: Shares of the largest variance below which there is none: of a posture, of a walk's mode.
+_ROUNDING, _NO_MODE = 1e-12, 1e-9
+#: Standard deviations of the likelihood's slope below which no variance is sought.
+_ASKED = 1.5
+#: Columns of walks that are looked at, of the slowest modes of all channels together: ten modes
+#: already hold 96 % of a walk's variance.
+_COLUMNS = 1200
+#: Of a walk's intensity, N/√h in N/√s.
+_ROOT_HOUR = 60.0
+
+
+def scatters(of: Estimate[Fit]) -> list[Suspicion]:
+    """All noise that is white from posture to posture, each with the size that it may have."""
+    fit, parts = of.fit, of.parts
+    K, found = len(fit.weight), []
+    white, left = fit.white[: ROWS * K].reshape(K, ROWS), _left(parts, K)
+    for kind, support, columns in _columns(fit):
+        theta, gain = best_variance(columns, white, left)
+        through = np.einsum("kap,kab->pkb", left, columns).reshape(left.shape[2], -1)
+        found.append(_suspicion(of, kind, support, theta, gain, parts.root @ through))
+    return found
+
+
+def wandering(of: Estimate[Fit], time: FloatArray) -> list[Suspicion]:
+    """Walks of all zeros, and of each sensor's; none where one is declared.
+
+    time : (K,), s, when each posture was held.
+    """
+    fit, parts = of.fit, of.parts
+    if fit.postures.motion is not None and "walk" in fit.postures.motion.kind:
+        return []
+    found, rows = [], ROWS * len(fit.weight)
+    for kind, support, columns in _walks(fit, time):
+        through = parts.left[:rows].T @ columns
+        score = columns.T @ fit.white[:rows]
+        theta, gain = _likeliest_walk(columns.T @ columns - through.T @ through, score)
+        if gain > 0:
+            moved = parts.root @ through
+            found.append(_suspicion(of, kind, support, theta, gain, moved, _ROOT_HOUR))
+    return found
+
+
+def chance(columns: FloatArray, parts: Spectrum, white: FloatArray) -> float:
+    """Probability that noise as stated scatters as much along whitened columns (K, 6, m).
+
+    The score rᵀ H Hᵀ r is a sum of χ²; it is held against the gamma distribution of its mean and
+    variance (Satterthwaite, Biometrics 2, 1946). white : whitened residual, postures first.
+    """
+    K = len(columns)
+    own = np.swapaxes(columns, 1, 2) @ columns
+    through = np.einsum("kap,kab->pkb", _left(parts, K), columns)
+    flat = through.reshape(len(through), -1)
+    known = flat @ flat.T
+    # M = H'H − (U'H)'(U'H): its trace, and that of its square.
+    mean = float(np.sum(columns**2) - np.trace(known))
+    overlap = np.einsum("kab,pka,pkb->", own, through, through, optimize=True)
+    square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
+    if square <= _NO_MODE * np.sum(own**2):
+        return 1.0
+    residual = white[: ROWS * K].reshape(K, ROWS)
+    score = float(np.sum(np.einsum("kab,ka->kb", columns, residual) ** 2))
+    return float(chi2_sf(score * mean / square, mean**2 / square))
+
+
+def by_readings(fit: Fit) -> FloatArray:
+    """Whitened columns (K, n, 6, 3) of one newton of noise in each reading."""
+    measured = fit.postures.measured[:, None, :]
+    return fit.root[:, None] @ np.where(measured, fit.at.noise_force, 0.0)
+
+
+def _left(parts: Spectrum, postures: int) -> FloatArray:
+    """What the parameters do to the residuals (K, 6, r), orthonormal with the prior's rows."""
+    return parts.left[: ROWS * postures].reshape(postures, ROWS, -1)
+
+
+def _suspicion(
+    of: Estimate[Fit],
+    kind: str,
+    support: int,
+    theta: float,
+    gain: float,
+    moved: FloatArray,
+    unit: float = 1.0,
+) -> Suspicion:
+    """Suspicion of a variance; moved : (p, …), of the parameters by independent units of it."""
+    size = float(np.sqrt(theta))
+    p_value = float(chi2_sf(gain, 1)) / 2  # without it θ stands at its bound
+    weight = gain - float(np.log(max(of.fit.rows, 2)))
+    move = size * np.linalg.norm(moved, axis=1)
+    return suspicion(of.fit.rig, of.uncertainty, kind, support, unit * size, move, p_value, weight)
+
+
+def _columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
+    """Whitened columns (K, 6, m) of one unit of each suspect's standard deviation."""
+    at, root, each = fit.at, fit.root, by_readings(fit)
+    yield "hinge friction", 0, root[:, :, 3:]
+    for i in range(fit.rig.n):
+        yield "sensor noise", i, each[:, i]
+    yield "force noise", 0, np.moveaxis(each, 1, 2).reshape(len(root), ROWS, -1)
+    stated = float(np.trace(fit.postures.position_cov, axis1=2, axis2=3).mean()) / 3
+    if stated > 0:
+        values, vectors = np.linalg.eigh(at.turn_cov / stated)
+        turn = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        yield "position noise", 0, root @ at.noise_turn @ turn
+
+
+def best_variance(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple[float, float]:
+    """Variance θ ≥ 0 with the largest likelihood, and by how much it lowers −2 ln L.
+
+    columns : (K, 6, m). white : (K, 6). left : (K, 6, r), orthonormal with the prior's rows: what
+    the parameters do to the residuals.
+    """
+    values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
+    values = np.maximum(values, 0.0)
+    size = float(values.sum(axis=1).mean())
+    if size <= 0:
+        return 0.0, 0.0
+    along = np.einsum("kab,ka->kb", vectors, white).ravel()
+    turned = (np.swapaxes(vectors, 1, 2) @ left).reshape(len(along), -1)
+    each = values.ravel()
+    heard = each > _ROUNDING * each.max()  # what has no such variance stays as it is
+    each, along, turned = each[heard], along[heard], turned[heard]
+    # Slope of the likelihood at 0, against its own scatter: most sensors ask for nothing.
+    asked = float(each @ (along**2 + np.sum(turned**2, axis=1) - 1.0))
+    if asked < _ASKED * np.sqrt(2.0 * float(each @ each)):
+        return 0.0, 0.0
+    whole = (1.0 + _ROUNDING) * np.eye(turned.shape[1])
+
+    def cost(logarithm: float) -> float:
+        grown = 1.0 + np.exp(logarithm) * each
+        total = float(np.sum(np.log(grown) + along**2 / grown))
+        if len(values) > _MANY:
+            return total
+        # At the estimate the pull of all rows is 0, and their information is 1.
+        lost = 1.0 - 1.0 / grown
+        change, half = (along * lost) @ turned, np.sqrt(lost)[:, None] * turned
+        lower = np.linalg.cholesky(whole - half.T @ half)
+        pulled = np.linalg.solve(lower, change)
+        return total - float(pulled @ pulled) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
+
+    return _lowest(cost, size, float(along @ along))
+
+
+def _lowest(cost: Callable[[float], float], size: float, at_zero: float) -> tuple[float, float]:
+    """Variance θ ≥ 0 at which cost(ln θ) is lowest, and how far below its value at θ = 0.
+
+    size : whitened variance that θ = 1 adds, on the mean.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
+
+    tried = np.log(_RATIO / size)
+    step = tried[1] - tried[0]
+    near = min(tried, key=cost)
+    best = minimize_scalar(
+        cost, bounds=(near - step, near + step), method="bounded", options={"xatol": _FINE}
+    )
+    gain = at_zero - float(best.fun)
+    return (float(np.exp(best.x)), gain) if gain > 0 else (0.0, 0.0)
+
+
+def _walks(fit: Fit, time: FloatArray) -> Iterator[tuple[str, int, FloatArray]]:
+    """Whitened columns (6 K, m) of the modes of walks of 1 N/√s."""
+    n, K = fit.rig.n, len(fit.weight)
+    modes = walk_modes(1.0, time)[0]
+    modes = modes[:, np.argsort(-np.linalg.norm(modes, axis=0))[: max(1, _COLUMNS // (3 * n))]]
+    by_zero = fit.slopes[:, :, layout(n, fit.state.motions)["zero"]]
+    J = (by_zero * fit.rig.axes.ravel()).reshape(K, ROWS, n, 3)
+    each = [np.einsum("kaj,kg->kagj", J[:, :, i], modes).reshape(ROWS * K, -1) for i in range(n)]
+    yield "all walk", 0, np.concatenate(each, axis=1)
+    for i, columns in enumerate(each):
+        yield "walk", i, columns
+
+
+def _likeliest_walk(square: FloatArray, score: FloatArray) -> tuple[float, float]:
+    """θ with the largest likelihood, and by how much it lowers −2 ln L; HᵀH (m, m), Hᵀ r (m,)."""
+    values, vectors = np.linalg.eigh(square)
+    seen = values > _NO_MODE * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
+    values = values[seen]
+    if not len(values):
+        return 0.0, 0.0
+    along = (vectors[:, seen].T @ score) ** 2 / values
+
+    def cost(logarithm: float) -> float:
+        grown = 1.0 + np.exp(logarithm) * values
+        return float(np.sum(np.log(grown) + along / grown))
+
+    return _lowest(cost, float(values.mean()), float(along.sum()))

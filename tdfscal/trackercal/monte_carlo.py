@@ -9,8 +9,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
-from tdfscal.numerics.distributions import INTERVAL_FACTOR
-from tdfscal.numerics.monte_carlo import MonteCarlo, propagate
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo, propagate
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal.instrument import observe

@@ -17,8 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.estimation.exact_quantities import ExactQuantity
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.monte_carlo import MonteCarlo
+from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
 from tdfscal.trackercal.judged_registration import (

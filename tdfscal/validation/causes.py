@@ -14,7 +14,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.scatter import likeliest
+from tdfscal.selfcal.score_tests import best_variance
 from tdfscal.validation.residuals import Linearised, Whitened, basis
 from tdfscal.validation.single_cause import (
     COURSES,
@@ -202,7 +202,7 @@ def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:
     columns = given.columns[:, layout(given.sensors)["zero"]]
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     along = U.T @ given.residual
-    theta, gain = likeliest(np.diag(s)[None], along[None], np.zeros((1, len(s), 0)))
+    theta, gain = best_variance(np.diag(s)[None], along[None], np.zeros((1, len(s), 0)))
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + theta * s**2)
 
     def weighted(columns: FloatArray) -> FloatArray:
@@ -245,7 +245,7 @@ def _scatter(
     values = np.maximum(values, 0.0)
     root, parts = vectors * np.sqrt(values)[:, None, :], values.shape
     white = given.residual.reshape(parts)
-    theta, gain = likeliest(root, white, np.zeros((*parts, 0)))
+    theta, gain = best_variance(root, white, np.zeros((*parts, 0)))
     shrink = 1.0 / np.sqrt(1.0 + theta * values)
     weight = (vectors * shrink[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 

@@ -10,8 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.earlier import informed, loosened
+from tdfscal.model.calibrated import Calibrated, informed, loosened
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.postures import Postures
 from tdfscal.records import FloatArray, IntArray, Rig

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.checks.exchanges import orders, renamed, rewired
 from tdfscal.checks.faulty_sensors import screen
 from tdfscal.checks.log_against_rig import (
     check_geometry,
     check_size,
     check_weight,
+    orders,
+    renamed,
+    rewired,
     turned,
     weight_error,
     weight_share,

@@ -13,7 +13,7 @@ import pytest
 
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.history import Life, live
-from tdfscal.model.earlier import free_constants
+from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
 from tdfscal.records import Drift, FloatArray, Rig

@@ -14,15 +14,14 @@ from tdfscal.estimation.fit import Priors, factored_information, information
 from tdfscal.estimation.observation import eliminate, stated
 from tdfscal.estimation.score_tests import ask
 from tdfscal.estimation.uncertainty import Estimate, calibrated
-from tdfscal.model.earlier import free_constants
+from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import prior_std, with_motions
 from tdfscal.model.statics import postures
 from tdfscal.motioncal.covariance import MovingEstimate
 from tdfscal.motioncal.covariance import estimate as estimate_moving
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.covariance import estimate
-from tdfscal.selfcal.estimator import Fit, at_state, fit
+from tdfscal.selfcal.estimator import Fit, at_state, estimate, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Options
 from tdfscal.simulation.options import MovingOptions

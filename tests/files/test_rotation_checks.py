@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal.files.calibration.consistency import check_rotation, checked_covariance
-from tdfscal.model.free_forces import from_directions
+from tdfscal.numerics.so3 import from_directions
 
 from .test_consistency import place_of
 

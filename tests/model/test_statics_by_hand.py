@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
-from tdfscal.model import free_forces
 from tdfscal.model.parameters import State, nominal
 from tdfscal.model.postures import Postures, approach, forces, postures, register, zeros
 from tdfscal.model.statics import balance, features
 from tdfscal.model.zero_motion import ZeroMotion
-from tdfscal.numerics import so3
+from tdfscal.numerics import least_squares, so3
 from tdfscal.records import DeclaredUncertainty, Drift, FloatArray
 from tdfscal.simulation import Options
 
@@ -186,7 +185,7 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
     assert np.allclose(e[0], e[1], rtol=1e-6, atol=0)
     assert np.array_equal(first.rows, np.full(K, 4))
     # What is filled in leaves little along the free forces, of their own uncertainty.
-    value, variance = free_forces.least_squares(
+    value, variance = least_squares.free_values(
         first.cov, first.free, first.design @ features(STATE, first, G)
     )
     assert (np.abs(value) < 0.2 * np.sqrt(np.diagonal(variance, axis1=1, axis2=2))).all()
@@ -194,7 +193,7 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
     pair[2, :2] = False
     filled = balance(replace(AT, measured=pair), STATE, CENTRE, G)
     unbalanced = filled.design @ features(STATE, filled, G)
-    _, variance = free_forces.least_squares(filled.cov, filled.free, unbalanced)
+    _, variance = least_squares.free_values(filled.cov, filled.free, unbalanced)
     own = filled.seen.force_cov[:, 2, :2, :2]
     scale = np.sqrt(np.einsum("kaa,kbb->kab", variance, variance))
     assert (np.abs(own - variance) < 0.02 * scale).all()
@@ -204,7 +203,7 @@ def test_free_forces_are_those_of_weighted_least_squares() -> None:
     root = RNG.normal(size=(3, 6, 6))
     cov = np.eye(6) + root @ np.swapaxes(root, 1, 2)
     columns, e = RNG.normal(size=(3, 6, 2)), RNG.normal(size=(3, 6))
-    value, covariance = free_forces.least_squares(cov, columns, e)
+    value, covariance = least_squares.free_values(cov, columns, e)
     for k in range(3):
         W = np.linalg.inv(cov[k])
         normal = columns[k].T @ W @ columns[k]
@@ -212,16 +211,16 @@ def test_free_forces_are_those_of_weighted_least_squares() -> None:
         assert np.allclose(
             value[k], -np.linalg.solve(normal, columns[k].T @ W @ e[k]), rtol=1e-10, atol=0
         )
-    V, rows = free_forces.whitener(cov, np.zeros((3, 6, 0)))
+    V, rows = least_squares.whitener(cov, np.zeros((3, 6, 0)))
     assert np.allclose(V @ cov @ np.swapaxes(V, 1, 2), np.eye(6), rtol=0, atol=1e-12)
     assert np.array_equal(rows, [6, 6, 6])
     # Two columns along one line take one direction only.
     twice = np.concatenate([columns[:, :, :1], 2 * columns[:, :, :1]], axis=2)
-    _, rows = free_forces.whitener(cov, twice)
+    _, rows = least_squares.whitener(cov, twice)
     assert np.array_equal(rows, [5, 5, 5])
     # Units of the free forces are of no consequence, nor those of other postures.
     small = columns * np.array([1.0, 1e-12, 1e12])[:, None, None]
-    assert np.array_equal(free_forces.whitener(cov, small)[1], [4, 4, 4])
+    assert np.array_equal(least_squares.whitener(cov, small)[1], [4, 4, 4])
 
 
 def test_registration_is_that_of_scipy() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.model.earlier import free_constants, joint_prior
+from tdfscal.model.calibrated import free_constants, joint_prior
 from tdfscal.model.postures import register
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.covariance import FIELD, estimate, of_poses

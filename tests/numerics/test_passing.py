@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdfscal.numerics.passing import line_through
+from tdfscal.numerics.streams import line_through
 
 
 @pytest.mark.parametrize("moves", [5, 7, 12, 40])

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdfscal.numerics.distributions import chi2_quantile, chi2_sf, coverage_factor
+from tdfscal.numerics.distributions import (
+    chi2_quantile,
+    chi2_sf,
+    coverage_factor,
+    numerical_tolerance,
+    propagate,
+)
 from tdfscal.numerics.least_squares import gauss_newton, spectrum
-from tdfscal.numerics.monte_carlo import numerical_tolerance, propagate
 from tdfscal.records import FloatArray
 
 TRIALS = 200_000

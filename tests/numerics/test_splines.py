@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from tdfscal.numerics.splines import even_spline
+from tdfscal.numerics.streams import even_spline
 
 
 @pytest.mark.parametrize("count", [4, 5, 40])

@@ -13,8 +13,7 @@ from tdfscal.estimation.uncertainty import EARLIER, NOISE, blind_turns, quality,
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.selfcal.covariance import evaluate, faked_information
-from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.estimator import evaluate, faked_information, fit
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
 

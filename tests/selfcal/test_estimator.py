@@ -11,7 +11,7 @@ from scipy import stats
 from tdfscal import simulation
 from tdfscal.estimation.fit import Priors, information
 from tdfscal.estimation.uncertainty import quality
-from tdfscal.model.earlier import joint_prior
+from tdfscal.model.calibrated import joint_prior
 from tdfscal.model.parameters import (
     constants,
     layout,

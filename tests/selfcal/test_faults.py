@@ -127,8 +127,8 @@ def test_white_noise_is_not_called_a_walk() -> None:
 def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
     """Against the dense covariance on the complement of what the parameters follow."""
     from tdfscal.model.parameters import layout
-    from tdfscal.selfcal.covariance import estimate
-    from tdfscal.selfcal.scatter import wandering
+    from tdfscal.selfcal.estimator import estimate
+    from tdfscal.selfcal.score_tests import wandering
 
     walks = with_faults(Faults(walks=(Walk(0, 2.0),)), replace(SQUEEZED, postures=10))
     batch = simulation.simulate_dwells(RIG, walks, np.random.default_rng(13), 1)

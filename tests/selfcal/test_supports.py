@@ -15,17 +15,16 @@ from tdfscal.errors import DataError, NotIdentifiableError, RigError
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import verdict
 from tdfscal.estimation.uncertainty import quality
-from tdfscal.model import free_forces
 from tdfscal.model.parameters import layout, nominal, parameter_count, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
-from tdfscal.numerics import so3
+from tdfscal.numerics import least_squares, so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.covariance import estimate, evaluate, nuisances
-from tdfscal.selfcal.estimator import at_state, fit
+from tdfscal.selfcal.estimator import at_state, estimate, evaluate, fit
 from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import misplaced_hinges
+from tdfscal.selfcal.result import nuisances
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
 from tests.words import in_words
@@ -46,7 +45,7 @@ def test_projection_is_a_reading_with_infinite_variance() -> None:
     rng = np.random.default_rng(0)
     root = rng.normal(size=(4, 6, 6))
     cov, columns = np.eye(6) + root @ np.swapaxes(root, 1, 2), rng.normal(size=(4, 6, 2))
-    V, rows = free_forces.whitener(cov, columns)
+    V, rows = least_squares.whitener(cov, columns)
     assert (rows == 4).all()
     assert np.abs(V @ columns).max() < 1e-10
     wide = np.linalg.inv(cov + 1e7 * columns @ np.swapaxes(columns, 1, 2))

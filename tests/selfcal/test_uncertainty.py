@@ -15,11 +15,10 @@ from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
-from tdfscal.selfcal.covariance import estimate, evaluate
-from tdfscal.selfcal.estimator import Fit, fit
+from tdfscal.selfcal.estimator import Fit, estimate, evaluate, fit
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
+from tdfscal.selfcal.mounting_search import profile
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.selfcal.profile import profile
 from tdfscal.simulation import Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated
 

@@ -15,7 +15,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.covariance import evaluate, joint_posterior
+from tdfscal.selfcal.estimator import evaluate, joint_posterior
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
 

@@ -10,7 +10,7 @@ import pytest
 from tdfscal.files.calibration.document import dump_calibration, parse_calibration
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip, simulate_dwells

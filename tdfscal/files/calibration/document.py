@@ -17,8 +17,8 @@ from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
-from tdfscal.model.free_forces import from_directions
 from tdfscal.model.parameters import EVEN_TURN
+from tdfscal.numerics.so3 import from_directions
 from tdfscal.records import BoolArray, FloatArray, Rotations
 
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")

@@ -36,11 +36,10 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import INTERVAL_FACTOR
-from tdfscal.numerics.monte_carlo import MonteCarlo
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
 from tdfscal.planning.recorded_postures import prospects
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
-from tdfscal.selfcal.covariance import joint_posterior
+from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
 

@@ -18,12 +18,11 @@ from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import register
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.monte_carlo import MonteCarlo
+from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray, InputFile, Measured
-from tdfscal.selfcal.covariance import nuisances as nuisance_estimates
 from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
+from tdfscal.selfcal.result import nuisances as nuisance_estimates
 
 if TYPE_CHECKING:
     from tdfscal.motioncal.halves import HeldOut
