@@ -21,8 +21,8 @@ from tdfscal.commands.capability import CapabilityResult
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.errors import DataError, RejectedError, UsageError
-from tdfscal.exports.formats import FORMATS, WITH_THRESHOLDS
-from tdfscal.exports.statements import ContactThresholds
+from tdfscal.exports import FORMATS, WITH_THRESHOLDS
+from tdfscal.exports.formats import ContactThresholds
 from tdfscal.files.yaml import read_document
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing

@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
-from tdfscal.exports.formats import FORMATS, c_header, csv_table, ros, urdf
+from tdfscal.exports import FORMATS
+from tdfscal.exports.formats import c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.findings import Finding

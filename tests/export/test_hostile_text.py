@@ -20,7 +20,7 @@ import yaml
 from rich.console import Console
 
 from tdfscal.errors import TdfscalError, visible
-from tdfscal.exports.formats import FORMATS
+from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
 from tdfscal.files.saving import csv_cell, csv_comment
 from tdfscal.reporting.calibration import calibration_report

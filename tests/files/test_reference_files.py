@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tdfscal.commands.calibration_in_use import calibrated
-from tdfscal.exports.formats import FORMATS
+from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import file_content, load_calibration
 from tests.files.sample_documents import lacking
 

@@ -8,8 +8,12 @@ import pytest
 from pydantic import ValidationError
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.points.model import PointFile
-from tdfscal.files.points.reading import PointReading, read_point_file, read_tracker_session
+from tdfscal.files.points.reading import (
+    PointFile,
+    PointReading,
+    read_point_file,
+    read_tracker_session,
+)
 from tdfscal.files.rig.model import TrackerBlock
 from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.findings import Finding

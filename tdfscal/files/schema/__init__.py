@@ -10,7 +10,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.outputs import make_folder
-from tdfscal.files.points.model import PointFile
+from tdfscal.files.points.reading import PointFile
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import to_json, write_text
 
