@@ -10,21 +10,32 @@ import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
+import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rich.console import Console
 
+from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import TdfscalError, visible
 from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
+from tdfscal.files.rig.draft import draft
 from tdfscal.files.saving import csv_cell, csv_comment
+from tdfscal.files.writers.plan import plan_csv
+from tdfscal.files.writers.wrenches import recording
+from tdfscal.planning.choice import make_plan
+from tdfscal.planning.plan import Request
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render, show_on
+from tdfscal.simulation import reference_rig
+from tests.planning.limits import limits
 from tests.reporting.pages import render_page
 from tests.reporting.samples import changed, sample
 from tests.reporting.test_page import read
@@ -196,3 +207,62 @@ def test_messages(text: str) -> None:
     message = str(TdfscalError(f"is {text}", where=text, hint=f"rename {text}"))
     no_controls(message)
     assert message.count(visible(text)) >= 3
+
+
+@EACH
+def test_recordings_of_wrenches(line: str, wild: str, tmp_path: Path) -> None:
+    about = {"rig": f"rig {line}", "calibration": wild}
+    with recording(tmp_path / "w.mcap", about, "lcs"):
+        pass
+    with (tmp_path / "w.mcap").open("rb") as file:
+        (found,) = make_reader(file).iter_metadata()
+    assert found.metadata == about
+
+
+RIG = reference_rig()
+PLAN = make_plan(RIG, Request(limits(RIG), candidates=20), 4, np.random.default_rng(0))
+
+
+@EACH
+def test_plans(line: str, wild: str) -> None:
+    named = replace(PLAN, rig=replace(PLAN.rig, name=f"rig {line}"))
+    text = plan_csv(named, f"command {wild}")
+    no_controls(text)
+    # Lines as CSV readers and spreadsheets take them.
+    remarks = [row for row in text.splitlines() if row.startswith("#")]
+    assert unescaped(remarks[0]) == f"# tdfscal plan for rig {line}"
+    assert unescaped(remarks[1]) == f"# command: command {wild}"
+    rows = list(csv.DictReader(row for row in text.splitlines() if not row.startswith("#")))
+    assert [row["posture"] for row in rows] == ["1", "2", "3", "4"]
+
+
+@pytest.mark.parametrize("text", WILD, ids=ascii)
+def test_drafts_of_rig_files(text: str) -> None:
+    fields = [f"{text} {axis}" for axis in "xyz"]
+    log: dict[str, Any] = {
+        "time": {"field": f"time {text}", "unit": "s"},
+        "supports": {f"ncp {text} {i}": {"position": fields, "force": text} for i in range(3)},
+    }
+    written = draft(
+        text,
+        RigSketch(
+            hinge=np.zeros((3, 3)),
+            spread=0.0,
+            mass=500.0,
+            barycentre=np.zeros(2),
+            nominal_rpy=np.zeros((3, 3)),
+            upright=(True,) * 3,
+            turned=True,
+            reference=0,
+        ),
+        {"mass": "x", "hinge": "y", "nominal_rpy": "z"},
+        log,
+        [f"the unit is taken from {text}"],
+    )
+    document = yaml.safe_load(written)
+    assert document["name"] == text
+    assert [support["name"] for support in document["supports"]] == list(log["supports"])
+    assert document["log"]["supports"] == log["supports"]
+    assert document["log"]["time"]["field"] == f"time {text}"
+    assert document["log"]["delay"] == {"value": 0.0, "std": 0.005}
+    assert len(document) == 8

@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.files.points.reading import (
     PointFile,
     PointReading,
     read_point_file,
-    read_tracker_session,
 )
-from tdfscal.files.rig.model import TrackerBlock
-from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, PointSet
 
@@ -272,16 +269,6 @@ def test_a_bad_file_is_refused_with_its_line(tmp_path: Path, case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"none\.csv"):
-        read_points(tmp_path / "none.csv", length_unit="mm")
-
-
-def test_an_unknown_given_unit_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="furlong"):
-        read_points(write(tmp_path, PLAIN), length_unit="furlong")
-
-
 def test_json_has_the_shape_of_the_model(tmp_path: Path) -> None:
     point = {"group": "ncp1", "point": "P1", "x": 1, "y": 2, "z": 3}
     content = {"length_unit": "mm", "points": [point]}
@@ -302,23 +289,6 @@ def test_the_model_refuses(change: dict[str, object]) -> None:
     PointFile.model_validate(good)
     with pytest.raises(ValidationError):
         PointFile.model_validate({**good, "points": [{**point, **change}]})
-
-
-def test_a_session_is_read_with_its_notes(tmp_path: Path) -> None:
-    plain, leica = write(tmp_path, PLAIN), tmp_path / "leica.csv"
-    leica.write_text(LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n", encoding="utf-8")
-    block = {
-        "instrument": {"range": 1e-5, "range_ppm": 5.0, "angle_arcsec": 2.0},
-        "drawing": 1e-5,
-        "length_unit": "mm",
-        "targets": {"nominal": plain.name, "measured": leica.name},
-        "moves": {"servo": plain.name, "measured": plain.name},
-    }
-    files = TrackerFiles(TrackerBlock.model_validate(block), tmp_path)
-    session, notes = read_tracker_session(files)
-    assert session.targets.std is not None
-    assert session.nominal.std is None
-    assert len(notes) == 1
 
 
 def repeatability_file(path: Path, wrong: float = 0.0) -> FloatArray:
