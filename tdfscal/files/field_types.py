@@ -69,7 +69,9 @@ def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticC
     return PydanticCustomError("tdfscal", "{said}", {"said": message, **context})
 
 
-def _from_text(value: Any) -> Any:
+def _as_number(given: Any) -> Any:
+    """Return numbers of numpy and texts that are numbers as such, all else as it is."""
+    value = from_numpy(given)
     if not isinstance(value, str):
         return value
     try:
@@ -96,21 +98,14 @@ def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
     return np.where(axes, values, np.inf)
 
 
-def _std_from_text(value: Any) -> Any:
-    if not isinstance(value, str):
-        return value
-    read = math.inf if value == UNKNOWN else _from_text(value)
-    if isinstance(read, str):
-        raise fault(f"must be a number or `{UNKNOWN}`, got {value!r:.40}", hint="correct the value")
-    return read
-
-
-def _std(value: float) -> float:
-    if math.isnan(value) or value < 0:
-        raise fault(
-            f"a standard uncertainty must be 0 or above, got {value:g}",
-            hint="0 is known exactly, `unknown` is not known",
-        )
+def _std(given: Any) -> Any:
+    value = math.inf if isinstance(given, str) and given == UNKNOWN else _as_number(given)
+    if isinstance(value, str):
+        what = f"must be a number or `{UNKNOWN}`, got {value!r:.40}"
+        raise fault(what, hint="correct the value")
+    if isinstance(value, (int, float)) and not value >= 0:
+        what = f"a standard uncertainty must be 0 or above, got {value:g}"
+        raise fault(what, hint="0 is known exactly, `unknown` is not known")
     return value
 
 
@@ -150,7 +145,7 @@ def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
     return rows
 
 
-_before = BeforeValidator(lambda value: _from_text(from_numpy(value)))
+_before = BeforeValidator(_as_number)
 _after = AfterValidator(_measurable)
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, _after]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before, _after]
@@ -181,8 +176,7 @@ OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open)]
 Std = Annotated[
     float,
     Field(strict=True),
-    BeforeValidator(lambda value: _std_from_text(from_numpy(value))),
-    AfterValidator(_std),
+    BeforeValidator(_std),
     _after,
     PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
     WithJsonSchema(_STD_SCHEMA),

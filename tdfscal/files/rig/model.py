@@ -297,18 +297,6 @@ class AcceptanceBlock(Strict):
     )
 
 
-def check_names(names: Sequence[str]) -> None:
-    """Refuse two supports of one name."""
-    for index, name in enumerate(names):
-        first = names.index(name)
-        if first < index:
-            raise fault(
-                f"the name `{name}` is taken by supports[{first}]",
-                *("supports", index, "name"),
-                hint="give each support a name of its own",
-            )
-
-
 def check_hinges(names: Sequence[str], hinges: FloatArray) -> None:
     """Refuse hinges (n, 3) in m of which two coincide or which all lie on one line."""
     extent = np.linalg.svd(hinges - hinges.mean(axis=0), compute_uv=False)
@@ -361,7 +349,10 @@ class RigFile(Strict):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         names = [support.name for support in self.supports]
-        check_names(names)
+        for index, name in enumerate(names):
+            if (first := names.index(name)) < index:
+                what, hint = f"the name `{name}` is taken by supports[{first}]", "give it another"
+                raise fault(what, "supports", index, "name", hint=hint)
         check_hinges(names, np.array([support.hinge for support in self.supports]))
         check_recorders(names, self.log or ())
         if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):

@@ -106,26 +106,23 @@ def parse_rig(raw: bytes, source: str) -> LoadedRig:
 
 def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
     """Resolve a rig that was read as part of a calibration file."""
-    return LoadedRig(
-        rig=_rig(rig),
-        log=_mappings(rig),
-        tracker=None,
-        path=source,
-        sha256=rig.sha256,
-        document=rig.model_dump(mode="json", exclude_none=True),
-    )
+    return dataclasses.replace(_resolved(rig, source, rig.sha256), tracker=None)
 
 
 def _from_document(document: Document, path: Path) -> LoadedRig:
     require_format(document, RIG_FORMAT, RigError)
-    file = checked(RigFile, document, RigError)
+    return _resolved(checked(RigFile, document, RigError), path, document.sha256)
+
+
+def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
+    names = tuple(support.name for support in file.supports)
     return LoadedRig(
         rig=_rig(file),
-        log=_mappings(file),
+        log=tuple(_mapping(block, names) for block in file.recorders),
         tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
-        sha256=document.sha256,
-        document=file.model_dump(mode="json", exclude_none=True) | {"sha256": document.sha256},
+        sha256=sha256,
+        document=file.model_dump(mode="json", exclude_none=True) | {"sha256": sha256},
     )
 
 
@@ -169,11 +166,6 @@ def _rig(file: RigFile) -> Rig:
 
 def _known(value: npt.ArrayLike, std: npt.ArrayLike) -> UncertainValue:
     return UncertainValue(np.array(value, dtype=np.float64), np.array(std, dtype=np.float64))
-
-
-def _mappings(file: RigFile) -> tuple[LogMapping, ...]:
-    names = tuple(support.name for support in file.supports)
-    return tuple(_mapping(block, names) for block in file.recorders)
 
 
 #: What a mapping and a block of the file say in the same words.
