@@ -24,7 +24,7 @@ from tdfscal.files.outputs import replacing
 from tdfscal.files.yaml import plain_scalar
 
 #: What XML 1.0 cannot hold (production 2), and the carriage return, which its parsers replace.
-_NOT_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\ud800-\udfff\ufffe\uffff]")
 #: A spreadsheet takes a cell that begins so for a formula.
 _FORMULA = re.compile(r"(^|[,;\t\"'])(\s*)([=+\-@])")
 
