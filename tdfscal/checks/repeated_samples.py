@@ -236,11 +236,13 @@ class _Sensor:
             here = here[self._chosen(choice[here])]
             self.windows = self.windows.take(self._chosen(self.windows.choice))
         here = here[: max(0, _KEPT - len(self.windows.key))]
-        window = self._value[here[:, None] + np.arange(_WINDOW)]
-        row = (_steps(window, self._quantum) * _MIX[: len(self._quantum)]).sum(axis=2)
+        row = np.zeros(len(self._value), np.uint64)
+        for channel, quantum, mix in zip(self._value.T, self._quantum, _MIX, strict=False):
+            row += _steps(channel, quantum) * mix
         row ^= row >> np.uint64(29)
-        key = (row * _MIX[1] ** np.arange(1, _WINDOW + 1, dtype=np.uint64)).sum(axis=1)
-        new = np.count_nonzero(np.diff(np.sort(row, axis=1), axis=1), axis=1)
+        row = row[here + np.arange(_WINDOW)[:, None]]
+        key = _MIX[1] ** np.arange(1, _WINDOW + 1, dtype=np.uint64) @ row
+        new = np.count_nonzero(np.diff(np.sort(row, axis=0), axis=0), axis=0)
         found = _Windows(self._time[here], self._passed + here, choice[here], key, new)
         self._passed += count
         self._time, self._value = self._time[count:], self._value[count:]
@@ -260,7 +262,7 @@ def _quantum(value: FloatArray) -> FloatArray:
     return np.asarray(2.0 ** np.floor(np.log2(noise)))
 
 
-def _steps(value: FloatArray, quantum: FloatArray) -> _Hashes:
+def _steps(value: FloatArray, quantum: float) -> _Hashes:
     """Whole steps; off the ties that round numbers would make."""
     return (value / quantum + 0.2360679).astype(np.int64).view(np.uint64)
 

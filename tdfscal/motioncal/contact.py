@@ -139,7 +139,11 @@ def _windows(block: Block) -> tuple[ComplexArray, FloatArray]:
     """
     time = block.step * np.arange(len(block))
     middle = np.arange(WINDOW / 2, time[-1] - WINDOW / 2 + 1e-9, _STRIDE)
-    u = (time - middle[:, None]) / (WINDOW / 2)
-    shape = np.where(np.abs(u) < 1, np.cos(np.pi * u / 2) ** 2, 0.0)
+    near = np.ceil((middle - WINDOW / 2) / block.step).astype(int)[:, None]
+    near = near + np.arange(int(WINDOW / block.step) + 1)
+    u = (block.step * near - middle[:, None]) / (WINDOW / 2)
+    shape = np.zeros((len(middle), len(block) + 1))  # one more instant, at which a window may end
+    np.put_along_axis(shape, near, np.where(np.abs(u) < 1, np.cos(np.pi * u / 2) ** 2, 0.0), 1)
+    shape = shape[:, :-1]
     seen = shape @ block.taper[0] >= _LEAST * shape.sum(axis=1)
     return block.transform(shape[seen].T).T, middle[seen]

@@ -20,7 +20,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import even_spline
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.contact_wrench import inertial
-from tdfscal.wrench.kinematics import motion, rotations
+from tdfscal.wrench.kinematics import derivatives, motion, rotations, vee
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4
@@ -119,14 +119,12 @@ def block_design(
     at = statics.balance(observed, state, centre, rig.gravity)
     seen = across(block, at, rig.axes)
     moved = _moving_columns(seen, at.rotation, position, state)
-    delayed = []
-    for course_of_time in (np.ones_like(after), after):
-        step = _SHIFT / np.abs(course_of_time).max()
-        ends = (
-            _residual(rig, at.seen.force, seen, course(lag + h * course_of_time), state, moving)
-            for h in (step, -step)
-        )
-        delayed.append(np.subtract(*ends)[..., None] / (2 * step))
+    F = statics.forces(state, at.seen.force)
+    F = statics.forces(state, at.seen.force)
+
+    def delayed(way: FloatArray) -> ComplexArray:
+        return _delayed(seen, F, lambda h: course(lag + h * way), way, state, moving)
+
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
     near = _nearness(slow, block, resting)
@@ -135,7 +133,7 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    columns = [seen.transform(at.design), moved, *delayed]
+    columns = [seen.transform(at.design), moved, delayed(np.ones_like(after)), delayed(after)]
     suspects = suspected(rig, slow)
     if suspects is not None:
         columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
@@ -269,7 +267,7 @@ def inertia_wrench(position: FloatArray, step: float, state: State, moving: Movi
     place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
     found = motion(R, place, step, _WIDE)
     assert found is not None  # blocks are longer than the window
-    own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
+    own = symmetric(_own_inertia(state, moving))
     both = inertial(replace(state, barycentre=np.zeros(3)), own, found)
     both[:, 3:] += state.n * moving.friction * stuck(found.turning)
     return np.asarray(-np.einsum("kab,kcb->kca", R, both.reshape(-1, 2, 3)).reshape(-1, 6))
@@ -288,21 +286,65 @@ def _kinematics(
     block: Block, R: FloatArray, position: FloatArray, state: State
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Place of c less its mean (m), angular velocity (rad/s) and acceleration (m/s²), BCS."""
-    T = (position - state.datum).mean(axis=1) - R @ state.hinge.mean(axis=0)
-    place = T + R @ state.barycentre
+    place = _place(R, position, state)
     found = motion(R, place, block.step, _HALF)
     assert found is not None  # blocks are longer than the window
     turning = np.einsum("kab,kb->ka", R, found.turning)
     speed_up = np.einsum("kab,kb->ka", R, found.acceleration)
-    return place - place.mean(axis=0), turning, speed_up
+    return place, turning, speed_up
 
 
-def _residual(
-    rig: Rig, reading: FloatArray, seen: Across, position: FloatArray, state: State, moving: Moving
+def _place(R: FloatArray, position: FloatArray, state: State) -> FloatArray:
+    """Places (N, 3) of the barycentre less their mean, m."""
+    place = (position - state.datum).mean(axis=1) - R @ (
+        state.hinge.mean(axis=0) - state.barycentre
+    )
+    return np.asarray(place - place.mean(axis=0))
+
+
+def _delayed(
+    seen: Across,
+    F: FloatArray,
+    course: Callable[[float], FloatArray],
+    after: FloatArray,
+    state: State,
+    moving: Moving,
 ) -> ComplexArray:
-    """E (F, 6) of one block with its poses at other servo positions; reading (N, n, 3), N."""
+    """Column (F, 6, 1): e by a delay of the poses that grows as `after` (N,).
+
+    F : (N, n, 3), N, BCS. course : servo positions (N, n, 3) by the amount of the delay.
+    """
+    step = _SHIFT / np.abs(after).max()
+    spread = np.einsum("na,knb->kab", state.hinge - state.barycentre, F)
+    ends = [_terms(seen.block, spread, course(h), state, moving) for h in (step, -step)]
+    moment, push, spin = ((a - b)[..., None] / (2 * step) for a, b in zip(*ends, strict=True))
+    out = seen.transform(np.concatenate([np.zeros_like(moment), moment], axis=1))
+    out -= seen.derivative(_FORCE, push, 2)
+    out -= seen.derivative(_MOMENT, spin, 1)
+    return out
+
+
+def _terms(
+    block: Block, spread: FloatArray, position: FloatArray, state: State, moving: Moving
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What in e changes with the poses at some servo positions, (N, 3) each, BCS.
+
+    The moment of forces and friction; m place and I_c ω, whose second and first derivatives are
+    taken off. spread : (N, 3, 3), Σ ρ_i F_iᵀ with ρ_i the hinges about the barycentre.
+    """
     R = rotations(state.hinge, position - state.datum)
-    still = seen.transform(static_wrench(state, rig.gravity, R, reading)[..., None])[..., 0]
-    moved = _moving_columns(seen, R, position, state)
-    known = dynamics.features(state, moving, state.barycentre, moving)[: moved.shape[-1]]
-    return still + moved @ known
+    rate, _ = derivatives(R.reshape(len(R), 9), block.step, _HALF)
+    turning = vee(rate.reshape(R.shape) @ np.swapaxes(R, 1, 2))
+    # Σ (R ρ_i) × F_i, the axial vector of R Σ ρ_i F_iᵀ.
+    moment = -2 * vee(R @ spread) - state.n * moving.friction * stuck(turning)
+    place = _place(R, position, state)
+    return (
+        moment,
+        state.mass * place,
+        dynamics.spin_momentum(R, turning) @ _own_inertia(state, moving),
+    )
+
+
+def _own_inertia(state: State, moving: Moving) -> FloatArray:
+    """I_c (6,), about the barycentre."""
+    return moving.inertia - state.mass * dynamics.spread_matrix(state.barycentre)

@@ -17,8 +17,8 @@ from tdfscal.records import BoolArray, FloatArray
 
 #: Length of the stretches that are held out in turn, s, and how many at least and at most.
 _FOLD, _FEWEST, _MOST = 15.0, 2, 8
-#: Blocks per span from which a log's own blocks part it evenly enough.
-_LONG = 1.5
+#: Blocks from which a log's own are held out, and blocks per half that part it evenly enough.
+_MANY, _LONG = 4, 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +85,16 @@ def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Ha
 
 def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:
     """Predict stretches of the log from all the others; start : the nominal state."""
-    seconds = float(keep.sum()) * fit.slow.step
-    count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), _FEWEST, _MOST))
-    parted = _parted(fit, keep, count)
-    if parted is None:
-        return None
-    at, folds = parted
+    if len(fit.blocks) >= _MANY:
+        edges = np.linspace(0, len(fit.blocks), min(len(fit.blocks), _MOST) + 1).astype(int)
+        at, folds = fit, [range(a, b) for a, b in pairwise(edges.tolist())]
+    else:
+        seconds = float(keep.sum()) * fit.slow.step
+        count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), _FEWEST, _MOST))
+        parted = _parted(fit, keep, count)
+        if parted is None:
+            return None
+        at, folds = parted
     nominal = moved_to(at, start).psi
     factors = [_factor(at, fold) for fold in folds]
     before, after = [], []

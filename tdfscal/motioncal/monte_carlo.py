@@ -17,7 +17,7 @@ from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import MovingEstimate, faked_information
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.least_squares import block_diagonal, triangular
 from tdfscal.records import BoolArray, FloatArray
 
 #: Spectra drawn, which the trials share, and trials at most unless asked otherwise.
@@ -50,10 +50,10 @@ class Sampler:
         wider = _mapping(root[:p] @ root[:p].T, of.drawn)
         unfaked = np.zeros((len(here) - 3 * fit.rig.n,) * 2)
         faked = block_diagonal(faked_information(fit), unfaked)
-        values, axes = np.linalg.eigh(model.covariance)
-        spread = axes * np.sqrt(np.maximum(values, 0.0))
         self.shift, self.root = [], []
-        away = rng.standard_normal((_SPECTRA // 2, len(values))) @ spread.T
+        values, axes = np.linalg.eigh(model.covariance)
+        spread = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+        away = rng.standard_normal((_SPECTRA // 2, len(spread))) @ spread
         # In pairs about the estimate, so that few of them have its mean.
         for density in model.log_density + np.concatenate([away, -away]):
             step, root = equations.solved(density)
@@ -62,7 +62,9 @@ class Sampler:
             less = np.eye(root.shape[1]) - root.T @ faked @ root
             left, vectors = np.linalg.eigh(less)
             own = root @ (vectors / np.sqrt(np.maximum(left, _LEAST)))
-            self.root.append(wider @ own[:p])
+            # A root that rounding leaves as it is: the same numbers draw the same trials.
+            half = triangular((wider @ own[:p]).T).T
+            self.root.append(half * np.sign(np.diagonal(half)))
 
     def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
         """Rotations (T, n, 3, 3)."""

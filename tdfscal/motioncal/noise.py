@@ -77,9 +77,12 @@ class NoiseModel:
 
     def basis(self, frequency: FloatArray) -> FloatArray:
         """Weights (M, H) of the knots at frequencies (M,), Hz."""
-        at = np.log(np.maximum(frequency, np.exp(self.knot[0])))
-        eye = np.eye(len(self.knot))
-        return np.stack([np.interp(at, self.knot, row) for row in eye], axis=1)
+        at, rows = np.log(np.maximum(frequency, np.exp(self.knot[0]))), np.arange(len(frequency))
+        k = np.clip(np.searchsorted(self.knot, at) - 1, 0, len(self.knot) - 2)
+        share = np.minimum((at - self.knot[k]) / (self.knot[k + 1] - self.knot[k]), 1.0)
+        out = np.zeros((len(frequency), len(self.knot)))
+        out[rows, k], out[rows, k + 1] = 1 - share, share
+        return out
 
     def variance(self, bins: Bins, log_density: FloatArray | None = None) -> FloatArray:
         """Variance (M,) of every row."""

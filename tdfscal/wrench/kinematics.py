@@ -167,13 +167,13 @@ def motion(R: FloatArray, place: FloatArray, step: float, half: int) -> Motion |
     back = np.swapaxes(R, 1, 2)
     # In the LCS Rᵀ Ṙ = [ω]× and Rᵀ R̈ = [ω̇]× + [ω]×², whose second term is symmetric.
     return Motion(
-        turning=_vee(back @ first[:, 3:].reshape(N, 3, 3)),
-        turning_rate=_vee(back @ second[:, 3:].reshape(N, 3, 3)),
+        turning=vee(back @ first[:, 3:].reshape(N, 3, 3)),
+        turning_rate=vee(back @ second[:, 3:].reshape(N, 3, 3)),
         acceleration=(back @ second[:, :3, None])[..., 0],
     )
 
 
-def _vee(M: FloatArray) -> FloatArray:
+def vee(M: FloatArray) -> FloatArray:
     """Vector (N, 3) of the skew part of M (N, 3, 3)."""
     skew = (M - np.swapaxes(M, 1, 2)) / 2
     return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
