@@ -18,7 +18,7 @@ from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
-from tdfscal.reporting.figures import observability, residuals, timeline
+from tdfscal.reporting.figures import residuals, space, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, begun
@@ -64,7 +64,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
     seen = attempt.seen
     if seen is None:
         return ()
-    turns = observability.determined(seen.observability, seen.rig.acceptance.identifiable)
+    turns = space.determined(seen.observability, seen.rig.acceptance.identifiable)
     if isinstance(seen, UndeterminedMotion):
         return turns, timeline.moving(seen.slow, seen.rejected)
     log = attempt.log(seen)
@@ -140,7 +140,7 @@ def _tiles(seen: Seen) -> tuple[Row, ...]:
     known = sum(angle.identified for angle in angles)
     tiles = [
         ("turns determined", f"{known} of {len(angles)}", "by the data"),
-        ("weakest turn", observability.words(worst),
+        ("weakest turn", space.words(worst),
          f"limit {1e3 * limit:.3g} mrad"),
     ]  # fmt: skip
     if isinstance(seen, Undetermined):

@@ -17,7 +17,7 @@ from matplotlib.transforms import Bbox
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings, style
-from tdfscal.reporting.figures.rig import clear_view, magnification
+from tdfscal.reporting.figures.space import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed, with_load_cell
 
@@ -106,7 +106,7 @@ def test_no_word_lies_on_another(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["self", "joint"])
 def test_axes_name_their_units(kind: str) -> None:
     for name, (_, _, labels) in words(kind).items():
-        unit = r"mrad|µm|, N$|N·m|, s\b|, m$|%|std. unc."
+        unit = r"mrad|µm|, N$|N·m|, s\b| m$|%|std. unc."
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
 
 

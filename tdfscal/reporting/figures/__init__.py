@@ -29,7 +29,7 @@ class Drawing:
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
-    from tdfscal.reporting.figures import angles, observability, residuals, rig, timeline
+    from tdfscal.reporting.figures import angles, residuals, space, timeline
 
     found = (
         angles.draw(calibration),
@@ -39,8 +39,8 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         angles.budget(calibration),
         timeline.draw(calibration),
         timeline.clocks(calibration),
-        observability.draw(calibration),
-        rig.draw(calibration),
+        space.weakest(calibration),
+        space.rig(calibration),
         residuals.over_motion(calibration),
         residuals.spectrum(calibration),
         angles.trials(calibration),

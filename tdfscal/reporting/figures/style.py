@@ -89,12 +89,6 @@ def signed(value: float, form: str) -> str:
     return f"{value:{form}}".replace("-", "−")
 
 
-def projection(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
-    """(2, 3): what is right and what is up of a space that is seen from there, rad."""
-    (sa, ca), (se, ce) = ((np.sin(angle), np.cos(angle)) for angle in (azimuth, elevation))
-    return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce]])
-
-
 def _between_decades(axis: Axis, value: float, _: int) -> str:
     low, high = np.log10(axis.get_view_interval())
     few = np.floor(high) - np.ceil(low) < 1
