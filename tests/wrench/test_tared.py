@@ -13,7 +13,7 @@ from tdfscal.validation.residual_wrench import Validation, validate
 
 from .held_out import RIG, simulated, turned, world
 
-TRIALS, RUNS = 100, 12
+TRIALS, RUNS = 100, 8
 
 
 def tared(dwells: Dwells, trial: int) -> tuple[Dwells, FloatArray]:

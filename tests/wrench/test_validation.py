@@ -14,7 +14,7 @@ from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.records import Dwells, UncertainValue
 from tdfscal.significance import DETECTION_POWER
-from tdfscal.simulation import Contact, Faults, ZeroShift
+from tdfscal.simulation import Faults, ZeroShift
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.words import in_words
 
@@ -59,7 +59,7 @@ def test_a_covariance_that_is_too_small_would_be_noticed() -> None:
     "axis", ["any", *(pytest.param(a, marks=pytest.mark.slow) for a in ("roll", "pitch", "yaw"))]
 )
 def test_a_sensor_turned_by_3_mrad_is_found_and_named(axis: str) -> None:
-    named, trials = 0, 20 if axis == "any" else FEWER
+    named, trials = 0, 8 if axis == "any" else FEWER
     for t in range(trials):
         unit = direction(t) if axis == "any" else np.eye(3)[["roll", "pitch", "yaw"].index(axis)]
         v = validate(world(TRIALS).given[t], turned(world(TRIALS), t, t % 3, 3e-3 * unit))
@@ -79,75 +79,6 @@ def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
     total = np.sum(squares, axis=0)
     assert np.all(stats.chi2.cdf(total, FEWER) < 1 - 1e-4)
     assert np.all(stats.chi2.cdf(total, FEWER) > 1e-4)
-
-
-@pytest.mark.slow
-def test_a_load_of_2_kg_is_found_and_weighed() -> None:
-    found = verdicts(held_of(mass=502.0))
-    assert sum(not v.holds for v in found) >= 0.95 * FEWER
-    named = [v.suspected[0] for v in found if v.suspected]
-    assert sum(c.kind == "load changed" for c in named) >= 0.95 * FEWER
-    z = np.array([(c.value[0] - 2.0) / c.std[0] for c in named if c.kind == "load changed"])
-    assert 1e-4 < stats.chi2.cdf(z @ z, len(z)) < 1 - 1e-4
-
-
-@pytest.mark.slow
-def test_a_posture_in_contact_is_found_and_named() -> None:
-    touched = Contact(USED + 2, (3.0, -2.0, 4.0), (1.0, 1.0, -1.0))
-    found = verdicts(held_of(Faults(contacts=(touched,))))
-    named = [v for v in found if v.suspected and v.suspected[0].postures == (2,)]
-    assert len(named) >= 0.95 * FEWER
-
-
-def test_two_postures_in_contact_are_named_together() -> None:
-    touched = tuple(Contact(USED + k, (10.0, -20.0, 15.0)) for k in (1, 3))
-    found = verdicts(held_of(Faults(contacts=touched)), 20)
-    named = [v.suspected[0].postures for v in found if v.suspected]
-    assert named.count((1, 3)) >= 19
-
-
-def flicker(rng: np.random.Generator) -> np.typing.NDArray[np.float64]:
-    """1/f noise (HELD, n, 3) between postures, 0.5 N, from four times as long as the log."""
-    f = np.fft.rfftfreq(4 * HELD)[1:, None, None]
-    wave = rng.standard_normal((len(f), RIG.n, 3)) + 1j * rng.standard_normal((len(f), RIG.n, 3))
-    noise = np.fft.irfft(np.concatenate([np.zeros((1, RIG.n, 3)), wave / np.sqrt(f)]), axis=0)
-    return np.asarray(0.5 * noise[:HELD] / noise.std(axis=0))
-
-
-@pytest.mark.slow
-def test_one_over_f_noise_is_called_noise_and_no_change() -> None:
-    rng, named = np.random.default_rng(6), 0
-    for t in range(FEWER):
-        held = world(TRIALS).held(t)
-        v = validate(world(TRIALS).given[t], replace(held, force=held.force + flicker(rng)))
-        assert not v.holds
-        named += bool(v.suspected) and v.suspected[0].kind in ("zeros wander", "noise grown")
-    assert named >= 0.9 * FEWER
-
-
-@pytest.mark.slow
-def test_friction_that_is_not_stated_is_named() -> None:
-    rng, named = np.random.default_rng(7), 0
-    for t in range(FEWER):
-        held = world(TRIALS).held(t)
-        # A moment of each posture, as three forces whose sum is none make it.
-        arm = RIG.hinge - RIG.hinge.mean(axis=0)
-        moment = 3.0 * rng.standard_normal((HELD, 3))
-        inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
-        pull = np.cross(np.linalg.solve(inertia, moment.T).T[:, None], arm)
-        turned = np.einsum("nba,knb->kna", world(TRIALS).given[t].state.rotation, pull)
-        v = validate(world(TRIALS).given[t], replace(held, force=held.force + turned))
-        named += bool(v.suspected) and v.suspected[0].kind == "hinges stick"
-    assert named >= 0.9 * FEWER
-
-
-@pytest.mark.slow
-def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
-    shift = ZeroShift(1, USED, (2.0, -1.0, 3.0))
-    found = verdicts(held_of(Faults(zero_shifts=(shift,))))
-    named = [v.suspected[0] for v in found if v.suspected]
-    right = [c for c in named if c.kind == "zero drifted" and c.support == 1]
-    assert len(right) >= 0.95 * FEWER
 
 
 @pytest.mark.slow
