@@ -84,7 +84,7 @@ class _Landscape:
         self._filled, self._measured = at.seen.force, at.seen.measured
 
     def root(self, undone: Undone) -> FloatArray:
-        """A (9n + 1, 9n + 1) with |A y|² the cost of mountings y, as `mounting_search.profile` has it."""
+        """A (9n + 1, 9n + 1) with |A y|² the cost of mountings y; see `mounting_search.profile`."""
         K, n = self._filled.shape[:2]
         force = np.where(self._measured, undone.postures.force, self._filled)
         by = self._wrench.reshape(K, 6, n, 3, 1) * force[:, None, :, None, :]
