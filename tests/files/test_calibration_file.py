@@ -301,41 +301,30 @@ def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-def fail_half_way(path: Path) -> None:
-    with replacing(path) as beside:
-        beside.write_text("half")
-        raise RuntimeError("beside it" if beside.parent == path.parent else "elsewhere")
-
-
-def test_failed_writing_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None:
+def test_writing_that_fails_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("old")
+
+    def fail_half_way() -> None:
+        with replacing(path) as beside:
+            beside.write_text("half")
+            raise RuntimeError("beside it" if beside.parent == path.parent else "elsewhere")
+
     with pytest.raises(RuntimeError, match="beside it"):
-        fail_half_way(path)
+        fail_half_way()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(UsageError, match="is a folder"):
-        write_text(tmp_path, "x")
 
 
-def test_written_file_keeps_mode_and_link(tmp_path: Path) -> None:
-    (tmp_path / "real.yaml").write_text("old")
-    (tmp_path / "real.yaml").chmod(0o640)
-    (tmp_path / "link.yaml").symlink_to("real.yaml")
-    write_text(tmp_path / "link.yaml", "new\n")
-    assert (tmp_path / "link.yaml").is_symlink()
-    assert (tmp_path / "real.yaml").read_bytes() == b"new\n"
-    assert stat.S_IMODE((tmp_path / "real.yaml").stat().st_mode) == 0o640
-    mask = os.umask(0o027)
-    try:
-        write_text(tmp_path / "fresh.yaml", "new\n")
-    finally:
-        os.umask(mask)
-    assert stat.S_IMODE((tmp_path / "fresh.yaml").stat().st_mode) == 0o640
-
-
-def test_devices_are_written_to_and_stay(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
+def test_a_written_file_keeps_mode_and_link_and_a_pipe_stays_one(tmp_path: Path) -> None:
+    real, link, pipe = (tmp_path / name for name in ("real.yaml", "link.yaml", "pipe"))
+    real.write_text("old")
+    real.chmod(0o640)
+    link.symlink_to(real.name)
+    write_text(link, "new\n")
+    assert link.is_symlink()
+    assert real.read_bytes() == b"new\n"
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
     os.mkfifo(pipe)
     reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     try:
@@ -349,8 +338,8 @@ def test_devices_are_written_to_and_stay(tmp_path: Path) -> None:
 def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> None:
     """Each is refused with the cure, or the file reads to the same content."""
     whole = parse_calibration(json.dumps(made).encode(), "c.json")
-    for k, edit in enumerate(edits(made, 24, seed=1)):
-        yaml_too = k % 12 == 0
+    for k, edit in enumerate(edits(made, 16, seed=1)):
+        yaml_too = k % 8 == 0
         for text in [json.dumps(edit.document)] + yaml_too * [to_yaml(edit.document)]:
             try:
                 read = parse_calibration(text.encode(), "c")

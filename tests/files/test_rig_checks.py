@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,15 @@ from scipy.spatial.transform import Rotation
 from tdfscal.files.rig.model import check_hinges, check_inertia
 from tdfscal.files.rig.recorders import LogBlock, check_recorders
 
-from .test_consistency import place_of
+Place = tuple[str | int, ...]
+
+
+def place_of(check: Callable[..., object], *given: Any) -> Place:
+    """Where a check finds a fault."""
+    with pytest.raises(PydanticCustomError) as refused:
+        check(*given)
+    assert refused.value.context is not None
+    return tuple(refused.value.context["place"])
 
 
 def test_inertias_of_bodies() -> None:
