@@ -43,7 +43,8 @@ def test_scales_are_shared_and_their_numbers_plain(tmp_path: Path) -> None:
         run = docking.drawings("0.66 N/µm, B (ẋ − ẋ_d)", one)
         assert [d.name for d in run] == ["fig-17-docking", "fig-18-docking"]
         for drawing, which in zip(run, "yx", strict=True):
-            style.save(drawing, tmp_path)
+            if largest > 1e4:  # the longest numbers
+                style.save(drawing, tmp_path)
             panels = np.array(style.to_figure(drawing).axes).reshape(2, 3)
             for row in panels:
                 limits = [getattr(ax, f"get_{which}lim")() for ax in row]

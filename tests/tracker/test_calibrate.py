@@ -11,7 +11,6 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.simulation import Options, SurveyOptions, draw_truths, reference_rig, simulate_survey
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
-from tdfscal.trackercal.instrument import angle_covariance, range_covariance
 from tests.words import in_words
 
 from .world import (
@@ -23,33 +22,11 @@ from .world import (
     error_vector,
     make_survey,
     points,
-    sight,
 )
 
 
 def calibrate(survey: Survey, misalignment: float = 0.0, trials: int = 0) -> TrackerCalibration:
     return calibrate_tracker(survey.rig, survey.session, misalignment=misalignment, trials=trials)
-
-
-@pytest.mark.parametrize("zenith", [1.5, 0.4, 1e-2])
-def test_point_covariance_is_the_scatter_of_a_spherical_instrument(zenith: float) -> None:
-    tracker = Instrument(range=1e-5, range_ppm=5.0, angle_arcsec=20.0)
-    direction = np.array([np.sin(zenith) * 0.6, np.sin(zenith) * 0.8, np.cos(zenith)])
-    point = 7.0 * direction
-    seen = sight(np.random.default_rng(1), np.tile(point, (4000, 1)), tracker)
-    stated = range_covariance(point[None], tracker)[0] + angle_covariance(point[None], tracker)[0]
-    whitened = np.linalg.solve(np.linalg.cholesky(stated), (seen - point).T)
-    squares: FloatArray = np.sum(np.square(whitened), axis=1)
-    low, high = chi2_bounds(4000)
-    assert np.all((low < squares) & (squares < high))
-    # Correlations of independent components scatter by 1/√4000.
-    assert np.abs(np.corrcoef(whitened) - np.eye(3)).max() < 4 / np.sqrt(4000)
-
-
-def test_zenith_is_regular() -> None:
-    zenith = np.array([[0.0, 0.0, 5.0]])
-    total = range_covariance(zenith, PAPER) + angle_covariance(zenith, PAPER)
-    assert np.linalg.eigvalsh(total[0])[0] > 0
 
 
 SURVEYS = [
@@ -202,15 +179,6 @@ def test_a_pitch_of_a_right_angle_has_turns_as_good_as_any() -> None:
     assert result.monte_carlo.validated
     assert np.array_equal(result.rpy_std.ravel(), np.sqrt(np.diagonal(result.rotations.covariance)))
     assert result.rpy_std.max() < 2 * result.rpy_std.min()
-
-
-def test_same_seed_same_numbers() -> None:
-    survey = make_survey(10)
-    first, second = (calibrate(survey, trials=200) for _ in range(2))
-    assert first.monte_carlo is not None
-    assert second.monte_carlo is not None
-    assert np.array_equal(first.monte_carlo.std, second.monte_carlo.std)
-    assert np.array_equal(first.rpy, second.rpy)
 
 
 def test_out_of_square_axes_are_reported_and_only_those() -> None:

@@ -24,7 +24,6 @@ from .world import rotation, sight
 
 TRACKER = Instrument(range=1e-5, range_ppm=5.0, angle_arcsec=200.0)
 PLACES = np.array([[3.0, -4.0, 2.0], [-1.0, 0.5, -6.0], [2.0, 1.0, 0.0], [0.0, 0.0, 4.0]])
-ARCSEC = np.pi / 180 / 3600
 
 
 def test_covariance_is_the_scatter_of_what_the_instrument_reads() -> None:
@@ -41,23 +40,8 @@ def test_covariance_is_the_scatter_of_what_the_instrument_reads() -> None:
             assert np.abs(white @ white.T / draws - np.eye(3)).max() < 5 * np.sqrt(2 / draws)
 
 
-def test_range_noise_lies_along_the_line_of_sight() -> None:
-    cov = range_covariance(PLACES, TRACKER)
-    for k, place in enumerate(PLACES):
-        r = np.linalg.norm(place)
-        sigma = 1e-5 + 5e-6 * r
-        assert np.allclose(cov[k], sigma**2 * np.outer(place, place) / r**2, rtol=1e-12, atol=0)
-
-
-def test_angle_noise_lies_across_it() -> None:
-    cov, sigma = angle_covariance(PLACES, TRACKER), 200 * ARCSEC
-    for k, place in enumerate(PLACES):
-        r = np.linalg.norm(place)
-        across = np.trace(cov[k]) / (r * sigma) ** 2
-        level = np.hypot(*place[:2]) / r
-        assert across == pytest.approx(1 + level**2 + (sigma * place[2] / r) ** 2, rel=1e-9)
-        assert np.abs(cov[k] @ place).max() < 1e-12 * np.trace(cov[k]) * r
-    assert np.linalg.eigvalsh(cov[3])[1] > 0  # at the zenith too
+def test_the_zenith_is_regular_and_the_instrument_itself_no_point() -> None:
+    assert np.linalg.eigvalsh(angle_covariance(PLACES, TRACKER)[3])[1] > 0
     with pytest.raises(DataError):
         angle_covariance(np.zeros((1, 3)), TRACKER)
 
@@ -136,17 +120,6 @@ def test_rounded_coordinates_are_uniform_within_their_last_digit() -> None:
     C, D = point_noise(points, None, {}).totals(6)  # nothing stated: the residuals show it
     assert not C.any()
     assert not D.any()
-
-
-def test_sources_are_kept_apart_and_points_chosen() -> None:
-    points = matched(4)
-    noise = point_noise(points, TRACKER, {"drawing": 3e-5})
-    assert sorted(noise.measured) == ["instrument angles", "instrument range"]
-    assert sorted(noise.reference) == ["drawing"]
-    some = noise.take(np.array([3, 1]))
-    for name, cov in noise.measured.items():
-        assert np.array_equal(some.measured[name], cov[[3, 1]])
-    assert np.array_equal(some.reference["drawing"], noise.reference["drawing"][[3, 1]])
 
 
 STATED = {"residual": isotropic(1e-5, 12)}
@@ -228,15 +201,6 @@ def test_no_translation_loses_more_points_than_it_can() -> None:
     kept = fit_survey(spoilt, noise, common_shift=False, least=6, what="moves")
     assert kept.rejected == ()
     assert len(fit_survey(spoilt, noise, common_shift=False, least=5, what="moves").rejected) == 1
-
-
-def test_groups_have_translations_of_their_own() -> None:
-    points = shifted(0.5)
-    found = fit_survey(points, Noise(STATED, {}), common_shift=False, least=3, what="moves")
-    assert np.array_equal(found.group, np.repeat([0, 1], 6))
-    off = found.fit.translation[1] - found.fit.translation[0]
-    assert np.allclose(off, [0.5, 0, -0.5], rtol=0, atol=1e-4)
-    assert found.rejected == ()
 
 
 def test_an_uncertainty_of_zero_in_some_direction_is_refused() -> None:
