@@ -18,8 +18,8 @@ from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.model.dynamics import DELAY, RATE
-from tdfscal.motioncal.forecast import with_moves
 from tdfscal.motioncal.streams import Decimator, Slow
+from tdfscal.motioncal.uncertainty import with_moves
 from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, Series, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
-from tdfscal.model.parameters import State, gravity, symmetric
+from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
@@ -273,33 +273,15 @@ def inertia_wrench(position: FloatArray, step: float, state: State, moving: Movi
     return np.asarray(-np.einsum("kab,kcb->kca", R, both.reshape(-1, 2, 3)).reshape(-1, 6))
 
 
-def static_wrench(state: State, g: float, R: FloatArray, reading: FloatArray) -> FloatArray:
-    """Wrench (N, 6) of readings (N, n, 3) and weight about the barycentre, BCS."""
-    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
-    F = statics.forces(state, reading)
-    return np.concatenate(
-        [F.sum(axis=1) + state.mass * gravity(state, g), np.cross(arm, F).sum(axis=1)], axis=1
-    )
-
-
 def _kinematics(
     block: Block, R: FloatArray, position: FloatArray, state: State
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Place of c less its mean (m), angular velocity (rad/s) and acceleration (m/s²), BCS."""
-    place = _place(R, position, state)
-    found = motion(R, place, block.step, _HALF)
-    assert found is not None  # blocks are longer than the window
-    turning = np.einsum("kab,kb->ka", R, found.turning)
-    speed_up = np.einsum("kab,kb->ka", R, found.acceleration)
-    return place, turning, speed_up
-
-
-def _place(R: FloatArray, position: FloatArray, state: State) -> FloatArray:
-    """Places (N, 3) of the barycentre less their mean, m."""
-    place = (position - state.datum).mean(axis=1) - R @ (
-        state.hinge.mean(axis=0) - state.barycentre
-    )
-    return np.asarray(place - place.mean(axis=0))
+    middle = state.hinge.mean(axis=0) - state.barycentre
+    place = (position - state.datum).mean(axis=1) - R @ middle
+    first, second = derivatives(np.hstack([R.reshape(len(R), 9), place]), block.step, _HALF)
+    turning = vee(first[:, :9].reshape(R.shape) @ np.swapaxes(R, 1, 2))
+    return place - place.mean(axis=0), turning, second[:, 9:]
 
 
 def _delayed(
@@ -333,16 +315,11 @@ def _terms(
     taken off. spread : (N, 3, 3), Σ ρ_i F_iᵀ with ρ_i the hinges about the barycentre.
     """
     R = rotations(state.hinge, position - state.datum)
-    rate, _ = derivatives(R.reshape(len(R), 9), block.step, _HALF)
-    turning = vee(rate.reshape(R.shape) @ np.swapaxes(R, 1, 2))
+    place, turning, _ = _kinematics(block, R, position, state)
     # Σ (R ρ_i) × F_i, the axial vector of R Σ ρ_i F_iᵀ.
     moment = -2 * vee(R @ spread) - state.n * moving.friction * stuck(turning)
-    place = _place(R, position, state)
-    return (
-        moment,
-        state.mass * place,
-        dynamics.spin_momentum(R, turning) @ _own_inertia(state, moving),
-    )
+    spin = dynamics.spin_momentum(R, turning) @ _own_inertia(state, moving)
+    return moment, state.mass * place, spin
 
 
 def _own_inertia(state: State, moving: Moving) -> FloatArray:

@@ -23,11 +23,7 @@ from tdfscal.model.dynamics import RATE
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
-from tdfscal.motioncal import checks
 from tdfscal.motioncal.blocks import Stretch, stretches
-from tdfscal.motioncal.checks import Usable, usable_samples
-from tdfscal.motioncal.contact import without_contacts
-from tdfscal.motioncal.covariance import MovingEstimate, beside, estimate
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
@@ -35,12 +31,19 @@ from tdfscal.motioncal.estimator import (
     fit_moving,
     moved_to,
 )
-from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
-from tdfscal.motioncal.monte_carlo import MOST_TRIALS, simulate
-from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
+from tdfscal.motioncal.evidence import (
+    Halves,
+    HeldOut,
+    ResidualWrench,
+    compare_halves,
+    hold_out,
+    residual_wrench,
+)
 from tdfscal.motioncal.score_tests import suspicions, undeclared
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, estimate, simulate
+from tdfscal.motioncal.usable import Usable, gaps, usable_samples, without_contacts
 from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
@@ -188,7 +191,7 @@ def _judged(
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
-    found = [*checks.gaps(slow), *verdict.findings, *(stretch.finding for stretch in rejected)]
+    found = [*gaps(slow), *verdict.findings, *(stretch.finding for stretch in rejected)]
     found += log_against_rig.turned(rig, used.position)
     for doubt in doubts:
         if not doubt.spoils_motion:

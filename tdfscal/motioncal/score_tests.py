@@ -22,10 +22,10 @@ from tdfscal.estimation.score_tests import (
 from tdfscal.estimation.suspicion import Suspicion, likeliest
 from tdfscal.model.parameters import parameter_count
 from tdfscal.model.statics import balance
-from tdfscal.motioncal.covariance import MovingEstimate, by_spectrum
 from tdfscal.motioncal.design import instants, shifted, suspected
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
+from tdfscal.motioncal.uncertainty import MovingEstimate, by_spectrum
 from tdfscal.records import FloatArray
 
 #: One of so many instants of a block shows how its columns are made of readings.

@@ -17,9 +17,9 @@ from tdfscal.estimation.uncertainty import Estimate, calibrated
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import prior_std, with_motions
 from tdfscal.model.statics import postures
-from tdfscal.motioncal.covariance import MovingEstimate
-from tdfscal.motioncal.covariance import estimate as estimate_moving
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
+from tdfscal.motioncal.uncertainty import MovingEstimate
+from tdfscal.motioncal.uncertainty import estimate as estimate_moving
 from tdfscal.records import Drift, Rig
 from tdfscal.selfcal.estimator import Fit, at_state, estimate, fit
 from tdfscal.selfcal.mounting_search import best_start

@@ -9,14 +9,14 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.model import statics
-from tdfscal.motioncal import checks
+from tdfscal.motioncal import usable as checks
 from tdfscal.motioncal.across import Across, across
 from tdfscal.motioncal.blocks import Block
-from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation.moving_campaign import MovingCampaign

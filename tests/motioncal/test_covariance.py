@@ -10,10 +10,10 @@ import pytest
 from tdfscal.model.calibrated import free_constants, joint_prior
 from tdfscal.model.postures import register
 from tdfscal.model.statics import balance
-from tdfscal.motioncal.covariance import FIELD, estimate, of_poses
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, fit_moving
 from tdfscal.motioncal.rows import rows_of
+from tdfscal.motioncal.uncertainty import FIELD, estimate, of_poses
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information
 from tdfscal.numerics.least_squares import spectrum

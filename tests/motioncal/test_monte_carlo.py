@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
-from tdfscal.motioncal.monte_carlo import Sampler, simulate
+from tdfscal.motioncal.uncertainty import Sampler, estimate, simulate
 from tdfscal.numerics import so3
 from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdfscal.motioncal.contact import touched
-from tdfscal.motioncal.covariance import estimate
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
+from tdfscal.motioncal.uncertainty import estimate
+from tdfscal.motioncal.usable import touched
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import MovingOptions, Touch

@@ -38,12 +38,12 @@ def dockings(largest: float) -> docking.Dockings:
 
 def test_scales_are_shared_and_their_numbers_plain(tmp_path: Path) -> None:
     """A layout that has no room warns, which is an error here."""
-    for largest in (0.5, 15.0, 3.0e4):
+    for largest in (0.5, 3.0e4):
         one = dockings(largest)
         run = docking.drawings("0.66 N/µm, B (ẋ − ẋ_d)", one)
         assert [d.name for d in run] == ["fig-17-docking", "fig-18-docking"]
         for drawing, which in zip(run, "yx", strict=True):
-            if largest > 1e4:  # the longest numbers
+            if (largest, which) == (3.0e4, "x"):  # the longest numbers, side by side
                 style.save(drawing, tmp_path)
             panels = np.array(style.to_figure(drawing).axes).reshape(2, 3)
             for row in panels:

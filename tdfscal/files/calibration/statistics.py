@@ -25,7 +25,7 @@ from tdfscal.selfcal.result import SelfCalibration, Undetermined
 from tdfscal.selfcal.result import nuisances as nuisance_estimates
 
 if TYPE_CHECKING:
-    from tdfscal.motioncal.halves import HeldOut
+    from tdfscal.motioncal.evidence import HeldOut
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 

@@ -1,4 +1,4 @@
-"""Checks on data apart: do the halves of a log agree, and does it hold on stretches held out?"""
+"""What speaks for a result: do halves agree, does it hold on stretches held out, what is left."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.model import dynamics
-from tdfscal.motioncal.blocks import SHORTEST, blocks
+from tdfscal.model import dynamics, statics
+from tdfscal.model.parameters import State, gravity, sensing
+from tdfscal.model.postures import forces
+from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
+from tdfscal.motioncal.design import inertia_wrench, shifted
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
 from tdfscal.motioncal.rows import rms, rows_of
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import spectrum, triangular
+from tdfscal.numerics.least_squares import free_values, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray
+from tdfscal.wrench.kinematics import rotations
 
 #: Length of the stretches that are held out in turn, s, and how many at least and at most.
 _FOLD, _FEWEST, _MOST = 15.0, 2, 8
 #: Blocks from which a log's own are held out, and blocks per half that part it evenly enough.
 _MANY, _LONG = 4, 1.5
+#: Length of the means that are kept, s, and how many of them at most in a long log.
+_MEAN, _MEANS = 1.0, 600
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +142,53 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
         rows.append(own.weighted(both, fit.noise.variance(own.bins)))
     factor = triangular(np.concatenate(rows))
     return factor[:, 0], factor[:, 1:]
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualWrench:
+    """Means over a second, or over more of it in a long log.
+
+    time : (N,), s, their middles. before, after : (N, 2), length of the residual force, N, and of
+    the residual moment about the barycentre, N·m, with the nominal mounting and calibrated.
+    """
+
+    time: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+def residual_wrench(fit: MovingFit, before: State, after: State) -> ResidualWrench:
+    """Residual wrench of two states over a fit's blocks, both with its motion's parameters."""
+    times, lengths = [], []
+    mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MEANS)
+    for block in fit.blocks:
+        both = [_wrench(fit, block, state) for state in (before, after)]
+        count = max(1, round(block.seconds / mean))
+        parts = np.array_split(np.arange(len(both[0])), count)
+        times += [float(fit.slow.time[block.index][part].mean()) for part in parts]
+        means = [[e[part].mean(axis=0).reshape(2, 3) for e in both] for part in parts]
+        lengths.append(np.linalg.norm(np.array(means), axis=3))
+    length = np.concatenate(lengths)
+    return ResidualWrench(np.array(times), length[:, 0], length[:, 1])
+
+
+def _wrench(fit: MovingFit, block: Block, state: State) -> FloatArray:
+    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
+
+    Forces that nobody measures are those that leave least of it.
+    """
+    rig, slow, moving = fit.rig, fit.slow, fit.state.moving
+    position = shifted(slow, block.index, moving) - state.datum
+    R = rotations(state.hinge, position)
+    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
+    F = forces(state, slow.force[block.index])
+    e = inertia_wrench(position, block.step, state, moving)
+    e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
+    e[:, 3:] += np.cross(arm, F).sum(axis=1)
+    if rig.axes.all():
+        return e
+    B = statics.wrench(arm)
+    cov = np.einsum("knra,knsa->krs", B, B)
+    columns = statics.free(B @ sensing(state), rig.axes)
+    free, _ = free_values(cov, columns, e)
+    return np.asarray(e + (columns @ free[..., None])[..., 0])
