@@ -55,8 +55,7 @@ def hum(value: FloatArray) -> FloatArray:
     return np.asarray(wave[:, None] + np.array([100.0, 200.0, 300.0]))
 
 
-@pytest.mark.parametrize("copies", [1, 5])
-@pytest.mark.parametrize("rate", [20.0, 200.0])
+@pytest.mark.parametrize(("copies", "rate"), [(5, 20.0), (1, 200.0)])
 def test_copies_in_one_log_leave_the_dwells_of_the_first(copies: int, rate: float) -> None:
     once = record(Recipe(rate=rate, seed=3)).log
     looking = RepeatedSamples(RIG)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +14,9 @@ from tdfscal.errors import DataError, NotIdentifiableError, RigError
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import verdict
 from tdfscal.estimation.uncertainty import quality
-from tdfscal.model.parameters import layout, nominal, parameter_count, retract
+from tdfscal.model.parameters import layout, nominal, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
-from tdfscal.numerics import least_squares, so3
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
 from tdfscal.selfcal.estimator import at_state, estimate, evaluate, fit
@@ -38,38 +37,6 @@ def lacking(*dead: tuple[int, int], n: int = 3) -> Rig:
     for sensor, axis in dead:
         axes[sensor, axis] = False
     return replace(simulation.make_rig(n), axes=axes)
-
-
-def test_projection_is_a_reading_with_infinite_variance() -> None:
-    """The whitener's information is the limit of a free force's growing variance."""
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(4, 6, 6))
-    cov, columns = np.eye(6) + root @ np.swapaxes(root, 1, 2), rng.normal(size=(4, 6, 2))
-    V, rows = least_squares.whitener(cov, columns)
-    assert (rows == 4).all()
-    assert np.abs(V @ columns).max() < 1e-10
-    wide = np.linalg.inv(cov + 1e7 * columns @ np.swapaxes(columns, 1, 2))
-    assert np.allclose(np.swapaxes(V, 1, 2) @ V, wide, rtol=0, atol=1e-5 * np.abs(wide).max())
-
-
-def test_jacobian_of_moving_zeros_compliance_and_friction_by_complex_step() -> None:
-    rng = np.random.default_rng(1)
-    rig = replace(simulation.make_rig(3), drift=Drift(time=1.0, temperature=1.0))
-    warming = replace(OPTIONS, faults=Faults(warming=Warming(5.0, ((0.1, 0.2, 0.3),) * 3)))
-    seen = postures(rig, simulation.simulate_dwells(rig, warming, rng, 1).dwells(0))
-    assert seen.motions == 2
-    size, place = parameter_count(3, 2), layout(3, 2)
-    step = np.zeros(size)
-    step[place["rotation"]] = 0.2 * rng.normal(size=9)
-    step[place["drift"]] = rng.normal(size=18)
-    step[place["compliance"]] = 1e-7
-    state = retract(nominal(rig, 2), step)
-    at = balance(seen, state, np.zeros(3), rig.gravity)
-    jac = features_jacobian(state, at, rig.gravity)
-    for j, unit in enumerate(np.eye(size)):
-        moved: Any = features(retract(state, 1e-30j * unit), at, rig.gravity)  # type: ignore[arg-type]
-        scale = max(1.0, float(np.abs(jac[:, j]).max()))
-        assert np.abs(moved.imag * 1e30 - jac[:, j]).max() < 1e-12 * scale, j
 
 
 def test_compliance_columns_by_differences() -> None:

@@ -78,16 +78,6 @@ def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
     assert (spread.rpy_std < full.rpy_std).all()
 
 
-def test_birge_inflates_noise_and_never_shrinks() -> None:
-    parts = information(RESULT.fit)
-    calm, wild = (evaluate(RESULT.fit, parts, birge) for birge in (0.5, 3.0))
-    unit = evaluate(RESULT.fit, parts, 1.0)
-    assert np.array_equal(calm.covariance, unit.covariance)
-    noise = sum(unit.contributions[s] for s in ("noise", "positioner", "hinge friction"))
-    grown = np.diagonal(wild.rpy_covariance - unit.rpy_covariance, axis1=1, axis2=2)
-    assert np.allclose(grown, 8 * noise, rtol=1e-3)
-
-
 def test_monte_carlo_agrees_with_the_covariance() -> None:
     parts = information(RESULT.fit)
     sampler = Sampler(RESULT.fit, parts, 1.0)
