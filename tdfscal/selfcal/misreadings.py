@@ -72,61 +72,6 @@ class Misreading:
         return float(np.linalg.norm(so3.log(self.fit.state.rotation @ back), axis=1).max())
 
 
-def likeliest_misreading(
-    rig: Rig, observed: Postures, present: Fit, time: FloatArray | None = None
-) -> Misreading | None:
-    """Look for the one mistake that explains the postures; None where there is none.
-
-    present : the best that can be made of the postures as they are. time : (K,), s, of the
-    postures; without it no jump is looked for.
-    """
-    order = np.arange(len(observed)) if time is None else np.argsort(time, kind="stable")
-    some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
-    seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
-    if misfit < _BETTER:
-        return None
-    starts = np.stack([nominal(rig).rotation, present.state.rotation])
-    found = []
-    for each, rotation in lowest(rig, seen, starts, timed=time is not None):
-        mistake = _fitted(rig, seen, each, rotation, order[some])
-        if _BETTER * mistake.misfit < misfit and mistake.misfit < _BETTER:
-            found.append(mistake)
-    return _likeliest(found) if found else None
-
-
-def refusal(
-    rig: Rig, mistake: Misreading, before: float, number: IntArray, time: FloatArray | None
-) -> DataError:
-    """The error that names a mistake with its evidence.
-
-    before : variance of the residuals with it. number, time : (K,), of the postures.
-    """
-    values: dict[str, Value] = {
-        "before": float(np.sqrt(before)),
-        "after": float(np.sqrt(mistake.misfit)),
-    }
-    if mistake.names:
-        return DataError(Finding("forces-exchanged", values=values | {"exchange": mistake.names}))
-    subject = (rig.supports[mistake.support],)
-    if mistake.jump is None:
-        axis = "" if mistake.axis is None else "xyz"[mistake.axis]
-        unit, declared = log_against_rig.unit_of(mistake.factor)
-        values |= {"axis": axis, "unit": unit, "declared": declared}
-        return DataError(Finding("force-rescaled", subject, mistake.factor, values=values))
-    assert time is not None  # without it no jump is looked for
-    last, first = mistake.between
-    values |= {
-        "jump": [f"{value:.3g}" for value in mistake.jump],
-        "last": float(number[last]),
-        "first": float(number[first]),
-        "end": float(time[last]),
-        "begin": float(time[first]),
-        "tared": mistake.tared,
-    }
-    size = float(np.linalg.norm(mistake.jump))
-    return DataError(Finding("zero-tared", subject, size, "N", values=values))
-
-
 def _fitted(
     rig: Rig, seen: Postures, undone: Undone, near: FloatArray, order: IntArray
 ) -> Misreading:
@@ -265,10 +210,27 @@ def misreading(
 ) -> Misreading | None:
     """The one mistake that explains the postures, which a sensor that turned does not.
 
-    present : the best that can be made of them as they are. number, time as in `check_forces`.
+    present : the best that can be made of them as they are. number, time as in `check_forces`;
+    without them no jump is looked for.
     """
-    found = likeliest_misreading(rig, observed, present, None if number is None else time)
-    if found is None or found.jump is None or found.tared:
+    timed = number is not None and time is not None
+    order = np.argsort(
+        time if time is not None and timed else np.arange(len(observed)), kind="stable"
+    )
+    some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
+    seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
+    if misfit < _BETTER:
+        return None
+    starts = np.stack([nominal(rig).rotation, present.state.rotation])
+    tried = [
+        _fitted(rig, seen, each, rotation, order[some])
+        for each, rotation in lowest(rig, seen, starts, timed=timed)
+    ]
+    better = [m for m in tried if _BETTER * m.misfit < misfit and m.misfit < _BETTER]
+    if not better:
+        return None
+    found = _likeliest(better)
+    if found.jump is None or found.tared:
         return found
     assert number is not None  # without them no jump is looked for
     assert time is not None
@@ -288,5 +250,28 @@ def misread(
     if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
-    number = np.arange(len(present.postures)) + 1 if number is None else number
-    return refusal(rig, found, spread(present.distance, present.at.rows), number, time)
+    values: dict[str, Value] = {
+        "before": float(np.sqrt(spread(present.distance, present.at.rows))),
+        "after": float(np.sqrt(found.misfit)),
+    }
+    if found.names:
+        return DataError(Finding("forces-exchanged", values=values | {"exchange": found.names}))
+    subject = (rig.supports[found.support],)
+    if found.jump is None:
+        axis = "" if found.axis is None else "xyz"[found.axis]
+        unit, declared = log_against_rig.unit_of(found.factor)
+        values |= {"axis": axis, "unit": unit, "declared": declared}
+        return DataError(Finding("force-rescaled", subject, found.factor, values=values))
+    assert number is not None  # without them no jump is looked for
+    assert time is not None
+    last, first = found.between
+    values |= {
+        "jump": [f"{value:.3g}" for value in found.jump],
+        "last": float(number[last]),
+        "first": float(number[first]),
+        "end": float(time[last]),
+        "begin": float(time[first]),
+        "tared": found.tared,
+    }
+    size = float(np.linalg.norm(found.jump))
+    return DataError(Finding("zero-tared", subject, size, "N", values=values))
