@@ -10,7 +10,7 @@ Finding similar files; Schleimer, Wilkerson and Aiken 2003, Winnowing).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, LeftOut, Log, Rig
+from tdfscal.records import BoolArray, Dwells, FloatArray, LeftOut, Log, Rig
 from tdfscal.significance import REPEATED_BY_CHANCE
 
 _Hashes = npt.NDArray[np.uint64]
@@ -41,6 +41,12 @@ _OF_EACH = (
     "start", "end", "position", "position_cov", "force", "force_cov", "force_min", "force_max",
     "count", "effective",
 )  # fmt: skip
+#: A window of one sensor. time, place : when it begins, s, and at which sample. choice : hash by
+#: which it is kept. key : hash of all of it. new : values that differ from the others, less one.
+_WINDOW_TYPE = np.dtype(
+    [("time", "f8"), ("place", "i8"), ("choice", "u8"), ("key", "u8"), ("new", "i8")]
+)
+_Windows = npt.NDArray[Any]
 _MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 
 
@@ -70,7 +76,9 @@ class RepeatedSamples:
     def found(self) -> tuple[Repeat, ...]:
         """Return the stretches that repeat earlier ones; fewer windows are kept from now on."""
         found = tuple(
-            repeat for i, sensor in enumerate(self._sensors) for repeat in sensor.repeats(i)
+            repeat
+            for i, sensor in enumerate(self._sensors)
+            for repeat in _runs(i, sensor.windows, sensor.passed)
         )
         for sensor in self._sensors:
             sensor.thin(_AFTERWARDS)
@@ -150,41 +158,14 @@ def _taken(dwells: Dwells, keep: BoolArray) -> Dwells:
     )
 
 
-@dataclass(slots=True)
-class _Windows:
-    """Windows of one sensor, (W,) each.
-
-    time, place : when it begins, s, and at which sample. choice : hash by which it is kept.
-    key : hash of all of it. new : values in it that differ from the others, less one.
-    """
-
-    time: FloatArray = field(default_factory=lambda: np.empty(0))
-    place: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
-    choice: _Hashes = field(default_factory=lambda: np.empty(0, np.uint64))
-    key: _Hashes = field(default_factory=lambda: np.empty(0, np.uint64))
-    new: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
-
-    def _columns(self) -> tuple[npt.NDArray[Any], ...]:
-        return self.time, self.place, self.choice, self.key, self.new
-
-    def take(self, which: IntArray | BoolArray) -> _Windows:
-        """Some of them."""
-        return _Windows(*(column[which] for column in self._columns()))
-
-    def and_(self, other: _Windows) -> _Windows:
-        """These and others."""
-        columns = zip(self._columns(), other._columns(), strict=True)
-        return _Windows(*map(np.concatenate, columns))
-
-
 class _Sensor:
     """One sensor's samples as they pass."""
 
     def __init__(self, axes: BoolArray) -> None:
         self._axes, self._quantum, self._liveliest = axes, np.empty(0), 0
         self._time, self._value = np.empty(0), np.empty((0, int(axes.sum())))
-        self._passed, self._every = 0, np.uint64(1)
-        self.windows = _Windows()
+        self.passed, self._every = 0, np.uint64(1)
+        self.windows: _Windows = np.empty(0, _WINDOW_TYPE)
 
     def add(self, time: FloatArray, value: FloatArray) -> None:
         """Keep some windows of what passes: all at first, of a long log one in 2, 4, 8 …"""
@@ -196,33 +177,32 @@ class _Sensor:
             self._quantum = _quantum(self._value)
             changed = np.count_nonzero(np.diff(self._value, axis=0), axis=0)
             self._liveliest = int(np.argmax(changed))
-        new = self._whole()  # which thins out those that are kept
-        self.windows = self.windows.and_(new)
-
-    def repeats(self, sensor: int) -> Iterator[Repeat]:
-        """Return the stretches that repeat earlier ones."""
-        return _runs(sensor, self.windows, self._passed)
+        self._take_whole()
 
     def shared(self, other: _Sensor, sensor: int) -> Iterator[Repeat]:
         """Return the stretches of another log that repeat some of this one."""
         w, later = self.windows, other.windows
-        if not len(w.key) or not len(later.key):
+        if not len(w) or not len(later):
             return
-        apart = float(w.time[-1] - later.time[0]) + 2 * _VIBRATION
-        place = later.place + self._passed + _WINDOW
-        both = w.and_(replace(later, time=later.time + apart, place=place))
-        for repeat in _runs(sensor, both, self._passed + other._passed):
-            if repeat.original <= w.time[-1] < repeat.begin:
+        apart = float(w["time"][-1] - later["time"][0]) + 2 * _VIBRATION
+        both = np.concatenate([w, later])
+        both["time"][len(w) :] += apart
+        both["place"][len(w) :] += self.passed + _WINDOW
+        for repeat in _runs(sensor, both, self.passed + other.passed):
+            if repeat.original <= w["time"][-1] < repeat.begin:
                 yield replace(repeat, begin=repeat.begin - apart, end=repeat.end - apart)
 
     def thin(self, most: int) -> None:
         """Keep at most so many windows."""
-        while len(self.windows.key) > most and self._every < _RAREST:
-            self._every *= np.uint64(2)
-            self.windows = self.windows.take(self._chosen(self.windows.choice))
+        while len(self.windows) > most and self._every < _RAREST:
+            self._keep_half()
 
-    def _whole(self) -> _Windows:
-        """Windows that are whole by now, of those that are kept."""
+    def _keep_half(self) -> None:
+        self._every *= np.uint64(2)
+        self.windows = self.windows[self._chosen(self.windows["choice"])]
+
+    def _take_whole(self) -> None:
+        """Keep some of the windows that are whole by now."""
         count = len(self._time) - _WINDOW + 1
         i = self._liveliest
         choice = _steps(self._value[:, i], self._quantum[i]) * _MIX[0]
@@ -231,11 +211,10 @@ class _Sensor:
         choice = choice[:-2] + (choice[2:] >> np.uint64(7))
         choice = choice[:count] * _MIX[2]
         here = np.flatnonzero(self._chosen(choice))
-        while len(here) + len(self.windows.key) > _KEPT and self._every < _RAREST:
-            self._every *= np.uint64(2)
+        while len(here) + len(self.windows) > _KEPT and self._every < _RAREST:
+            self._keep_half()
             here = here[self._chosen(choice[here])]
-            self.windows = self.windows.take(self._chosen(self.windows.choice))
-        here = here[: max(0, _KEPT - len(self.windows.key))]
+        here = here[: max(0, _KEPT - len(self.windows))]
         row = np.zeros(len(self._value), np.uint64)
         for channel, quantum, mix in zip(self._value.T, self._quantum, _MIX, strict=False):
             row += _steps(channel, quantum) * mix
@@ -243,10 +222,13 @@ class _Sensor:
         row = row[here + np.arange(_WINDOW)[:, None]]
         key = _MIX[1] ** np.arange(1, _WINDOW + 1, dtype=np.uint64) @ row
         new = np.count_nonzero(np.diff(np.sort(row, axis=0), axis=0), axis=0)
-        found = _Windows(self._time[here], self._passed + here, choice[here], key, new)
-        self._passed += count
+        found = np.empty(len(here), _WINDOW_TYPE)
+        columns = (self._time[here], self.passed + here, choice[here], key, new)
+        for name, column in zip(_WINDOW_TYPE.names or (), columns, strict=True):
+            found[name] = column
+        self.passed += count
         self._time, self._value = self._time[count:], self._value[count:]
-        return found
+        self.windows = np.concatenate([self.windows, found])
 
     def _chosen(self, choice: _Hashes) -> BoolArray:
         return np.asarray(choice >> np.uint64(40) & (self._every - np.uint64(1)) == 0)
@@ -272,17 +254,17 @@ def _runs(sensor: int, windows: _Windows, count: int) -> Iterator[Repeat]:
 
     count : windows that passed.
     """
-    share = np.diff(windows.place, append=np.iinfo(np.int64).max).clip(max=_WINDOW) / _WINDOW
-    bits = _BITS * windows.new * share  # of each beside its neighbours
-    order = np.lexsort((windows.place, windows.key))
+    share = np.diff(windows["place"], append=np.iinfo(np.int64).max).clip(max=_WINDOW) / _WINDOW
+    bits = _BITS * windows["new"] * share  # of each beside its neighbours
+    order = np.lexsort((windows["place"], windows["key"]))
     a, b = order[:-1], order[1:]
-    same = windows.key[a] == windows.key[b]
-    near = same & (np.abs(windows.time[b] - windows.time[a]) <= _VIBRATION)
+    same = windows["key"][a] == windows["key"][b]
+    near = same & (np.abs(windows["time"][b] - windows["time"][a]) <= _VIBRATION)
     in_step = np.zeros(len(order), dtype=np.bool_)
     in_step[a[near]] = in_step[b[near]] = True
     pair = same & ~in_step[a] & ~in_step[b]
     a, b = a[pair], b[pair]
-    distance = windows.place[b] - windows.place[a]
+    distance = windows["place"][b] - windows["place"][a]
     order = np.lexsort((b, distance))
     a, b, distance = a[order], b[order], distance[order]
     breaks = (np.diff(distance) != 0) | (np.diff(b) > _MISSED)
@@ -292,7 +274,7 @@ def _runs(sensor: int, windows: _Windows, count: int) -> Iterator[Repeat]:
             first, last = b[run[0]], b[run[-1]]
             yield Repeat(
                 sensor,
-                float(windows.time[first]),
-                float(windows.time[last]),
-                float(windows.time[a[run[0]]]),
+                float(windows["time"][first]),
+                float(windows["time"][last]),
+                float(windows["time"][a[run[0]]]),
             )
