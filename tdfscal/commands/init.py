@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, window
+from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.campaign import find_logs
 from tdfscal.commands.info import InfoResult
 from tdfscal.commands.result import Result
@@ -82,8 +82,6 @@ def init(
         PathLike | None,
         options.written("default: stdout (-)", ".yaml", ".yml", default=Path("-"), holds="yaml"),
     ] = None,
-    from_: options.Begin = None,
-    to: options.End = None,
     progress: options.Telling = SILENT,
 ) -> InitResult:
     """Write a complete, commented rig.yaml from a log; what to confirm is marked in it.
@@ -94,10 +92,9 @@ def init(
         By cause: UsageError, DataError where the logs cannot be read, or do not show which fields
         are positions and forces.
     """
-    part = window(from_, to)
     logs = find_logs(paths)
     with progress.reading(expand(logs)) as share:
-        info = describe_logs(logs, window=part, progress=share)
+        info = describe_logs(logs, progress=share)
     first = info.contents[0]
     if info.mapping is None:
         raise DataError(

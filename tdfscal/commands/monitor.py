@@ -13,7 +13,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import conforming_months
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, window
+from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
@@ -113,8 +113,6 @@ def monitor(
             "calibration files and campaign folders of one rig", list[Path], "FILE…", reads=True
         ),
     ],
-    from_: options.Begin = None,
-    to: options.End = None,
     since: Annotated[
         str | None, Option("alarms raised before count no more", metavar="DATE")
     ] = None,
@@ -146,7 +144,7 @@ def monitor(
         raise UsageError(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
-    settings = Settings(progress, window(from_, to))
+    settings = Settings(progress)
     reads, unusable = read_campaigns(groups, settings, like=like)
     refuse_repeated([*(Recording(e.name, e.inputs, None) for e in known), *reads])
     usable = usable_campaigns(reads, unusable)

@@ -28,7 +28,7 @@ from tdfscal.commands.result import Result, by_angle
 from tdfscal.commands.samples import delay_of
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
+from tdfscal.files.writers.plan import plan_csv, time_table_csv
 from tdfscal.planning.candidates import Limits, travel_limits
 from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
@@ -54,12 +54,11 @@ Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 
-    output, waypoints : the files. command : for them.
+    output : the file. command : for it.
     """
 
     plan: Plan | MovingPlan
     output: Path | None
-    waypoints: Path | None
     command: str
 
     def to_report(self) -> Report:
@@ -73,16 +72,9 @@ class PlanResult(Result):
             return time_table_csv(self.plan, self.command)
         return plan_csv(self.plan, self.command)
 
-    @property
-    def spline(self) -> str:
-        """Waypoints of a motion, CSV."""
-        assert isinstance(self.plan, MovingPlan)
-        return waypoints_csv(self.plan, self.command)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
-        table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
-        return plan_document(self.plan, table, spline)
+        return plan_document(self.plan, None if self.output is None else str(self.output))
 
     def to_frame(self) -> pd.DataFrame:
         """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""
@@ -155,12 +147,8 @@ def plan(
         ),
     ] = None,
     objective: Annotated[
-        Objective, Option("the quantity whose uncertainty is minimised")
+        Objective, Option("what to know best: the angles, or the wrench at acceptance.contact.rpy")
     ] = "angles",
-    at: Annotated[
-        Numbers | None,
-        Option("assembly posture for the contact wrench, rad", str | None, "R,P,Y"),
-    ] = None,
     given: Annotated[
         PathLikes,
         Option(
@@ -172,16 +160,6 @@ def plan(
     speed: Annotated[
         float, Option("largest speed of a hinge in motion, m/s", metavar="M/S")
     ] = 0.02,
-    waypoints: Annotated[
-        PathLike | None,
-        Option(
-            "also write the motion's waypoints for a spline",
-            Path | None,
-            "FILE.csv",
-            writes=(".csv",),
-            holds="spline",
-        ),
-    ] = None,
     command: options.CommandLine = "tdfscal.plan",
     progress: options.Telling = SILENT,
 ) -> PlanResult:
@@ -191,15 +169,13 @@ def plan(
     ------
     UsageError, RigError, DataError, NotIdentifiableError
     """
-    postures_only = (postures, target, at) != (None, None, None) or bool(listed(given))
+    postures_only = (postures, target) != (None, None) or bool(listed(given))
     if motion and (postures_only or objective != "angles"):
         raise UsageError(
-            "--postures, --target, --objective, --at and --given are of postures",
+            "--postures, --target, --objective and --given are of postures",
             where="--motion",
             hint="leave them out, or plan postures",
         )
-    if not motion and waypoints is not None:
-        raise UsageError("only a motion has waypoints", where="--waypoints", hint="add --motion")
     if postures is not None and target is not None:
         raise UsageError(
             "--postures and --target ask for two different things", hint="give one of them"
@@ -227,7 +203,6 @@ def plan(
             limits=limits,
             noise=usual if noise is None else noise,
             objective=objective,
-            at=None if at is None else triple("--at", at),
         )
         if postures is None and target is None and known.rig.acceptance.states_contact:
             found = plan_for_contact(known.rig, request, DEFAULT_POSTURES, rng, given=before)
@@ -236,7 +211,7 @@ def plan(
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
             found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
-    return PlanResult(found, one(output), one(waypoints), command)
+    return PlanResult(found, one(output), command)
 
 
 def _recorded(rig: LoadedRig, paths: list[Path], noise: float, progress: Progress) -> Fit | None:

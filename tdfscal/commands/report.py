@@ -13,28 +13,22 @@ from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.calibration import (
     ANGLE_COLUMNS,
     Calibration,
-    CalibrationSource,
     angle_rows,
     read_sources,
     sources_of,
 )
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
-from tdfscal.errors import UsageError
 from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import as_found, put_side_by_side, several_document, several_report
+from tdfscal.reporting.several import put_side_by_side, several_document, several_report
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class ReportResult(Result):
-    """Calibrations to look at. named : name and content of each, in the order given.
-
-    previous : the one that a single calibration follows.
-    """
+    """Calibrations to look at. named : name and content of each, in the order given."""
 
     named: tuple[tuple[str, Calibration], ...]
-    previous: tuple[str, Calibration] | None = None
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out the one, or all side by side."""
@@ -42,9 +36,7 @@ class ReportResult(Result):
 
         if len(self.named) > 1:
             return several_report(put_side_by_side(self.named), drawings)
-        (_, only), before = self.named[0], self.previous
-        more = () if before is None else (as_found(only, *before),)
-        return replace(calibration_report(only, drawings, more), summary=())
+        return replace(calibration_report(self.named[0][1], drawings), summary=())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file, or of all with their comparison, as JSON values."""
@@ -76,15 +68,6 @@ def report(
         options.Several,
         Option("calibration files; - for stdin", list[Path], "FILE", reads=True),
     ],
-    previous: Annotated[
-        CalibrationSource | None,
-        Option(
-            "the calibration before: what was found, what is left",
-            Path | None,
-            "FILE",
-            reads=True,
-        ),
-    ] = None,
     html: Annotated[
         PathLike | None,
         Option(
@@ -104,11 +87,4 @@ def report(
     UsageError, DataError
         A file cannot be read, is no calibration, or they are of different supports.
     """
-    sources, before = sources_of(*files), [] if previous is None else [previous]
-    if before and len(sources) > 1:
-        raise UsageError(
-            "--previous goes with one calibration",
-            hint="name one file besides, or leave --previous out: several are compared anyway",
-        )
-    named = read_sources([*sources, *before])
-    return ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)
+    return ReportResult(tuple(read_sources(sources_of(*files))))

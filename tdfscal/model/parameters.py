@@ -143,8 +143,8 @@ def retract(state: State, step: FloatArray) -> State:
 def placed(state: State, std: FloatArray) -> State:
     """Standard uncertainties (P,) in the places of the parameters they are of; no rotations."""
     empty = State(**{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)})
-    step = std.copy()
-    step[: 3 * state.n] = 0.0
+    step = np.zeros(layout(state.n, state.motions)["drift"].stop)
+    step[3 * state.n : len(std)] = std[3 * state.n :]  # zeros that move are not always among them
     return retract(empty, step)
 
 

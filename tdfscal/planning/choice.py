@@ -114,13 +114,9 @@ class Planner:
         if self.request.objective == "angles":
             L = angle_rows(self.sight)
         else:
-            L = wrench_rows(self.sight, self._at)
+            L = wrench_rows(self.sight, self.rig.acceptance.contact_rpy)
             L[3:] /= hinge_radius(self.rig)
         return np.asarray(L / np.sqrt(len(L)))
-
-    @property
-    def _at(self) -> tuple[float, float, float]:
-        return self.request.at or self.rig.acceptance.contact_rpy
 
     def select(self, count: int) -> tuple[IntArray, int]:
         """Choose distinct candidates and how often the first comes again: `count` rows in all."""
@@ -139,7 +135,7 @@ class Planner:
         """Uncertainty to expect of postures, with what is held already."""
         stated = self.rig.acceptance
         wanted = self.request.objective == "wrench" or stated.states_contact
-        at = self._at if wanted else self.request.at
+        at = stated.contact_rpy if wanted else None
         limits, held = self.request.limits, self.held
         draws: list[np.random.Generator | None] = [None]
         if not self.rig.axes.all():
@@ -327,6 +323,6 @@ def _check(rig: Rig, request: Request) -> None:
         )
     if request.candidates < 1:
         raise UsageError(f"{request.candidates} candidates", hint="ask for one or more")
-    if request.at is not None:
-        rotation = so3.from_rpy(np.array(request.at))
+    if request.objective == "wrench":
+        rotation = so3.from_rpy(np.array(rig.acceptance.contact_rpy))
         check_reach(rig, request.limits, rotation, "the assembly posture")

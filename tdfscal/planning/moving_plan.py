@@ -138,12 +138,8 @@ def _with_errors(course: Candidates, size: float, rng: np.random.Generator) -> C
 _FASTEST = 0.2
 #: Motions that are drawn, of which the best is taken.
 _DRAWN = 12
-#: Steps of the time table, s, and distances of waypoints to choose from, s.
+#: Steps of the time table, s.
 TABLE = 0.1
-_WAYPOINTS = (2.0, 1.0, 0.5, 0.25, 0.2, 0.1)
-#: What a spline through the waypoints may miss: m, of the motion as a whole, and share of the
-#: squeeze, for which the hinges' places among themselves count.
-_CLOSE, _CLOSE_SHARE = 1.0e-4, 0.02
 #: Shortest motion, s.
 _SHORTEST = 20.0
 
@@ -181,29 +177,6 @@ class MovingPlan:
     def time(self) -> FloatArray:
         """Instants (N,) of the time table, s."""
         return np.asarray(np.arange(round(self.request.duration / TABLE) + 1) * TABLE)
-
-    @property
-    def waypoints(self) -> FloatArray:
-        """Times (M,), s, through whose positions a cubic spline, at rest at both ends, runs."""
-        from scipy.interpolate import CubicSpline
-
-        fine = self.trajectory.at(self.time)
-        limits = self.request.limits
-        arm = fine.place - fine.place.mean(axis=1, keepdims=True)
-        slack = max(_CLOSE_SHARE * limits.squeeze, 1e-3)
-        for step in _WAYPOINTS:
-            count = max(4, round(self.request.duration / step))
-            knot = np.asarray(np.linspace(0.0, self.request.duration, count + 1), dtype=np.float64)
-            course = self.trajectory.at(knot)
-            near = CubicSpline(knot, course.position(limits), bc_type="clamped")(self.time)
-            force = CubicSpline(knot, course.squeeze, bc_type="clamped")(self.time)
-            off = near - fine.position(limits)
-            squeezed = force - fine.squeeze
-            if limits.stiffness is not None:
-                squeezed = limits.stiffness * internal_part(arm, off)
-            if np.abs(off).max() <= _CLOSE and np.abs(squeezed).max() <= slack:
-                break
-        return knot
 
 
 def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> MovingPlan:

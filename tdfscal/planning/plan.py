@@ -27,7 +27,6 @@ class Request:
     noise: float = 1.0
     candidates: int = 2000
     objective: Objective = "angles"
-    at: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

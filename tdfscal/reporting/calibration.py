@@ -25,10 +25,8 @@ from tdfscal.reporting.traceability import (
 from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 
 
-def calibration_report(
-    c: Calibration, drawings: tuple[Drawing, ...] = (), more: tuple[Section, ...] = ()
-) -> Report:
-    """Lay out a calibration; drawings are those of a page, more what is said besides."""
+def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out a calibration; drawings are those of a page."""
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
@@ -55,7 +53,6 @@ def calibration_report(
         summary=(_summary(c),),
         sections=(
             *layout.illustrated(drawings, blocks),
-            *more,
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),

@@ -1,4 +1,4 @@
-"""Several calibrations side by side and over time; two compared; one as found and as left."""
+"""Several calibrations side by side and over time; two compared."""
 
 from __future__ import annotations
 
@@ -229,30 +229,3 @@ def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
         accepted=c.verified,
         sections=(Section("Differences", blocks),),
     )
-
-
-def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
-    """Each angle before and now, the change, and whether it is more than both uncertainties.
-
-    Raises DataError where the two are of different sensors.
-    """
-    pair, _ = compared(("as left", c), (name, previous))
-    old = [previous.support_names.index(support) for support in pair.supports]
-    columns = {
-        "as found": mrad(previous.rpy[old]),
-        "as left": mrad(c.rpy),
-        "change": mrad(pair.rpy, "+.3f"),
-    }
-    if np.isfinite(pair.p_value):
-        columns[f"U, {_K}"] = mrad(COVERAGE_FACTOR * pair.rpy_std)
-        columns["E_n"] = lambda i, j: f"{pair.en[i, j]:.2f}"
-    said = layout.begun(_verdict(pair), ".")
-    rows = by_angle(pair.supports, *columns.values())
-    both = np.repeat(c.determined & previous.determined[old], 3)
-    shown = tuple(row for row, known in zip(rows, both, strict=True) if known)
-    caption = (
-        f"Angles, mrad; as found: {name}, measured {_instant(previous):%Y-%m-%d}; as left: "
-        f"measured {_instant(c):%Y-%m-%d}"
-    )
-    table = Table(caption, ("sensor", "angle", *columns), shown, left=2)
-    return Section("As found, as left", (table, said))

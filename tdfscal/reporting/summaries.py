@@ -204,7 +204,7 @@ def _postures(plan: Plan, table: Table) -> Report:
     again = {0: "never", 1: "once"}.get(len(plan.returns), f"{len(plan.returns)} times")
     contact: list[Block] = []
     if expected.contact_force is not None and expected.contact_torque is not None:
-        at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
+        at = ", ".join(f"{v:g}" for v in plan.rig.acceptance.contact_rpy)
         stds = {"force, N": expected.contact_force, "torque, N·m": expected.contact_torque}
         rows = tuple((name, *(f"{v:.3f}" for v in std)) for name, std in stds.items())
         caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
@@ -264,26 +264,17 @@ def _motion(plan: MovingPlan, table: Table) -> Report:
     )
 
 
-def plan_document(
-    plan: Plan | MovingPlan, path: str | None, waypoints: str | None
-) -> dict[str, Any]:
-    """Return a plan as plain JSON values, SI units; path, waypoints : the files."""
+def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
+    """Return a plan as plain JSON values, SI units; path : the file."""
     from tdfscal.planning.moving_plan import MovingPlan
 
     limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
     if isinstance(plan, MovingPlan):
-        course = plan.trajectory.at(plan.waypoints)
         limits["speed"] = plan.request.speed
         more: dict[str, Any] = {
-            "waypoints_output": waypoints,
             "duration": plan.request.duration,
             "used": plan.used,
             "frequency": plan.trajectory.lines.line / plan.request.duration,
-            "waypoints": {
-                "time": plan.waypoints,
-                "position": course.position(plan.request.limits),
-                "squeeze": course.squeeze,
-            },
         }
     else:
         more = {

@@ -281,7 +281,8 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
     for status, arguments, names in (
         (2, ["calibrate", first, other], "hinge of ncp2"),
         (2, ["update", base, other], "hinge of ncp2"),
-        (2, ["calibrate", first, future], "future"),
+        (1, ["calibrate", first, future], "future"),
+        (2, ["calibrate", future], "future"),
         (3, ["calibrate", first, undated], "campaign.date"),
         (2, ["calibrate", first, first], "same recording"),
         (2, ["update", base, first], "same recording"),

@@ -178,7 +178,7 @@ def test_errors_are_those_of_the_command(
     seen = run(capsys, *line.split(), *quiet)
     with pytest.raises(tdfscal.TdfscalError) as caught:
         call()
-    assert type(caught.value) is kind
+    assert isinstance(caught.value, kind)
     assert caught.value.exit_status == seen.status
     assert seen.err.splitlines()[-1] == f"tdfscal: {caught.value}"
 
@@ -204,7 +204,7 @@ def test_errors_are_those_of_the_command(
         lambda: tdfscal.calibrate(b"campaign"),  # type: ignore[arg-type]
         lambda: tdfscal.compare("own.yaml", None),  # type: ignore[arg-type]
         lambda: tdfscal.calibrate("campaign", output=3),  # type: ignore[arg-type]
-        lambda: tdfscal.plan("campaign", at=object()),  # type: ignore[arg-type]
+        lambda: tdfscal.plan("campaign", home=object()),  # type: ignore[arg-type]
     ],
 )
 def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:

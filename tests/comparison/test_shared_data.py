@@ -203,5 +203,3 @@ def test_a_report_judges_by_what_is_common_as_compare_does(
         assert told[key] == found[key]
     known = found["p_value"] is not None
     assert ("NOT SEPARATE RESULTS" in page.read_text()) is not known
-    text = run(capsys, "report", later, "--previous", earlier, "-q").out
-    assert ("E_n" in text[text.index("as found:") :].split("\n\n")[0]) is known

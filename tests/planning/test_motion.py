@@ -118,22 +118,8 @@ def test_a_load_cell_stands_aside_and_a_dead_channel_costs() -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
-    p = plan()
-    assert p.improvement > 1.1
-    course, knots = p.trajectory.at(p.time), p.waypoints
-    assert len(knots) < len(p.time) / 2
-    spline = CubicSpline(
-        knots, p.trajectory.at(knots).position(p.request.limits), bc_type="clamped"
-    )
-    off = spline(p.time) - course.position(p.request.limits)
-    assert np.abs(off).max() < 1e-4
-    # Springs that carry only the distances between hinges tell what it squeezes amiss.
-    where = course.position(p.request.limits)
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        apart = where[:, i] - where[:, j]
-        stretch = np.sum(apart * (off[:, i] - off[:, j]), axis=1) / np.linalg.norm(apart, axis=1)
-        assert np.abs(stretch).max() * STIFFNESS < 0.05 * 200.0
+def test_a_plan_beats_random_motions() -> None:
+    assert plan().improvement > 1.1
 
 
 @pytest.mark.slow
@@ -162,9 +148,9 @@ def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
 def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "rig"
     simulate_to_folder(folder, postures=2, rows="postures")
-    table, spline = tmp_path / "table.csv", tmp_path / "waypoints.csv"
+    table = tmp_path / "table.csv"
     command = ["plan", folder, "--motion", "--duration", "20", "--stiffness", "2e7"]
-    seen = run(capsys, *command, "-o", table, "--waypoints", spline, "-q")
+    seen = run(capsys, *command, "-o", table, "-q")
     assert seen.status == 0, seen.err
     assert "Motion for Reference rig: 20 s without a stop" in seen.out
     rows = [line for line in table.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
@@ -172,11 +158,8 @@ def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture
     assert [float(row["t"]) for row in read] == pytest.approx(np.arange(201) * 0.1)
     dx = [float(row["ncp1.dx"]) * 2e7 - float(row["ncp1.squeeze_x"]) for row in read]
     assert dx == pytest.approx([0.0] * 201, abs=0.02)
-    assert spline.read_text(encoding="utf-8").startswith("# tdfscal plan for Reference rig")
     with pytest.raises(UsageError, match="of postures"):
         tdfscal.plan(folder, motion=True, postures=8)
-    with pytest.raises(UsageError, match="waypoints"):
-        tdfscal.plan(folder, waypoints=spline)
 
 
 @pytest.mark.parametrize(

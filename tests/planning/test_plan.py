@@ -114,10 +114,17 @@ def test_a_target_takes_as_few_postures_as_it_needs() -> None:
         plan_for_target(rig, request, 1e-5, RNG(6))
 
 
+def touching(roll: float) -> Rig:
+    """The reference rig, whose contact matters at a roll, rad."""
+    rig = reference_rig()
+    limits = {"contact_rpy": (roll, 0.0, 0.0), "contact_force": 5.0, "contact_torque": 3.0}
+    return replace(rig, acceptance=replace(rig.acceptance, **limits))  # type: ignore[arg-type]
+
+
 @pytest.mark.slow
 def test_the_contact_wrench_as_objective() -> None:
-    rig = reference_rig()
-    request = Request(limits(rig), candidates=300, objective="wrench", at=(0.02, 0.0, 0.0))
+    rig = touching(0.02)
+    request = Request(limits(rig), candidates=300, objective="wrench")
     wrench = make_plan(rig, request, 6, RNG(7)).expected
     angles = make_plan(rig, replace(request, objective="angles"), 6, RNG(7)).expected
 
@@ -137,16 +144,17 @@ def test_what_stays_unobservable_is_refused() -> None:
     flat = limits(rig, tilt_deg=0.0, squeeze=0.0)
     with pytest.raises(NotIdentifiableError, match=r"yaw of ncp1.*larger squeeze"):
         make_plan(rig, Request(flat, candidates=50), 4, RNG(8))
-    unknown = replace(rig, zero=replace(rig.zero, std=np.full((3, 3), np.inf)))
-    request = Request(flat, candidates=50, objective="wrench", at=(0.3, 0.0, 0.0))
+    unknown = replace(touching(0.3), zero=replace(rig.zero, std=np.full((3, 3), np.inf)))
+    request = Request(flat, candidates=50, objective="wrench")
     with pytest.raises(NotIdentifiableError, match="contact wrench"):
         make_plan(unknown, request, 4, RNG(8))
 
 
 def test_impossible_requests_are_refused() -> None:
     rig = reference_rig()
+    far = Request(limits(rig, travel=0.05), objective="wrench")
     with pytest.raises(UsageError, match=r"takes ncp2 0\.1\d* m along z .* travel of 0\.05 m"):
-        make_plan(rig, Request(limits(rig, travel=0.05), at=(0.2, 0.0, 0.0)), 8, RNG(9))
+        make_plan(touching(0.2), far, 8, RNG(9))
     with pytest.raises(UsageError, match="candidates"):
         make_plan(rig, Request(limits(rig), candidates=5), 24, RNG(9))
     with pytest.raises(UsageError, match="0 postures"):

@@ -87,8 +87,6 @@ def test_command_writes_and_prints(
         (["--travel", "wide"], 2, "no list of numbers"),
         (["--force-limit", "100"], 2, "the weight alone puts"),
         (["--tilt", "70"], 2, "tilt limit"),
-        (["--at", "0.3,0,0", "--travel", "0.05"], 2, "beyond its travel"),
-        (["--at", "0.3"], 2, "not three numbers"),
         (["--postures", "5", "--target", "1"], 2, "two different things"),
         (["--tilt", "0", "--squeeze", "0", "--postures", "4"], 4, "do not determine"),
         (["--target", "0.001"], 4, "is asked for"),

@@ -1,4 +1,4 @@
-"""A plan as a CSV that a machine can run: postures, or a motion as time table or waypoints."""
+"""A plan as a CSV that a machine can run: postures, or a motion as a time table."""
 
 from __future__ import annotations
 
@@ -85,28 +85,19 @@ def plan_csv(plan: Plan, command: str) -> str:
 
 def time_table_csv(plan: MovingPlan, command: str) -> str:
     """One row per tenth of a second: hinge centres in m, squeezes in N, BCS."""
-    return _motion(plan, plan.time, "time table", command)
-
-
-def waypoints_csv(plan: MovingPlan, command: str) -> str:
-    """As few rows as a cubic spline needs, which is at rest at both ends."""
-    spline = "Between the rows runs a cubic spline through all of them, with no speed at both ends."
-    return _motion(plan, plan.waypoints, "waypoints", command, spline)
-
-
-def number(value: float, digits: int) -> str:
-    """Return a number with so many digits after the point."""
-    return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
-
-
-def _motion(plan: MovingPlan, time: FloatArray, what: str, command: str, *more: str) -> str:
     how = [
         f"t: s, from rest to rest in {plan.request.duration:g} s; at home at both ends.",
         "Move without contact, and record all of it.",
     ]
     noise = f"a noise of {plan.request.noise:g} N in a force's mean over a second"
-    notes = [*_notes(plan, f": {what} of a motion", command, how, noise), *more]
-    return _table(plan, notes, ["t"], ([number(t, 6)] for t in time), plan.trajectory.at(time))
+    notes = _notes(plan, ": time table of a motion", command, how, noise)
+    rows = ([number(t, 6)] for t in plan.time)
+    return _table(plan, notes, ["t"], rows, plan.trajectory.at(plan.time))
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number with so many digits after the point."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
 
 
 def _table(
