@@ -71,15 +71,15 @@ def read_campaigns(
 
     Raises UsageError where they are of different rigs.
     """
-    logs, unusable = dict[str, LogPass](), Unusable()
+    logs, unusable = list[tuple[str, LogPass]](), Unusable()
     for group in groups:
         with unusable.noting(str(group[0])):
-            logs[str(group[0])] = LogPass(resolve(group, rig), settings)
-    for name, log in logs.items():
+            logs.append((str(group[0]), LogPass(resolve(group, rig), settings)))
+    for name, log in logs:
         like = like or (name, log.rig)
         require_one_rig(like, (name, log.rig))
     reads = list[Read]()
-    for name, log in logs.items():
+    for name, log in logs:
         with unusable.noting(name):
             reads.append(_read(name, log))
     return sorted(reads, key=lambda read: read.measured.month), unusable
