@@ -17,15 +17,18 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
-from tdfscal.reporting.validation_changes import (
+from tdfscal.reporting.validation_claim import (
     Tested,
     change,
     changes,
+    chi2_test,
+    extent,
     lengths,
+    reasons,
+    search_test,
     start,
     zeros_known,
 )
-from tdfscal.reporting.validation_claim import chi2_test, extent, reasons, search_test
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation

@@ -1,15 +1,113 @@
-"""What a validation claims, in sentences: its tests, what they found and would have found."""
+"""What a validation says: what has changed since the calibration, and its verdict in sentences."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tdfscal.catalogue import cure, told
+from tdfscal.findings import Finding, Value
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
-from tdfscal.reporting.validation_changes import Tested, changes
+from tdfscal.reporting.figures.log_time import clock_from
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.validation.in_motion import MovingValidation
+from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.single_cause import NOISE, Cause
 from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
+
+Tested = Validation | MovingValidation
+
+
+def changes(v: Tested) -> list[Finding]:
+    """Return what has changed since the calibration, the likeliest first."""
+    if v.holds:
+        return _zeros(v, "zeros-moved")
+    if not v.suspected:
+        p = v.search_p if v.decided_by_search else v.p_value
+        return [Finding("change-unexplained", p_value=p, rejects=True)]
+    found = [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
+    # A zero that drifted says so itself.
+    drifted = v.suspected[0].kind == "zero drifted"
+    return found if drifted else found + _zeros(v, "zeros-beside-change")
+
+
+def zeros_known(v: Tested) -> bool:
+    """The zeros moved, and by how much is known: not where the noise, or all of it, is not."""
+    return v.zeros.moved and (v.holds or any(c.kind not in NOISE for c in v.suspected[:1]))
+
+
+def _zeros(v: Tested, code: str) -> list[Finding]:
+    """By how much the zeros moved, where they did and the log tells."""
+    size = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)])
+    if not zeros_known(v) or not size.size:
+        return []
+    return [Finding(code, size=float(size.max()), unit="N")]
+
+
+def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
+    """Return one cause with its size; tied : it is not told apart from a likelier one."""
+    value, half = cause.value.tolist(), (INTERVAL_FACTOR * cause.std).tolist()
+    support = None if cause.support is None else v.rig.supports[cause.support]
+    values: dict[str, Value] = {
+        "tied": tied, "whose": support or "all sensors", "change": value, "change_95": half
+    }  # fmt: skip
+    size, unit = None, ""
+    match cause.kind:
+        case "sensor turned":
+            size, unit = float(np.linalg.norm(cause.value)), "rad"
+        case "zero drifted":
+            values["stated"] = v.zeros.moved
+        case "sensor slipped" | "zero jumped":
+            assert isinstance(v, Validation)
+            first = int(v.used[cause.postures[0]])
+            size = float(np.linalg.norm(cause.value))
+            unit = "rad" if cause.kind == "sensor slipped" else "N"
+            values["posture"] = f"{first + 1} ({start(v, first)} s)"
+        case "zeros drift" | "zeros follow temperature":
+            size, unit = float(np.abs(cause.value).max()), "N"
+        case "load changed":
+            values |= {"mass": value[0], "mass_95": half[0]}
+            values |= {"barycentre": value[1:], "barycentre_95": half[1:]}
+        case "gain changed":
+            values |= _gain(cause)
+        case "contact":
+            assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
+            force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+            size, unit = float(force), "N"
+            which = [int(v.used[k]) for k in cause.postures]
+            values["postures"] = [f"{k + 1} ({start(v, k)} s)" for k in which]
+            values |= {"more": len(which) > 1, "torque": float(moment)}
+    if cause.kind in NOISE:
+        size, unit = value[0], "N·m" if cause.kind == "hinges stick" else "N"
+    subject = () if support is None else (support,)
+    code = f"change-{cause.kind.removesuffix(' changed').replace(' ', '-')}"
+    return Finding(code, subject, size, unit, cause.p_value, values=values, rejects=True)
+
+
+def _gain(cause: Cause) -> dict[str, Value]:
+    """Change of a gain, %, by the shape that was fitted."""
+    moved = np.flatnonzero(cause.std > 0)
+    axes = ["xyz"[k] for k in moved if k < 3]
+    if cause.unknowns == 1:
+        moved = moved[:1]
+    return {
+        "change": (100 * cause.value[moved]).tolist(),
+        "change_95": (100 * INTERVAL_FACTOR * cause.std[moved]).tolist(),
+        "axes": axes,
+        "alike": cause.unknowns == 1 and len(axes) > 1,
+        "crosstalk": cause.unknowns > 3,
+    }
+
+
+def start(v: Validation, k: int) -> str:
+    """Seconds at which a dwell begins; those of a date count from the first dwell."""
+    return f"{v.dwells.start[k] - clock_from(float(v.dwells.start[0])).origin:.1f}"
+
+
+def lengths(wrench: FloatArray) -> FloatArray:
+    """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
+    return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
 
 
 def search_test(v: Tested) -> str:

@@ -12,7 +12,7 @@ from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.layout import p_value
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
-from tdfscal.reporting.validation_changes import change
+from tdfscal.reporting.validation_claim import change
 from tdfscal.significance import VALIDATION_ALARM
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation, validate

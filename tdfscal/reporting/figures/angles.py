@@ -22,7 +22,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import (
     Drawing,
@@ -34,12 +34,6 @@ from tdfscal.reporting.figures.style import (
 )
 from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE, INTERVAL_COVERAGE
 
-#: Name, marker, colour and place of each method beside the others.
-_METHODS = {
-    "self": ("self-calibration", "s", ink.BLUE, -0.26),
-    "tracker": ("laser tracker", "^", ink.ORANGE, 0.0),
-    "joint": ("joint", "o", ink.BLACK, 0.26),
-}
 #: Widest intervals within which the gate's limit leaves them legible.
 _NEAR = 4.0
 _WHISKERS: dict[str, Any] = {"fmt": "o", "markersize": 3.5, "elinewidth": 1.8, "capsize": 3.5}
@@ -131,22 +125,13 @@ def methods(c: Calibration) -> Drawing | None:
     """Each method's angles less the joint ones, with 95 % intervals."""
     if not c.methods or c.tracker is None:
         return None
-    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods]
     k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
-
-    def paint() -> Figure:
-        fig, (ax,), place = by_angle(c.support_names, head=1.0, row=0.3)
-        for method, rpy, std in (*each, ("joint", c.rpy, c.rpy_std)):
-            name, marker, colour, shift = _METHODS[method]
-            ax.errorbar(
-                1e3 * so3.wrapped(rpy - c.rpy).ravel(), place + shift, xerr=1e3 * k * std.ravel(),
-                fmt=marker, markersize=4.5, color=colour, capsize=2.5, label=name,
-            )  # fmt: skip
-        ax.axvline(0, color=ink.GREY, linewidth=0.8)
-        ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
-        legend_above(ax, 3)
-        return fig
-
+    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods]
+    rows = [
+        (name, so3.wrapped(rpy - c.rpy), k * std, np.zeros(rpy.shape, dtype=np.bool_))
+        for name, rpy, std in (*each, ("joint", c.rpy, c.rpy_std))
+    ]
+    label = "angle less the joint estimate, with its 95 % interval, mrad"
     p, en = c.tracker.get("consistency_p_value"), c.tracker.get("largest_en")
     said = "The two methods are drawn about their joint estimate."
     if isinstance(p, float) and isinstance(en, float):
@@ -155,14 +140,15 @@ def methods(c: Calibration) -> Drawing | None:
             f"Self-calibration and tracker {agree} within their uncertainties: the largest E_n is "
             f"{en:.2f} (1 is the limit), p = {p:.2g} for all angles together."
         )
-    return Drawing("methods", "Two methods against each other", said, paint)
+    title = "Two methods against each other"
+    return Drawing("methods", title, said, lambda: _whiskers(c.support_names, rows, label))
 
 
 def comparison(pair: Comparison, number: int = 1) -> Drawing:
     """Differences of the angles with their expanded uncertainty, k = 2."""
     title = f"{pair.names[0]} against {pair.names[1]}"
     said = f"{sentence(pair.obstacle or pair.finding)}."
-    return Drawing(f"comparison-{number}", title, said, lambda: _paint_changes([pair]))
+    return Drawing(f"comparison-{number}", title, said, lambda: _changes([pair]))
 
 
 def drift(h: History) -> Drawing:
@@ -176,24 +162,36 @@ def drift(h: History) -> Drawing:
         f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
         f"E_n = {en[f, i, j]:.2f}; {'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
     )
-    return Drawing("drift", "Change of each angle", said, lambda: _paint_changes(pairs))
+    return Drawing("drift", "Change of each angle", said, lambda: _changes(pairs))
 
 
-def _paint_changes(pairs: Sequence[Comparison]) -> Figure:
-    """A row per angle, and in it a whisker per pair, from the top down in their order."""
-    step = 0.8 / len(pairs)
-    fig, (ax,), place = by_angle(pairs[0].supports, head=1.1, row=0.16 + 0.1 * len(pairs))
+def _changes(pairs: Sequence[Comparison]) -> Figure:
+    rows = [(p.names[0], p.rpy, COVERAGE_FACTOR * p.rpy_std, p.en > 1.0) for p in pairs]
+    label = "difference with expanded uncertainty (k = 2), mrad; red: E_n above 1"
+    return _whiskers(pairs[0].supports, rows, label)
+
+
+def _whiskers(
+    supports: Sequence[str],
+    rows: Sequence[tuple[str, FloatArray, FloatArray, BoolArray]],
+    label: str,
+) -> Figure:
+    """Of each angle a whisker per row, from the top down in their order.
+
+    rows : what each is of, its values (n, 3) and their half widths, rad, and which stand out.
+    """
+    step = 0.8 / len(rows)
+    fig, (ax,), place = by_angle(supports, head=1.1, row=0.16 + 0.1 * len(rows))
     ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
-    for k, pair in enumerate(pairs):
-        y = place + (k - 0.5 * (len(pairs) - 1)) * step
-        value, expanded = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
-        beyond = pair.en.ravel() > 1.0
-        for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
-            ax.errorbar(value[which], y[which], xerr=expanded[which], color=colour, **_WHISKERS)
-        for x, half, at in zip(value, expanded, y, strict=True):
-            if len(pairs) > 1:
-                beside(ax, pair.names[0], x + half, at, 4)
-    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
+    for k, (name, values, halves, beyond) in enumerate(rows):
+        y = place + (k - 0.5 * (len(rows) - 1)) * step
+        value, half = 1e3 * values.ravel(), 1e3 * halves.ravel()
+        for which, colour in ((~beyond.ravel(), ink.BLUE), (beyond.ravel(), ink.RED)):
+            ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
+        for x, at in zip(value + half, y, strict=True):
+            if len(rows) > 1:
+                beside(ax, name, x, at, 4)
+    ax.set_xlabel(label)
     return fig
 
 
