@@ -100,10 +100,9 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     assert abs(found.clocks[0].offset - 1.7e9) < 0.05
 
 
-def test_a_recorder_that_ends_early_is_told(tmp_path: Path) -> None:
+def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibration) -> None:
+    assert not [f for f in calibrated.findings if f.code == "recorders-overlap-in-part"]
     folder = apart(tmp_path / "two", played("self", 7), Apart(offset=12.0))
-    whole = calibrate([folder], trials=0)
-    assert not [f for f in whole.findings if f.code == "recorders-overlap-in-part"]
     lines = (folder / "daq.csv").read_text().splitlines(keepends=True)
     (folder / "daq.csv").write_text("".join(lines[: 6 * len(lines) // 10]))
     (told,) = (
@@ -120,7 +119,7 @@ def months(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     rig, options = reference_rig(), Options(postures=14, squeeze=200.0)
     truth = draw_truths(rig, options, np.random.default_rng(1), 1)
     folders = []
-    for month in range(1, 4):
+    for month in (1, 2):
         rng = np.random.default_rng(month)
         tared = replace(truth, zero=0.5 * rng.standard_normal(truth.zero.shape))
         recorded = simulate_campaign(rig, options, rng, tared)
@@ -175,17 +174,13 @@ def test_two_amplifiers_beside_the_positions(tmp_path: Path) -> None:
         (tmp_path / f"amp{number}.csv").write_text(kept)
     (tmp_path / "0" / "cnc.csv").rename(tmp_path / "cnc.csv")
     files = [tmp_path / name for name in ("cnc.csv", "amp0.csv", "amp1.csv")]
-    for order in (files, [*files[1:], files[0]]):
-        looked = info(order).to_dict()
-        clocks = {clock["recorder"]: clock for clock in looked["clocks"]}
-        since = clocks.get("cnc.csv", {"offset": 0.0})["offset"]
-        later = clocks["amp1.csv"]["offset"] - since
-        assert later == pytest.approx(-500.0, abs=0.05)
-        for clock in looked["clocks"]:
-            assert clock["offset_std"] < 0.05
+    looked = info([*files[1:], files[0]]).to_dict()  # an amplifier comes first
+    clocks = {clock["recorder"]: clock for clock in looked["clocks"]}
+    later = clocks["amp1.csv"]["offset"] - clocks["cnc.csv"]["offset"]
+    assert later == pytest.approx(-500.0, abs=0.05)
+    assert all(clock["offset_std"] < 0.05 for clock in looked["clocks"])
     init(files, output=tmp_path / "rig.yaml")
     found = calibrate(files, rig=tmp_path / "rig.yaml", trials=0)
-    assert found.status == "provisional"
     turn = so3.log(of.truth.rotation @ np.swapaxes(found.rotation, 1, 2))
     std = np.sqrt(np.diag(found.rotation_covariance)).reshape(turn.shape)
     assert np.abs(turn / std).max() < 4.5

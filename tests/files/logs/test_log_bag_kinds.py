@@ -156,9 +156,7 @@ def _with_strange_topic(path: Path) -> None:
 
 
 SQLITE_FAULTS: dict[str, Callable[[Path], object]] = {
-    "empty": lambda p: p.write_bytes(b""),
     "text": lambda p: p.write_text("time,x,y\n1,2,3\n"),
-    "half": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
     "head only": lambda p: p.write_bytes(p.read_bytes()[:100]),
     "overwritten": lambda p: p.write_bytes(p.read_bytes()[:200] + bytes(9000) + b"x" * 9000),
     "no messages": _without_table,
@@ -181,10 +179,8 @@ def test_damaged_sqlite_is_refused(tmp_path: Path, fault: str) -> None:
 
 
 ROS1_FAULTS: dict[str, Callable[[bytes], bytes]] = {
-    "empty": lambda b: b"",
     "text": lambda b: b"time,x,y\n1,2,3\n",
     "version 1.2": lambda b: b.replace(b"V2.0", b"V1.2", 1),
-    "half": lambda b: b[: len(b) // 2],
     "not closed": lambda b: b[:13] + b[13:].replace(b"index_pos=", b"index_pox=", 1),
     "last byte": lambda b: b[:-1],
     "zeros at the end": lambda b: b[:-2000] + bytes(2000),

@@ -15,9 +15,7 @@ from tdfscal.logs import is_log, iter_log, read_log
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
-    MAPPING,
     SUPPORTS,
-    assert_holds,
     make_truth,
     mcap_bytes,
     write,
@@ -96,21 +94,6 @@ def test_overlapping_files_are_refused(tmp_path: Path) -> None:
     for pair in ([first, third], [first, first, third]):
         with pytest.raises(DataError, match="before the end of another log at 9 s"):
             read(pair)
-
-
-def test_mixed_formats_and_split_recordings(tmp_path: Path) -> None:
-    whole = make_truth(80)
-    parts = []
-    for k in range(2):
-        part = replace(
-            whole,
-            time=whole.time[40 * k : 40 * k + 40],
-            position=whole.position[:, 40 * k : 40 * k + 40],
-            force_time=whole.force_time[160 * k : 160 * k + 160],
-            force=whole.force[:, 160 * k : 160 * k + 160],
-        )
-        parts.append(write(tmp_path / f"{k}.mcap", mcap_bytes(part)))
-    assert_holds(read_log(parts[::-1], MAPPING, SUPPORTS), whole)
 
 
 def test_postures_without_time_count_their_rows(tmp_path: Path) -> None:

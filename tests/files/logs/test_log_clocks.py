@@ -263,22 +263,3 @@ def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
     time[2000:] -= 3.0
     with pytest.raises(DataError, match=r"goes from 1750000026.99 s to 1750000024 s"):
         Clock("t", "timeseries").ascending(time)
-
-
-def test_a_message_that_is_not_finite_is_placed(tmp_path: Path) -> None:
-    truth = make_truth(60)
-    truth.force[1, 130, 2] = np.nan
-    path = write(tmp_path / "log.mcap", mcap_bytes(truth))
-    match = r"/ncp2/wrench .*: at 1750000000\.65 s it holds "
-    with pytest.raises(DataError, match=match):
-        read_log([path], MAPPING, SUPPORTS)
-
-
-def test_files_that_overlap_are_placed(tmp_path: Path) -> None:
-    whole = make_truth(60)
-    first = write(tmp_path / "a.mcap", mcap_bytes(whole))
-    later = make_truth(60, start_ns=1_750_000_000_600_000_000)
-    second = write(tmp_path / "b.mcap", mcap_bytes(later))
-    match = r"starts at 1750000000\.6 s, before the end of another log at 1750000001\.1"
-    with pytest.raises(DataError, match=match):
-        read_log([first, second], MAPPING, SUPPORTS)

@@ -264,7 +264,7 @@ def test_wrong_paths_are_named(tmp_path: Path, mapping: LogMapping, match: str) 
     [
         (
             wrench_stamped(1.0, [1.0, float("nan"), 3.0]),
-            "at 1 s it holds a number that is not finite",
+            r"at 1 s it holds a number that is not finite \(/f\.wrench\.force\.y\)",
         ),
         (wrench_stamped(1.0, [1.0, 2.0, 3.0])[:-8], "shorter than its type"),
         (

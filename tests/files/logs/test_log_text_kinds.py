@@ -147,13 +147,6 @@ def test_german_dates_with_decimal_commas(tmp_path: Path) -> None:
     assert_same(path, mapping, BEGIN)
 
 
-def test_stamps_of_pandas(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    time = pd.Timestamp("2026-11-21T23:59:59.5Z") + pd.to_timedelta(FRAME["time"], unit="s")
-    FRAME.assign(time=time).to_csv(path, index=False)
-    assert_same(path, None, BEGIN)
-
-
 @pytest.mark.parametrize(
     ("cell", "match"),
     [
