@@ -112,8 +112,9 @@ def find_logs(
     others: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_log(path):
+            patterns = [one for one in recorders if one.files is not None]
             for entry in sorted(entries_of(path), key=_natural):
-                own = not recorders or any(owns(one, entry) for one in recorders)
+                own = not patterns or any(owns(one, entry) for one in patterns)
                 if entry.name.startswith(".") or not own:
                     continue
                 if _is_recorded(entry) and _real(entry) not in known:

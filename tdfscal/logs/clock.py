@@ -120,13 +120,14 @@ class Clock:
                 "worst": self._worst_back,
             }
             said.append(Finding("samples-not-ascending", (self.name,), dropped, values=values))
-        if self.gaps:
+        period, gaps = self.intervals()
+        if gaps:
             longest, at = self.longest
             values = {
-                "gaps": self.gaps,
-                "several_gaps": self.gaps > 1,
+                "gaps": gaps,
+                "several_gaps": gaps > 1,
                 "periods": GAP,
-                "period": self.period,
+                "period": period,
                 "at": shown(at),
             }
             said.append(Finding("stream-gaps", (self.name,), longest, "s", values=values))
@@ -176,26 +177,15 @@ class Clock:
             return None
         return self._first, self._last
 
-    @property
-    def period(self) -> float:
-        """Median interval, s, to about 1 %; 0 below two intervals."""
-        middle = self._middle()
-        return 0.0 if middle is None else 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
-
-    def _middle(self) -> int | None:
-        """Which bin the median interval counts in; None below two intervals."""
+    def intervals(self) -> tuple[float, int]:
+        """Median interval, s, to about 1 %, and how many exceed GAP of it; 0 below two."""
         total = int(self._intervals.sum())
         if total < 2:
-            return None
-        return int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
-
-    @property
-    def gaps(self) -> int:
-        """Intervals of more than GAP periods."""
-        middle = self._middle()
-        if middle is None:
-            return 0
-        return int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
+            return 0.0, 0
+        middle = int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
+        beyond = middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1
+        period = 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
+        return period, int(self._intervals[beyond:].sum())
 
 
 def apart(clocks: Sequence[Clock]) -> list[Finding]:
@@ -211,7 +201,7 @@ def apart(clocks: Sequence[Clock]) -> list[Finding]:
     early = [(clock, latest - last) for clock, _, last in spans]
     said = []
     for distances, code in ((late, "streams-late"), (early, "streams-early")):
-        found = {c.name: by for c, by in distances if by > max(MAX_APART, GAP * c.period)}
+        found = {c.name: by for c, by in distances if by > max(MAX_APART, GAP * c.intervals()[0])}
         if found:
             said.append(Finding(code, tuple(found), max(found.values()), "s"))
     return said

@@ -28,7 +28,7 @@ from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.logs.clock import Clock
-from tdfscal.logs.contents import Contents
+from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.formats import expand, open_log
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
@@ -191,8 +191,9 @@ class _Clocks:
             if start is not None and end is not None and end > start:
                 rate = (clock.count - 1) / (end - start)
             fields, (longest, _) = next(filter(None, named), ()), clock.longest
+            _, gaps = clock.intervals()
             result.append(
-                Signal(name, quantity, fields, clock.count, start, end, rate, clock.gaps, longest)
+                Signal(name, quantity, fields, clock.count, start, end, rate, gaps, longest)
             )
         return tuple(result) if any(clock.count for clock in self._clocks) else ()
 
@@ -278,22 +279,17 @@ def as_document(info: LogInfo) -> dict[str, Any]:
 
 
 def _file(contents: Contents) -> dict[str, Any]:
+    def plain(one: Stream | Field, names: str) -> dict[str, Any]:
+        named = {name: getattr(one, name) for name in names.split()}
+        return {"name": one.name, "type": one.kind or None, **named}
+
     return {
         "path": printable(str(contents.path)),
         "format": contents.format,
         "bytes": contents.bytes,
         "streams": [
-            {
-                "name": stream.name,
-                "type": stream.kind or None,
-                "count": stream.count,
-                "start": stream.start,
-                "end": stream.end,
-                "fields": [
-                    {"name": f.name, "type": f.kind, "unit": f.unit, "low": f.low, "high": f.high}
-                    for f in stream.fields
-                ],
-            }
+            plain(stream, "count start end")
+            | {"fields": [plain(field, "unit low high") for field in stream.fields]}
             for stream in contents.streams
         ],
     }

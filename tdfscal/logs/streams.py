@@ -7,7 +7,7 @@ hundreds of kilograms moves so: the recorder, the bus or an edit has spoilt a ce
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -135,17 +135,17 @@ def as_log(piece: Sequence[Block], request: Request) -> Log:
     )
 
 
+@dataclass(slots=True)
 class LoneReadings:
     """Those of one signal, followed from piece to piece.
 
     count : how many. A piece's first and last samples have no neighbours and are kept.
     """
 
-    def __init__(self, signal: Signal) -> None:
-        self._signal = signal
-        self._first: tuple[float, float, float] | None = None
-        self._samples = 0
-        self.count = 0
+    signal: Signal
+    count: int = 0
+    _first: tuple[float, float, float] | None = None
+    _samples: int = 0
 
     def others(self, time: FloatArray, value: FloatArray) -> BoolArray | None:
         """Which of the samples, (N,) s and (N, 3), do not stand alone; None where none does."""
@@ -175,14 +175,14 @@ class LoneReadings:
         """Say how many there were, and where the first one."""
         at, lone, before = self._first or (np.nan,) * 3
         values: dict[str, Value] = {
-            "signal": self._signal.quantity,
+            "signal": self.signal.quantity,
             "samples": self._samples,
             "at": shown(at),
             "lone": lone,
             "before": before,
-            "lone_unit": {"position": "m", "force": "N"}[self._signal.quantity],
+            "lone_unit": {"position": "m", "force": "N"}[self.signal.quantity],
         }
-        return Finding("readings-alone", (self._signal.support,), self.count, values=values)
+        return Finding("readings-alone", (self.signal.support,), self.count, values=values)
 
 
 def _lone(value: FloatArray, usual: float) -> Iterator[int]:

@@ -139,8 +139,7 @@ class _Stamps:
         self._topic, self._read = topic, read
         self._clock = Clock(topic, "timeseries")
         self._skew = Skew()
-        self._last = np.full((2, 1), np.nan)
-        self._longest = np.zeros(2)
+        self._recorder = Clock(topic, "timeseries")
         self._fault: str | None = None
 
     def note(self, messages: Messages) -> None:
@@ -151,11 +150,9 @@ class _Stamps:
             time = self._read(messages)[:, 0]
             if np.isnan(time).any():
                 raise ValueError("it has more than 1e9 ns to the second, or is no number")
-            both = np.stack([time, messages.log_time() / 1e9])
-            self._skew.note(*both)
-            step = np.nan_to_num(np.diff(both, prepend=self._last))
-            self._last = both[:, -1:]
-            self._longest = np.maximum(self._longest, step.max(axis=1))
+            log = messages.log_time() / 1e9
+            self._skew.note(time, log)
+            self._recorder.ascending(np.maximum.accumulate(log))
             self._clock.ascending(time)
         except DataError as error:
             self._fault = error.what
@@ -167,8 +164,8 @@ class _Stamps:
         if not self._skew.count and self._fault is None:
             return f"those of {self._topic} are all zero"
         # Where the recorder stalled, it is its own time that jumps.
-        header, log = self._longest
-        if self._skew.worst > MAX_DEPARTURE and log - header < self._skew.worst / 2.0:
+        stalled = self._recorder.longest[0] - self._clock.longest[0]
+        if self._skew.worst > MAX_DEPARTURE and stalled < self._skew.worst / 2.0:
             return (
                 f"those of {self._topic} leave their usual distance to the recorder's "
                 f"by up to {self._skew.worst:.3g} s"

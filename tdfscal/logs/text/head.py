@@ -242,6 +242,22 @@ def line_above_rows(lines: Sequence[str]) -> Head:
     return best
 
 
+def units_below(
+    lines: Sequence[str], head: Head, columns: Sequence[int] | None = None
+) -> dict[int, str] | None:
+    """Units by column where the line below the header is a row of units; None where it is none.
+
+    columns : that have to hold units, or nothing; where they are not known, no cell is a number.
+    """
+    row = split_cells(lines[head.line + 1], head.separator) if head.line + 1 < len(lines) else []
+    row = [cell.strip("[]() ") for cell in row]
+    if not fits_header(row, head.cells) or (columns is None and _has_number(row)):
+        return None
+    stated = {k: row[k] for k in columns or range(len(row)) if row[k]}
+    found = {k: unit for k, unit in stated.items() if is_unit(unit)}
+    return None if columns is not None and len(found) < len(stated) else found
+
+
 def ragged(cells: int, expected: int, above: str = "the header") -> DataError:
     """Build the error for a line with another number of cells than what is above it."""
     return DataError(

@@ -14,7 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow
 from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import LogFile, mapped
-from tdfscal.logs.request import Piece, Request, is_unit
+from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
     has_zone,
     is_date_time,
@@ -28,9 +28,7 @@ from tdfscal.logs.text import EXPANDING, TextFile, open_text
 from tdfscal.logs.text.head import (
     END,
     SEARCHED,
-    Head,
     decimal_of,
-    fits_header,
     is_number,
     line_above_rows,
     number_in,
@@ -38,6 +36,7 @@ from tdfscal.logs.text.head import (
     scope_head,
     split_cells,
     split_label,
+    units_below,
 )
 from tdfscal.logs.text.rows import RowParser, Rows, find_header, single_spaces
 
@@ -136,7 +135,7 @@ class _Table:
         if head.scope:
             stated = [head.units.get(k) for k in range(len(cells))]
         else:
-            below = self._units_below(head, rows)
+            below = units_below(lines, head)
             self.skipped += below is not None
             stated = [split_label(c)[1] or (below or {}).get(k) for k, c in enumerate(cells)]
         self._width = row_cells(lines[self.skipped :], self._separator, cells)
@@ -144,13 +143,6 @@ class _Table:
         self.units = stated[: self._width]
         self.dated: set[int] = set()
         self._odd: list[int] = []  # numbers of cells of the lines that have others
-
-    def _units_below(self, head: Head, rows: list[list[str]]) -> dict[int, str] | None:
-        """Units by column, of a row below the header that holds no numbers; None without it."""
-        row = [cell.strip("[]() ") for cell in rows[0]] if rows else []
-        if not fits_header(row, head.cells) or any(is_number(c, self.decimal) for c in row):
-            return None
-        return {k: cell for k, cell in enumerate(row) if is_unit(cell)}
 
     def parsed(self, block: bytes, *, whole: bool) -> pa.Table:
         """Parse whole lines; those with another number of cells are left out, and noted."""

@@ -15,7 +15,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, placed
-from tdfscal.logs.request import UNITS, Quantity, Request, Signal, canonical, is_unit, unit_factor
+from tdfscal.logs.request import UNITS, Quantity, Request, Signal, canonical, unit_factor
 from tdfscal.logs.table import (
     DATES,
     columns_of,
@@ -30,7 +30,6 @@ from tdfscal.logs.text.head import (
     Head,
     advice,
     best_line,
-    fits_header,
     is_number_of_either,
     number_in,
     numbered_columns,
@@ -39,6 +38,7 @@ from tdfscal.logs.text.head import (
     scope_head,
     split_cells,
     split_label,
+    units_below,
 )
 from tdfscal.records import FloatArray
 
@@ -97,7 +97,7 @@ def find_header(lines: Sequence[str], request: Request) -> Header:
         column_of = columns_of(request, [name for name, _ in labels])
         row_units, above = best.units, best.lines
         if not best.scope:
-            row_units = _units_row(lines, best, list(column_of.values()))
+            row_units = units_below(lines, best, list(column_of.values())) or {}
             above = best.line + 1 + bool(row_units)
         stated = [unit or row_units.get(c) for c, (_, unit) in enumerate(labels)]
         time = column_of.get(request.mapping.time_field)
@@ -176,19 +176,6 @@ def _factors(
         )
     factor = math.copysign(one.pop(), signal.factors[0])
     return factor, factor, factor
-
-
-def _units_row(lines: Sequence[str], header: Head, columns: Sequence[int]) -> dict[int, str]:
-    """Return the units by column where the line below the header is a row of units."""
-    if header.line + 1 >= len(lines):
-        return {}
-    cells = [c.strip("[]() ") for c in split_cells(lines[header.line + 1], header.separator)]
-    if not fits_header(cells, header.cells) or not columns:
-        return {}
-    stated = {c: cells[c] for c in columns if cells[c]}
-    if not stated or not all(is_unit(unit) for unit in stated.values()):
-        return {}
-    return stated
 
 
 def _unit(
