@@ -14,14 +14,8 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import Extension, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
-from tdfscal.trackercal.judged_registration import (
-    MEASURED_FILE,
-    Noise,
-    RejectedPoint,
-    SurveyFit,
-    fit_survey,
-    point_noise,
-)
+from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
+from tdfscal.trackercal.noise import MEASURED_FILE, Noise, point_noise
 from tdfscal.trackercal.point_matching import (
     LISTED,
     Match,

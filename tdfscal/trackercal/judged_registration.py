@@ -1,20 +1,30 @@
-"""One registration of a survey: from matched points to a judged fit, outlying points taken out."""
+"""One registration of a survey: from matched points to a judged fit, outlying points taken out.
+
+Where nothing but the points themselves tells their noise, several outlying points hide one another
+in the residuals of all. The order in which they are suspected comes from a fit to the better half
+(least trimmed squares: Rousseeuw and Van Driessen 2006); how many of them are off from one test
+after the other (generalized ESD: Rosner 1983), each against what the remaining points leave. Noise
+is isotropic there, so that each fit is closed (Kabsch).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations, product
+from math import comb
 
 import numpy as np
+from scipy import special
 
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.findings import Finding, Value
+from tdfscal.numerics import so3
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
-from tdfscal.records import FloatArray, Instrument, IntArray, PointSet
+from tdfscal.records import FloatArray, IntArray
 from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
-from tdfscal.trackercal.instrument import angle_covariance, range_covariance
-from tdfscal.trackercal.outlying_points import outlying_points
+from tdfscal.trackercal.noise import Noise, least_noise
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
     describe_relabelling,
@@ -23,39 +33,123 @@ from tdfscal.trackercal.point_matching import (
     unit_mistake,
 )
 
+#: Triples of points from which the fit to the better half starts; C-steps that refine it.
+_STARTS, _STEPS = 1000, 20
+#: One point in so many may be off; of more not they are wrong, but what they are compared with.
+_ONE_IN = 4
+#: Points that a fit is left with at least: three have no residual that speaks of one of them.
+_FEWEST = 4
+#: Kept points that are tried in the place of those that are blamed.
+_EXCHANGED = 16
+
+
+def outlying_points(
+    measured: FloatArray, reference: FloatArray, least: float
+) -> tuple[tuple[int, float, float], ...]:
+    """Return the points (N, 3), m, that do not follow the rigid motion of the others, worst first.
+
+    Of each its index, how far it is from where the others put it, m, and that over what they allow.
+    least : m per coordinate; smaller residuals say nothing. Where another choice of points to
+    blame leaves about as little, none is named.
+    """
+    n = len(measured)
+    if n <= _FEWEST:
+        return ()
+    order, far = _suspected(measured, reference)
+    for count in range(min(n // _ONE_IN, far), 0, -1):
+        off, kept = order[:count], order[count:]
+        rotation, translation = _rigid(measured[kept], reference[kept])
+        error = measured - reference @ rotation.T - translation
+        dof = 3 * len(kept) - 6
+        variance = max(float(np.sum(error[kept] ** 2)) / dof, least**2)
+        turned = reference @ rotation.T
+        statistic = np.array([_against(turned[kept], turned[j], error[j]) for j in off])
+        mildest = float(statistic.min()) / 3 / variance
+        p = special.fdtrc(3, dof, mildest) * (n - count + 1)
+        if p < OUTLYING_POINT and _alone(measured, reference, off, kept, variance):
+            worst = np.argsort(-statistic)
+            return tuple(
+                (
+                    int(off[k]),
+                    float(np.linalg.norm(error[off[k]])),
+                    float(np.sqrt(statistic[k] / 3 / variance)),
+                )
+                for k in worst
+            )
+    return ()
+
+
+def _suspected(y: FloatArray, x: FloatArray) -> tuple[IntArray, int]:
+    """Points (N,), the farthest first from the fit that leaves the better half least.
+
+    And how many are farther than twice the middle one, three standard deviations.
+    """
+    half = (len(y) + 4) // 2
+    best, least = np.arange(len(y)), np.inf
+    for start in np.array(list(_triples(len(y)))):
+        rotation, translation = _rigid(y[start], x[start])
+        distance = np.sum((y - x @ rotation.T - translation) ** 2, axis=1)
+        trimmed = float(np.partition(distance, half - 1)[:half].sum())
+        if trimmed < least:
+            best, least = np.argsort(distance), trimmed
+    for _ in range(_STEPS):
+        rotation, translation = _rigid(y[best[:half]], x[best[:half]])
+        distance = np.linalg.norm(y - x @ rotation.T - translation, axis=1)
+        order = np.argsort(distance, kind="stable")
+        if set(order[:half]) == set(best[:half]):
+            break
+        best = order
+    return np.asarray(order[::-1]), int(np.sum(distance > 2 * np.median(distance)))
+
+
+def _triples(n: int) -> Iterator[tuple[int, ...]]:
+    if comb(n, 3) <= _STARTS:
+        yield from combinations(range(n), 3)
+        return
+    rng = np.random.default_rng(0)
+    for _ in range(_STARTS):
+        yield tuple(rng.choice(n, 3, replace=False).tolist())
+
+
+def _rigid(y: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rotation (3, 3) and translation (3,) that take x (N, 3) to y with the least squares."""
+    centre_y, centre_x = y.mean(axis=0), x.mean(axis=0)
+    rotation = so3.project((y - centre_y).T @ (x - centre_x))
+    return rotation, centre_y - rotation @ centre_x
+
+
+def _against(kept: FloatArray, point: FloatArray, error: FloatArray) -> float:
+    """Squared error of a point that a fit to others predicts, over its own covariance, m².
+
+    All in the frame of the errors.
+    """
+    levers = kept - kept.mean(axis=0)
+    spread = np.sum(levers**2) * np.eye(3) - levers.T @ levers
+    turn = so3.hat(point - kept.mean(axis=0))
+    allowed = (1 + 1 / len(kept)) * np.eye(3) + turn @ np.linalg.pinv(spread) @ turn.T
+    return float(error @ np.linalg.solve(allowed, error))
+
+
+def _alone(y: FloatArray, x: FloatArray, off: IntArray, kept: IntArray, variance: float) -> bool:
+    """Whether each other choice, a blamed point exchanged for a kept one, leaves far more.
+
+    variance : m², of what the kept points leave; their worst are the ones to exchange.
+    """
+    dof = 3 * len(kept) - 6
+    rotation, translation = _rigid(y[kept], x[kept])
+    left = np.sum((y[kept] - x[kept] @ rotation.T - translation) ** 2, axis=1)
+    for place, back in product(np.argsort(-left)[:_EXCHANGED], off):
+        others = kept.copy()
+        others[place] = back
+        rotation, translation = _rigid(y[others], x[others])
+        square = float(np.sum((y[others] - x[others] @ rotation.T - translation) ** 2))
+        if dof * np.log(square / dof / variance) < POINTS_AS_LIKELY:
+            return False
+    return True
+
+
 FEWEST_FOR_OWN_AXES = 6
 """Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
-INSTRUMENT = ("instrument range", "instrument angles")
-MEASURED_FILE, REFERENCE_FILE = "measured points' file", "reference points' file"
-LAST_DIGIT = "last digit of the coordinates"
-ROUNDING = 1 / np.sqrt(12)
-"""Standard uncertainty of a number that is rounded, over the worth of its last digit."""
-FINEST = 1e-9
-"""m; no instrument resolves less of a coordinate, whatever digits a file writes."""
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Covariances of N matched points by their source.
-
-    measured : source → (N, 3, 3), m², in the measured frame. reference : the same of the
-    reference points, in theirs.
-    """
-
-    measured: Mapping[str, FloatArray]
-    reference: Mapping[str, FloatArray]
-
-    def totals(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Sum over the sources, (N, 3, 3) each."""
-        zero = np.zeros((count, 3, 3))
-        return sum(self.measured.values(), zero), sum(self.reference.values(), zero)
-
-    def take(self, which: IntArray) -> Noise:
-        """The points with these indices only."""
-        return Noise(
-            {name: cov[which] for name, cov in self.measured.items()},
-            {name: cov[which] for name, cov in self.reference.items()},
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,49 +186,6 @@ class SurveyFit:
     def sigma(self) -> float:
         """Largest standard uncertainty of a coordinate difference of any point, m."""
         return float(np.sqrt(np.trace(np.linalg.inv(self.fit.weight), axis1=1, axis2=2).max() / 3))
-
-
-def point_noise(
-    points: MatchedPoints, instrument: Instrument | None, reference: Mapping[str, float]
-) -> Noise:
-    """Covariances of matched points: the files' or the instrument's, isotropic ones, rounding.
-
-    reference : source → m, standard uncertainty per coordinate of the reference points. What a
-    file states of a point stands in the place of both; a point of which it states none has the
-    instrument's or, without one, the largest that the file states.
-    """
-    seen = {}
-    std = points.measured.std
-    if instrument is not None and (std is None or np.isnan(std).any()):
-        seen[INSTRUMENT[0]] = range_covariance(points.measured.xyz, instrument)
-        seen[INSTRUMENT[1]] = angle_covariance(points.measured.xyz, instrument)
-    stated = np.ones((len(points), 1, 1)) * np.eye(3)
-    known = {name: size**2 * stated for name, size in reference.items() if size > 0}
-    measured = _beside_file(points.measured, seen, MEASURED_FILE)
-    isotropic = _beside_file(points.reference, known, REFERENCE_FILE)
-    # Where nothing is stated the residuals show the rounding among the rest. A stated uncertainty
-    # of the reference points is that of the points themselves: it covers how they are written.
-    if (measured or isotropic) and points.measured.resolution > 0:
-        measured[LAST_DIGIT] = (points.measured.resolution * ROUNDING) ** 2 * stated
-    if measured and not isotropic and points.reference.resolution > 0:
-        isotropic[LAST_DIGIT] = (points.reference.resolution * ROUNDING) ** 2 * stated
-    return Noise(measured, isotropic)
-
-
-def _beside_file(
-    points: PointSet, known: Mapping[str, FloatArray], file: str
-) -> dict[str, FloatArray]:
-    """Covariances by source: what a file states of its points, in the place of what is known."""
-    std = np.full_like(points.xyz, np.nan) if points.std is None else points.std
-    given = np.isfinite(std)
-    by_file = np.all(given, axis=1, keepdims=True)
-    found = {}
-    if not by_file.all():
-        found = {name: np.where(by_file[..., None], 0.0, cov) for name, cov in known.items()}
-    if by_file.any():
-        own = np.where(given, std, 0.0 if known else np.nanmax(std, axis=0))
-        found[file] = own[:, :, None] ** 2 * np.eye(3)
-    return found
 
 
 def fit_survey(
@@ -182,22 +233,12 @@ def fit_survey(
 def _without_outlying(points: MatchedPoints) -> tuple[IntArray, list[RejectedPoint]]:
     """Points to keep where no noise is stated, and those that are off; no group is lost whole."""
     every = np.arange(len(points))
-    off = outlying_points(points.measured.xyz, points.reference.xyz, _least(points))
-    kept = np.setdiff1d(every, [point.index for point in off])
+    off = outlying_points(points.measured.xyz, points.reference.xyz, least_noise(points))
+    kept = np.setdiff1d(every, [k for k, _, _ in off])
     if points.take(kept).groups != points.groups:  # it has moved, and its points are sound
         return every, []
-    return kept, [
-        RejectedPoint(points.names[point.index], point.distance, point.ratio, stated=False)
-        for point in off
-    ]
-
-
-def _least(points: MatchedPoints) -> float:
-    """Noise per coordinate that residuals show at least, m: of the digits, and of repetition."""
-    sets = (points.measured, points.reference)
-    digits = float(ROUNDING * np.linalg.norm([p.resolution for p in sets]))
-    repetition = float(np.linalg.norm([p.repeatability for p in sets]))
-    return max(float(FINEST), digits, repetition)
+    names = points.names
+    return kept, [RejectedPoint(names[k], away, ratio, stated=False) for k, away, ratio in off]
 
 
 def _outlier_p(
@@ -253,7 +294,7 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
     try:
         if given:
             return solve(points.measured.xyz, points.reference.xyz, C, D, index)
-        least = _least(points)
+        least = least_noise(points)
         return solve(points.measured.xyz, points.reference.xyz, group=index, least=least)
     except (NotIdentifiableError, NotConvergedError) as error:
         kind = DataError if isinstance(error, MirroredError) else type(error)

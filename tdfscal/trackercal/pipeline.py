@@ -20,15 +20,8 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
-from tdfscal.trackercal.judged_registration import (
-    MEASURED_FILE,
-    REFERENCE_FILE,
-    RejectedPoint,
-    SurveyFit,
-    fit_survey,
-    point_noise,
-)
-from tdfscal.trackercal.monte_carlo import simulate_inputs
+from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
+from tdfscal.trackercal.noise import MEASURED_FILE, REFERENCE_FILE, point_noise
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
     match_points,
@@ -36,7 +29,7 @@ from tdfscal.trackercal.point_matching import (
     unmatched,
 )
 from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
-from tdfscal.trackercal.variance_components import Components, estimate_components
+from tdfscal.trackercal.uncertainty import Components, estimate_components, simulate_inputs
 
 #: Typical errors of what is taken as exact: a workshop's drawing, m, and a sensor's body against
 #: its axes, rad.

@@ -24,7 +24,7 @@ from tdfscal.simulation import (
     run,
     simulate_campaign,
 )
-from tdfscal.simulation.recorded_apart import Apart, recorded_apart
+from tdfscal.simulation.campaign import Apart, recorded_apart
 from tests.cli.apart import write_apart
 
 

@@ -15,8 +15,14 @@ from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.trackercal import register
 from tdfscal.trackercal.best_fit import fit_one_by_one, moved_apart
-from tdfscal.trackercal.instrument import angle_covariance, observe, range_covariance
-from tdfscal.trackercal.judged_registration import Noise, fit_survey, point_noise
+from tdfscal.trackercal.judged_registration import fit_survey
+from tdfscal.trackercal.noise import (
+    Noise,
+    angle_covariance,
+    observe,
+    point_noise,
+    range_covariance,
+)
 from tdfscal.trackercal.point_matching import MatchedPoints
 from tests.words import in_words
 
