@@ -70,15 +70,20 @@ def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticC
 
 
 def _as_number(given: Any) -> Any:
-    """Return numbers of numpy and texts that are numbers as such, all else as it is."""
+    """Return numbers of numpy and texts that are numbers as such, all else as it is.
+
+    Refused is what overflows when it is squared, and is no quantity of any machine.
+    """
     value = from_numpy(given)
-    if not isinstance(value, str):
-        return value
-    try:
-        read = plain_scalar(value.strip())
-    except OverflowError as error:
-        raise fault(str(error), hint="check the number") from error
-    return read if isinstance(read, (int, float)) and not isinstance(read, bool) else value
+    if isinstance(value, str):
+        try:
+            read = plain_scalar(value.strip())
+        except OverflowError as error:
+            raise fault(str(error), hint="check the number") from error
+        value = read if isinstance(read, (int, float)) and not isinstance(read, bool) else value
+    if isinstance(value, (int, float)) and LARGEST < abs(value) < math.inf:
+        raise fault(f"is beyond any quantity, got {value!r:.20}", hint="check the number")
+    return value
 
 
 def from_numpy(value: Any) -> Any:
@@ -132,13 +137,6 @@ _STD_SCHEMA = {"anyOf": [{"type": "number", "minimum": 0}, {"enum": [UNKNOWN, ".
 _STD_SCHEMA_3 = {"anyOf": [*_STD_SCHEMA["anyOf"], list_of(_STD_SCHEMA, 3, 3)]}
 
 
-def _measurable(value: float) -> float:
-    """Refuse what overflows when it is squared, and is no quantity of any machine."""
-    if LARGEST < abs(value) < math.inf:
-        raise fault(f"is beyond any quantity, got {value:g}", hint="check the number")
-    return value
-
-
 def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     if len({len(row) for row in rows}) != 1 or not rows[0]:
         raise fault("must have rows of one length", hint="write every number of every row")
@@ -146,10 +144,9 @@ def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
 
 
 _before = BeforeValidator(_as_number)
-_after = AfterValidator(_measurable)
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, _after]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before, _after]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before, _after]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before]
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before]
 Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before]
 PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy)]
@@ -177,7 +174,6 @@ Std = Annotated[
     float,
     Field(strict=True),
     BeforeValidator(_std),
-    _after,
     PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
     WithJsonSchema(_STD_SCHEMA),
 ]
