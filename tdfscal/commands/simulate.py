@@ -13,7 +13,6 @@ from tdfscal.commands.campaign import rig_named
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import check_folder
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
@@ -89,7 +88,6 @@ def simulate(
     UsageError, RigError, NotConvergedError
     """
     scenario = scenario.lower()
-    check_folder(Path(folder))
     loaded = rig_named(rig) if rig else None
     progress.stage(f"simulating {postures} postures")
     played = simulate_to_folder(

@@ -191,17 +191,6 @@ def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
         )
 
 
-def check_folder(path: Path) -> None:
-    """Raise UsageError where a folder for results is not there and cannot be made."""
-    there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        raise UsageError(
-            "no folder for the results can be made here",
-            where=str(there),
-            hint="choose another folder",
-        )
-
-
 def checked_place(path: Path, protected: set[Identity]) -> Path:
     """Return the file itself that a path leads to, through links.
 

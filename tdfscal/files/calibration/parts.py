@@ -413,7 +413,6 @@ def _finite(given: dict[str, Any]) -> dict[str, Any]:
 
 TrackerStatistics = Annotated[
     dict[str, JsonValue],
-    BeforeValidator(lambda given: dict(given) if isinstance(given, dict) else given),
     AfterValidator(_finite),
 ]
 """χ², degrees of freedom, p-value, Birge ratio, number of points … of the tracker's survey."""

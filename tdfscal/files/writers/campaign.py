@@ -186,9 +186,11 @@ def _write(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that holds what `simulate` did not write, or what was changed since."""
-    if folder.exists() and not folder.is_dir():
-        raise UsageError("this is a file, not a folder", where=str(folder))
+    """Refuse one that cannot be made, or holds what `simulate` did not write or was changed."""
+    there = next(p for p in (folder.absolute(), *folder.absolute().parents) if os.path.lexists(p))
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        what = "may not be written to" if there.is_dir() else "this is a file, not a folder"
+        raise UsageError(what, where=str(there), hint="choose another folder")
     if not folder.is_dir() or not any(folder.iterdir()):
         return
     if not overwrite:
