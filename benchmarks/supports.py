@@ -22,7 +22,7 @@ import numpy as np
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
 from tdfscal.estimation.fit import information
-from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3

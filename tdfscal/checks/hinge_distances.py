@@ -21,6 +21,7 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.numerics.least_squares import ask
 from tdfscal.records import FloatArray
 from tdfscal.significance import MOST_REJECTED
 
@@ -115,20 +116,11 @@ class Equations:
     def ask(self, kind: str, support: int | None, columns: FloatArray) -> Cause:
         """Test a cause whose unknowns move the parameters by columns (P, g)."""
         information = columns.T @ self.gram @ columns
-        values, vectors = np.linalg.eigh(information)
         own = np.trace(columns.T @ columns)  # a cause without any column is not seen
-        seen = values > max(_SEEN * values[-1], np.finfo(float).tiny * own)
-        half = vectors[:, seen] / np.sqrt(values[seen])
-        along = half.T @ (columns.T @ self.score)
-        blind = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > _SEEN
-        return Cause(
-            kind,
-            support,
-            statistic=float(along @ along),
-            unknowns=int(seen.sum()),
-            amount=half @ along,
-            std=np.where(blind, np.inf, np.linalg.norm(half, axis=1)),
-        )
+        floor = max(_SEEN * np.linalg.norm(information, 2), np.finfo(float).tiny * own)
+        found = ask(information, columns.T @ self.score, floor)
+        fall, unknowns = float(found.statistic), int(found.unknowns)
+        return Cause(kind, support, fall, unknowns, found.amount, found.std)
 
 
 def _across(hinge: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 from tdfscal.checks.geometry import Geometry
 from tdfscal.checks.hinge_distances import FRAMES, Cause
 from tdfscal.estimation.fit import Fitted, information
-from tdfscal.estimation.suspicion import Suspicion, worst_angle
+from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY

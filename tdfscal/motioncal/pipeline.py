@@ -15,7 +15,7 @@ from tdfscal.errors import DataError
 from tdfscal.estimation import observability
 from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.observability import Observability
-from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.calibrated import Calibrated

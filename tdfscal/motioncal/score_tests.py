@@ -12,20 +12,21 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.estimation.score_tests import (
-    Asked,
     Suspect,
+    Suspicion,
+    likeliest,
     misstated_mountings,
     moving_zeros,
     speaking,
     stated_suspects,
 )
-from tdfscal.estimation.suspicion import Suspicion, likeliest
 from tdfscal.model.parameters import parameter_count
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.design import instants, shifted, suspected
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
 from tdfscal.motioncal.uncertainty import MovingEstimate, by_spectrum
+from tdfscal.numerics.least_squares import Asked
 from tdfscal.records import FloatArray
 
 #: One of so many instants of a block shows how its columns are made of readings.
@@ -76,7 +77,7 @@ def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked
     values, axes = np.linalg.eigh(covariance + by_spectrum(fit, covariance, at))
     seen = values > _ROUNDING * values[-1]
     along = axes[:, seen].T @ amount
-    return replace(asked, statistic=min(asked.statistic, float(np.sum(along**2 / values[seen]))))
+    return replace(asked, statistic=np.minimum(asked.statistic, np.sum(along**2 / values[seen])))
 
 
 def _stated(fit: MovingFit) -> Iterator[Suspect]:

@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, IntArray
 
 S = TypeVar("S")
@@ -22,6 +23,8 @@ S = TypeVar("S")
 TOLERANCE = 1e-6
 #: Steps at most.
 STEPS = 60
+#: A component below which no direction that is seen has it.
+_BLIND = 1e-6
 #: Rows that are factored at once.
 _CHUNK = 1_200
 
@@ -81,6 +84,53 @@ def spectrum(jacobian: FloatArray, rows: int = 0) -> Spectrum:
     cut = s[0] * size * np.finfo(float).eps * 8 if len(s) else 0.0
     rank = int(np.sum(s > cut))
     return Spectrum(scale, U[:, :rank], s[:rank], Vt[:rank], Vt[rank:])
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How far residuals go to meet further columns, batched over leading axes.
+
+    statistic : (...), fall of χ² (Rao 1948), by so many `unknowns` (...). amount, std : (..., g); ∞
+    where nothing is seen.
+    """
+
+    statistic: FloatArray
+    unknowns: IntArray
+    amount: FloatArray
+    std: FloatArray
+
+    def p_value(self, chi2: float, dof: int) -> float:
+        """Held against the scatter that remains without it, or it would excuse itself.
+
+        chi2, dof : of the fit without the columns.
+        """
+        if not self.unknowns:
+            return 1.0
+        rest = (chi2 - self.statistic) / max(dof - int(self.unknowns), 1)
+        return float(chi2_sf(self.statistic / np.maximum(1.0, rest), self.unknowns))
+
+    def weight(self, rows: int) -> float:
+        """Fall of −2 ln L less what the unknowns are worth among so many residuals."""
+        return float(self.statistic - self.unknowns * np.log(max(rows, 2)))
+
+
+def ask(information: FloatArray, score: FloatArray, floor: FloatArray | float) -> Asked:
+    """Test columns by their information (..., g, g) and score (..., g) beyond a fit's.
+
+    floor : (...), information below which a direction is rounding.
+    """
+    values, vectors = np.linalg.eigh(information)
+    seen = values > np.asarray(floor)[..., None]
+    along = (np.swapaxes(vectors, -1, -2) @ score[..., None])[..., 0]
+    gain = np.divide(along, values, out=np.zeros_like(along), where=seen)
+    half = np.divide(vectors, np.sqrt(np.where(seen, values, np.inf))[..., None, :])
+    blind = np.where(seen[..., None, :], 0.0, np.abs(vectors)).max(axis=-1, initial=0.0) > _BLIND
+    return Asked(
+        statistic=np.sum(gain * along, axis=-1),
+        unknowns=seen.sum(axis=-1),
+        amount=(vectors @ gain[..., None])[..., 0],
+        std=np.where(blind, np.inf, np.linalg.norm(half, axis=-1)),
+    )
 
 
 def gram_root(gram: FloatArray, rows: int) -> FloatArray:

@@ -12,7 +12,7 @@ from tdfscal.acceptance.gate import judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information
-from tdfscal.estimation.suspicion import PARABOLAS, SCATTERS, Suspicion, likeliest
+from tdfscal.estimation.score_tests import PARABOLAS, SCATTERS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import loosened

@@ -16,7 +16,7 @@ from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import State, layout

@@ -13,7 +13,7 @@ from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import Observability, require_angles
-from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimated, Quality, Uncertainty
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, layout, nominal, vector

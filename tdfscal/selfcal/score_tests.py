@@ -33,12 +33,14 @@ import numpy as np
 
 from tdfscal.estimation.score_tests import (
     Suspect,
+    Suspicion,
+    likeliest,
     misstated_mountings,
     moving_zeros,
     speaking,
     stated_suspects,
+    suspicion,
 )
-from tdfscal.estimation.suspicion import Suspicion, likeliest, suspicion
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout, prior_std
 from tdfscal.model.statics import balance, features_jacobian

@@ -26,11 +26,12 @@ import numpy as np
 from scipy.special import fdtrc
 
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.suspicion import Suspicion, worst_angle
+from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.least_squares import ask
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import CAUSES_APART, WITHIN_CAMPAIGN
@@ -40,7 +41,6 @@ _FEWEST = 2
 #: Splits of a long campaign that count as tests of their own: one misplaced by half their distance
 #: loses 1.5 % of χ².
 _SPLITS = 32
-_NOISE_ONLY = 1e-9
 #: Steps that are about as likely as the likeliest, itself among them, named at most.
 _NAMED = 6
 
@@ -112,24 +112,14 @@ class _Normal:
     ) -> _Step:
         """The best of suspects with these sums (S, …); first : which of them."""
         known = cross @ self.root
-        score = score - known @ self.pull
-        values, vectors = np.linalg.eigh(own - known @ np.swapaxes(known, 1, 2))
-        scale = np.trace(own, axis1=1, axis2=2)[:, None]
-        seen = values > _NOISE_ONLY * np.maximum(scale, np.finfo(float).tiny)
-        along = np.einsum("sab,sa->sb", vectors, score)
-        gain = np.divide(along, values, out=np.zeros_like(along), where=seen)
-        statistic = np.sum(gain * along, axis=1)
-        best = int(np.argmax(statistic))
-        amount = -vectors[best] @ gain[best]
-        return _Step(
-            group,
-            sensor,
-            best,
-            float(statistic[best]),
-            int(seen[best].sum()),
-            amount,
-            -self.root @ (self.pull + known[best].T @ amount),
-        )
+        scale = np.maximum(np.trace(own, axis1=1, axis2=2), np.finfo(float).tiny)
+        left = own - known @ np.swapaxes(known, 1, 2)
+        asked = ask(left, score - known @ self.pull, NOISE_ONLY * scale)
+        best = int(np.argmax(asked.statistic))
+        amount = -asked.amount[best]
+        move = -self.root @ (self.pull + known[best].T @ amount)
+        fall, size = float(asked.statistic[best]), int(asked.unknowns[best])
+        return _Step(group, sensor, best, fall, size, amount, move)
 
     def p_value(self, step: _Step, *, noise_from_residuals: bool) -> float:
         """That noise alone gives as much, for this suspect alone.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.estimation.suspicion import Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import UNDECLARED
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import calibrate_moving
