@@ -26,8 +26,8 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.residuals import AS_STATED, KnownNoise
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Samples = Literal["static", "moving"]

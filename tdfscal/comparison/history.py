@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm, Check, Watching
-from tdfscal.comparison.walk import Intensity, intensity, log_likelihood, others
+from tdfscal.comparison.walk import Intensity, Walk, intensity
 from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
@@ -127,9 +127,9 @@ def live(
 
     walk = None
     if len(checks) >= _FEWEST_FOR_WALK:
-        walk = intensity(lambda q: log_likelihood(own, prior, jumping(q)))
+        walk = intensity(lambda q: Walk(own, prior, jumping(q)).log_likelihood())
     used = max(rig.drift.angle, walk.value if walk else 0.0)
-    rest, still = others(own, prior, jumping(used)), others(own, prior, jumps)
+    rest, still = (Walk(own, prior, each).others() for each in (jumping(used), jumps))
     alone = _told(
         (
             (a.walked(turned(rig, EVEN_TURN, len(prior.score))), b)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.comparison.common import Common
 from tdfscal.comparison.compatibility import smallest_changes
-from tdfscal.comparison.walk import others
+from tdfscal.comparison.walk import Walk
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, stated
 from tdfscal.model.calibrated import free_constants, information_of, of_load
@@ -61,22 +61,16 @@ def within(part: Observation, prior: Information) -> tuple[float, int]:
 
 
 def not_fitting(
-    shared: Common,
-    names: Sequence[str],
-    own: Sequence[Information],
-    prior: Information,
-    steps: Sequence[FloatArray],
-    level: FloatArray,
+    shared: Common, names: Sequence[str], walk: Walk, level: FloatArray
 ) -> tuple[Misfit, ...]:
     """Campaigns that do not fit the others: the worst first, then what is left without it.
 
     level : (K,), of each campaign, all its tests together.
     """
-    own, found = list(own), []
-    silent = nothing(len(prior.score))
+    own, prior, found = list(walk.own), walk.prior, list[Misfit]()
     for _ in range(len(own) - 1):
         ranked = []
-        for k, rest in enumerate(others(own, prior, steps)):
+        for k, rest in enumerate(replace(walk, own=own).others()):
             if own[k].matrix.any():
                 departure = contrast(rest, own[k], prior)
                 ranked.append((_probability(shared.rigs[k], departure), k, departure))
@@ -89,7 +83,7 @@ def not_fitting(
         at = shared.places[k]
         misfit = _named(shared.rigs[k], names[k], departure, prior, p, at)
         found.append(replace(misfit, level=float(level[k])))
-        own[k] = silent
+        own[k] = nothing(len(prior.score))
     return tuple(found)
 
 

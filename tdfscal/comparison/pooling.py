@@ -12,15 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.comparison.common import Common, common, with_load
-from tdfscal.comparison.common_errors import (
+from tdfscal.comparison.common import (
+    Common,
+    common,
     others_move,
     scores_of_estimate,
     scores_of_fit,
     scores_of_survey,
+    with_load,
 )
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
-from tdfscal.comparison.walk import forward, others
+from tdfscal.comparison.walk import Walk
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import (
     Observation,
@@ -102,14 +104,12 @@ class Pool:
     """Campaigns in the order of time about a common reference of what they have in common.
 
     references : per campaign, constants alike, and its own terminal.
-    prior : what the rig files state of the common parameters (C,), counted once.
-    steps : variance (C,) of the walk before each campaign.
+    walk : what each says of the common parameters (C,), and what the rig files state, counted once.
     """
 
     common: Common
     references: list[State]
-    prior: Information
-    steps: list[FloatArray]
+    walk: Walk
     members: tuple[Member, ...]
     misfits: tuple[Misfit, ...]
 
@@ -118,23 +118,19 @@ class Pool:
         """The last campaign's."""
         return self.references[-1]
 
-    def _rest(self, index: int) -> Information:
-        return others([member.own for member in self.members], self.prior, self.steps)[index]
-
     def others(self, rig: Rig, index: int) -> JointPrior:
         """What all other campaigns know of the constants at the time of one."""
         chosen = [m for k, m in enumerate(self.members) if k != index]
         chi2, dof = sum(m.chi2 for m in chosen), sum(m.dof for m in chosen)
-        known = self.common.of(index, self._rest(index))
+        known = self.common.of(index, self.walk.others()[index])
         at = self.common.places[index]
-        own, exact = [m.own for m in self.members], [m.exact for m in self.members]
-        moved = others_move(self.common, index, exact, own, self.prior, self.steps)
+        moved = others_move(self.common, index, [m.exact for m in self.members], self.walk)
         here = [one.by(np.eye(self.common.size)[at]) for one in moved]
         return joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
-        return self._rest(index) + self.members[index].own
+        return self.walk.others()[index] + self.members[index].own
 
     def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
@@ -177,12 +173,11 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     references = _known_states(rig, ordered, fits, shared)
     rounds, settled = 0, False
     while True:
-        prior = shared.stated(references)
         reduced = _reduced(ordered, fits, references, shared)
-        own = [part.information for part in reduced]
+        walk = Walk([part.information for part in reduced], shared.stated(references), steps)
         if settled or rounds == _ROUNDS:
             break
-        posterior = others(own, prior, steps)[-1] + own[-1]
+        posterior = walk.others()[-1] + walk.own[-1]
         move = posterior.mean
         fits = [
             _moved(item, f, part, reference, shared.step(k, move), move)
@@ -194,7 +189,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         rounds += 1
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = []
-    for k, (item, known) in enumerate(zip(ordered, forward(own, prior, steps), strict=True)):
+    for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True)):
         # Constants of which nothing was stated are determined by the first campaign that has them.
         dof = reduced[k].rows
         if shared.terminal[k] == k:
@@ -205,11 +200,12 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         members.append(
             Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof, exact)
         )
-    birge = scatter_of([within(part, prior) for part in reduced])
-    scaled = [item.scaled(ratio) for item, ratio in zip(own, birge, strict=True)]
+    birge = scatter_of([within(part, walk.prior) for part in reduced])
+    own = [item.scaled(ratio) for item, ratio in zip(walk.own, birge, strict=True)]
     names, level = [item.name for item in ordered], alarm_level(np.append(gaps[1:2], gaps[1:]))
-    found = not_fitting(shared, names, scaled, prior.scaled(birge.min()), steps, level)
-    return Pool(shared, references, prior, steps, tuple(members), found)
+    scaled = Walk(own, walk.prior.scaled(birge.min()), steps)
+    found = not_fitting(shared, names, scaled, level)
+    return Pool(shared, references, walk, tuple(members), found)
 
 
 def _exact(
@@ -248,8 +244,7 @@ def _first_round(
     for k, item in enumerate(ordered):
         if item.estimate is not None:
             known = begin(item.estimate.state) if known is None else known
-            prior = stated(Priors(item.rig), references[k])
-            part = of_estimate(item.estimate, prior, references[k])
+            part = _observed(item, None, references[k])
             known = known + shared.embedded(k, part.information)
     for k in np.argsort(sizes)[::-1]:
         item = ordered[k]
@@ -286,6 +281,16 @@ def _known_states(
     return found
 
 
+def _observed(item: Recorded, at: Fit | None, reference: State) -> Observation:
+    """What a campaign says of its own constants (c,), counted from the reference."""
+    if at is not None:
+        return eliminate(at, reference)
+    if item.estimate is not None:
+        return of_estimate(item.estimate, stated(Priors(item.rig), reference), reference)
+    assert item.survey is not None
+    return of_survey(item.survey, reference, int(free_constants(item.rig).sum()))
+
+
 def _reduced(
     ordered: Sequence[Recorded],
     fits: Sequence[Fit | None],
@@ -295,14 +300,7 @@ def _reduced(
     """What each campaign says of the common parameters, counted from the references."""
     parts = []
     for k, (item, at, reference) in enumerate(zip(ordered, fits, references, strict=True)):
-        if at is not None:
-            part = eliminate(at, reference)
-        elif item.estimate is not None:
-            prior = stated(Priors(item.rig), reference)
-            part = of_estimate(item.estimate, prior, reference)
-        else:
-            assert item.survey is not None
-            part = of_survey(item.survey, reference, len(shared.places[k]))
+        part = _observed(item, at, reference)
         give = np.zeros((len(part.own), shared.size))
         give[:, shared.places[k]] = part.give
         parts.append(replace(part, information=shared.embedded(k, part.information), give=give))

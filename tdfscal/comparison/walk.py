@@ -23,52 +23,42 @@ from tdfscal.significance import INTERVAL_COVERAGE
 _TRIED = np.geomspace(1e-6, 2e-2, 60)
 
 
-def forward(
-    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
-) -> list[Information]:
-    """What is known before each campaign speaks, from those before it.
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """Checks in the order of time: what each says by itself, and the walk between them.
 
-    Parameters
-    ----------
-    own : per campaign, in the order of time. prior : before the first.
-    steps : variance (C,) of the walk before each campaign; the first is not used.
+    own : per check. prior : before the first. steps : variance (C,) of the walk before each check;
+    the first is not used.
     """
-    before, now = [], prior
-    for k, item in enumerate(own):
-        now = now.walked(steps[k]) if k else now
-        before.append(now)
-        now = now + item
-    return before
 
+    own: Sequence[Information]
+    prior: Information
+    steps: Sequence[FloatArray]
 
-def backward(own: Sequence[Information], steps: Sequence[FloatArray]) -> list[Information]:
-    """What the campaigns after each one say of the constants at its time."""
-    after, now = [], Information(*map(np.zeros_like, (own[0].matrix, own[0].score)))
-    for k in range(len(own) - 1, -1, -1):
-        after.append(now)
-        now = (now + own[k]).walked(steps[k])
-    return after[::-1]
+    def before(self) -> list[Information]:
+        """What is known before each check speaks, from those before it."""
+        found, now = [], self.prior
+        for k, item in enumerate(self.own):
+            now = now.walked(self.steps[k]) if k else now
+            found.append(now)
+            now = now + item
+        return found
 
+    def others(self) -> list[Information]:
+        """What all other checks say of the constants at the time of each."""
+        found, later = self.before(), self.prior - self.prior
+        for k in range(len(self.own) - 1, -1, -1):
+            found[k] = found[k] + later
+            later = (later + self.own[k]).walked(self.steps[k])
+        return found
 
-def others(
-    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
-) -> list[Information]:
-    """What all other campaigns say of the constants at the time of each."""
-    pairs = zip(forward(own, prior, steps), backward(own, steps), strict=True)
-    return [a + b for a, b in pairs]
-
-
-def log_likelihood(
-    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
-) -> float:
-    """Logarithm of the likelihood of all campaigns but the first, up to a constant."""
-    total = 0.0
-    for k, (known, item) in enumerate(zip(forward(own, prior, steps), own, strict=True)):
-        if k == 0:
-            continue
-        gain = _log_det(known.matrix + item.matrix) - _log_det(known.matrix)
-        total -= 0.5 * (gain + contrast(known, item).chi2()[0])
-    return total
+    def log_likelihood(self) -> float:
+        """Logarithm of the likelihood of all checks but the first, up to a constant."""
+        total = 0.0
+        for known, item in zip(self.before()[1:], self.own[1:], strict=True):
+            gain = _log_det(known.matrix + item.matrix) - _log_det(known.matrix)
+            total -= 0.5 * (gain + contrast(known, item).chi2()[0])
+        return total
 
 
 def _log_det(matrix: FloatArray) -> float:

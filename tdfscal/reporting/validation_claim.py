@@ -13,8 +13,7 @@ from tdfscal.reporting.figures.log_time import clock_from
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.validation.single_cause import NOISE, Cause
-from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
+from tdfscal.validation.verdict import CHI2_LIMIT, NOISE, SEARCH_LIMIT, Cause
 
 Tested = Validation | MovingValidation
 

@@ -16,7 +16,7 @@ from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.score_tests import best_variance
 from tdfscal.validation.residuals import Linearised, Whitened, basis
-from tdfscal.validation.single_cause import (
+from tdfscal.validation.verdict import (
     COURSES,
     STEPS,
     WEIGHT,

@@ -36,10 +36,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.misread import refuse_misread
+from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
 from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
 from tdfscal.validation.verdict import Judged, Verdict, searched
-from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

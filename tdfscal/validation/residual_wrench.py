@@ -21,12 +21,16 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise
-from tdfscal.validation.misread import refuse_misread
-from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
-from tdfscal.validation.single_cause import Cause
-from tdfscal.validation.verdict import Judged, Verdict, searched
-from tdfscal.validation.zeros import judged_with_zeros, with_own_load
+from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
+from tdfscal.validation.residuals import (
+    AS_STATED,
+    Course,
+    KnownNoise,
+    Linearised,
+    Whitened,
+    moving_zeros,
+)
+from tdfscal.validation.verdict import Cause, Judged, Verdict, searched
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 
 

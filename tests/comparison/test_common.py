@@ -31,10 +31,10 @@ def campaigns(months: int, heavier: FloatArray | None = None) -> tuple[Rig, list
 
 def alarms(found: Pool) -> list[tuple[str, int | None, int]]:
     checks = [
-        Check(m.name, m.month, m.own.beside(found.prior), found.common.load(k))
+        Check(m.name, m.month, m.own.beside(found.walk.prior), found.common.load(k))
         for k, m in enumerate(found.members)
     ]
-    watch = Watching(checks, found.prior, found.steps, 3, 0.005).run()
+    watch = Watching(checks, found.walk.prior, found.walk.steps, 3, 0.005).run()
     return [(alarm.kind, alarm.sensor, alarm.onset) for alarm in watch.alarms]
 
 

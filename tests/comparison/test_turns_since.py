@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdfscal.comparison.turns_since import Kind, begin
+from tdfscal.comparison.control_chart import Kind, begin
 from tdfscal.numerics.information import Information
 
 SENSORS, SIZE, CHECKS, ROWS = 2, 8, 7, 9

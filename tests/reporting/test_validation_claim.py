@@ -14,8 +14,8 @@ from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.reporting.validation_claim import change
 from tdfscal.significance import VALIDATION_ALARM
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation, validate
+from tdfscal.validation.residuals import AS_STATED, KnownNoise
 from tests.wrench.held_out import turned, world
 from tests.wrench.test_tared import tared
 

@@ -14,8 +14,8 @@ from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip, simulate_dwells
-from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation, validate
+from tdfscal.validation.residuals import AS_STATED, KnownNoise
 from tests.reporting.samples import provenance, rig_of
 
 from .held_out import part

@@ -8,8 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair, in_order_of
-from tdfscal.comparison.shared_data import Recorded, relation
+from tdfscal.comparison.compatibility import (
+    Comparison,
+    Nested,
+    Recorded,
+    compare_pair,
+    in_order_of,
+    relation,
+)
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Measured, Rotations

@@ -1,7 +1,9 @@
-"""Zeros of a log: those of the calibration, or tared anew.
+"""What looks like a changed rig and is none: zeros tared since, a log that is read wrongly.
 
 A tare draws all zeros from what the rig file states, whatever they were. It is told from a rig
-that changed by what it does: all sensors move, and stay where they are over the log.
+that changed by what it does: all sensors move, and stay where they are over the log. What explains
+forces that fit nowhere is searched as a calibration does it (`selfcal.misreadings`), by a rig of
+which the calibration is known; it is held against what may have changed by likelihood.
 """
 
 from __future__ import annotations
@@ -11,16 +13,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model.calibrated import Calibrated, redrawn
-from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn
+from tdfscal.model.parameters import layout, prior_std, starting_state
+from tdfscal.model.postures import Postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.misreadings import MOST_POSTURES, misread, misreading
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
 from tdfscal.validation.causes import unknown_columns
 from tdfscal.validation.residuals import Linearised, Whitened, basis, whiten
-from tdfscal.validation.single_cause import NOISE, Cause
-from tdfscal.validation.verdict import Judged, Zeros
+from tdfscal.validation.verdict import NOISE, Cause, Judged, Zeros
 
 
 def with_own_load(given: Calibrated, rig: Rig) -> Calibrated:
@@ -141,3 +145,44 @@ def _zeros(
         value=given.state.zero + value.reshape(n, 3),
         covariance=spread[new] @ spread[new].T,
     )
+
+
+def refuse_misread(
+    given: Calibrated,
+    rig: Rig,
+    seen: Postures,
+    judge: Callable[[Postures, IntArray], Judged] | None = None,
+    number: IntArray | None = None,
+    time: FloatArray | None = None,
+) -> None:
+    """Raise DataError where one mistake in the readings explains them, likelier than any change.
+
+    given : the calibration, with the load of this log. seen : K postures, or moments of a motion.
+    judge : of postures, and which of K they are, by the calibration; without it the search itself
+    is the judge. number, time : (K,), by which the postures go, and s, when each was held, where
+    they are rests.
+    """
+    some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
+    seen = seen.subset(some)
+    if number is not None and time is not None:
+        number, time = number[some], time[some]
+    known = loosened(informed(rig, given))
+    present = fit(known, seen, starting_state(known, seen.motions))
+    found = misreading(known, seen, present, number, time)
+    if found is None:
+        return
+    if judge is not None:
+        now = judge(seen, some)
+        if found.jump is not None:  # a cause too, which stands beside a slip there
+            best = now.causes.best[0]
+            if (best.kind, best.support) != ("zero jumped", found.support):
+                return
+            raise misread(known, found, present, number, time)
+        without = judge(found.fit.postures, some)
+        # What has a number is no likelier by little, nor beside a second cause.
+        apart = 0.0 if found.exact else CAUSES_APART
+        if without.merit <= (now.merit[0], now.merit[1] + apart) or not (
+            found.exact or without.holds
+        ):
+            return
+    raise misread(known, found, present, number, time)
