@@ -44,43 +44,42 @@ def quantities(c: Calibration) -> dict[str, ET.Element | None]:
     }
 
 
+MU = "si:measurementUncertaintyUnivariate/si:expandedMU/si:"
+
+
+def told(real: ET.Element | None, path: str = "si:value") -> float:
+    """A number of a quantity."""
+    assert real is not None
+    return float(str(real.findtext(path, namespaces=NAMES)))
+
+
 def test_numbers_keep_two_digits_beyond_those_of_the_uncertainty() -> None:
-    """The last of four digits of U is at most a thousandth of U, and half of it is rounded off."""
+    """The last of four digits of U is at most a thousandth of U, and half of it is rounded off.
+
+    With k = 2, which covers 95.45 %: the noise is as stated, so that ν = ∞.
+    """
     found = quantities(C)
     for support, mounting in zip(C.supports, C.mounted, strict=True):
-        for k, angle in enumerate(ANGLES):
-            real = found[f"{angle} of {support.name}"]
+        names = [*ANGLES, *(f"zero {axis}" for axis in "xyz")]
+        units = ["\\radian"] * 3 + ["\\newton"] * 3
+        values = np.array([*mounting.rpy, *support.zero], dtype=np.float64)
+        stds = np.array([*mounting.rpy_std, *support.zero_std], dtype=np.float64)
+        for name, unit, value, std in zip(names, units, values, stds, strict=True):
+            real = found[f"{name} of {support.name}"]
             assert real is not None
-            said = float(str(real.findtext("si:value", namespaces=NAMES)))
-            std = mounting.rpy_std[k]
-            assert said == pytest.approx(mounting.rpy[k], abs=1.01e-3 * std, rel=0)
-            assert said != mounting.rpy[k]
-            assert real.findtext("si:unit", namespaces=NAMES) == "\\radian"
-            place = real.find("si:measurementUncertaintyUnivariate/si:expandedMU", NAMES)
-            assert place is not None
-            U, factor, p = (float(str(part.text)) for part in place)
-            assert pytest.approx(factor * std, rel=5e-4) == U
-            assert factor == 2.0
-            assert p == pytest.approx(0.9545, abs=5e-5)  # noise as stated: ν = ∞
-        zeros = [found[f"zero {a} of {support.name}"] for a in "xyz"]
-        values = [float(str(z.findtext("si:value", namespaces=NAMES))) for z in zeros if z]
-        stds = np.array(support.zero_std, dtype=np.float64)
-        off = np.abs(np.array(values) - np.array(support.zero, dtype=np.float64))
-        assert np.all(off <= 1.01e-3 * stds)
-        path = "si:measurementUncertaintyUnivariate/si:expandedMU/si:valueExpandedMU"
-        expanded = [float(str(z.findtext(path, namespaces=NAMES))) for z in zeros if z]
-        np.testing.assert_allclose(expanded, 2.0 * stds, rtol=5e-4)
+            assert told(real) == pytest.approx(value, abs=1.01e-3 * std, rel=0)
+            assert told(real) != value
+            assert real.findtext("si:unit", namespaces=NAMES) == unit
+            assert told(real, MU + "valueExpandedMU") == pytest.approx(2.0 * std, rel=5e-4)
+            assert told(real, MU + "coverageFactor") == 2.0
+            assert told(real, MU + "coverageProbability") == pytest.approx(0.9545, abs=5e-5)
 
 
 def test_few_degrees_of_freedom_cover_less() -> None:
     """An interval of ± 2 standard uncertainties for 95 % says itself that k = 2 covers 95 %."""
     found = quantities(by_hand(C.model_dump()))
-    place = "si:measurementUncertaintyUnivariate/si:expandedMU/si:coverageProbability"
     angles = [real for name, real in found.items() if name.split()[0] in ANGLES]
-    assert len(angles) == 9
-    for real in angles:
-        assert real is not None
-        assert float(str(real.findtext(place, namespaces=NAMES))) == 0.95
+    assert [told(real, MU + "coverageProbability") for real in angles] == [0.95] * 9
 
 
 def test_sensitivities_stand_in_certificate_and_report(tmp_path: Path) -> None:
@@ -91,9 +90,7 @@ def test_sensitivities_stand_in_certificate_and_report(tmp_path: Path) -> None:
     c = by_hand(document)
     found = quantities(c)
     for a, b in np.ndindex(3, 3):
-        real = found[f"sensitivity {'xyz'[a]}{'xyz'[b]} of support_2"]
-        assert real is not None
-        assert float(str(real.findtext("si:value", namespaces=NAMES))) == S[a, b]
+        assert told(found[f"sensitivity {'xyz'[a]}{'xyz'[b]} of support_2"]) == S[a, b]
     assert "sensitivity xx of support_1" not in found
     check(certificate(c), tmp_path)
     blocks = [b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Table)]
@@ -107,18 +104,13 @@ def test_a_sensitivity_has_the_uncertainty_of_its_parameter() -> None:
     found, block, support = quantities(c), c.parameters, c.supports[1]
     assert block is not None
     assert support.sensitivity is not None
-    place = "si:measurementUncertaintyUnivariate/si:expandedMU/si:valueExpandedMU"
-    for entry in ("xx", "yy", "zz", "yz", "zy", "xz", "zx", "xy", "yx"):
-        row = block.parameters.index(f"{support.name}.sensitivity.{''.join(sorted(entry))}")
-        std = float(np.sqrt(np.array(block.matrix)[row, row]))
-        real = found[f"sensitivity {entry} of {support.name}"]
-        assert real is not None
-        assert float(str(real.findtext(place, namespaces=NAMES))) == pytest.approx(
-            2 * std, rel=5e-4
-        )
-        value = support.sensitivity["xyz".index(entry[0])]["xyz".index(entry[1])]
-        said = float(str(real.findtext("si:value", namespaces=NAMES)))
-        assert said == pytest.approx(value, abs=1.01e-3 * std, rel=0)
+    std = dict(zip(block.parameters, np.sqrt(np.diagonal(np.array(block.matrix))), strict=True))
+    for a, b in np.ndindex(3, 3):
+        one, other = "xyz"[a], "xyz"[b]
+        real = found[f"sensitivity {one}{other} of {support.name}"]
+        own = std[f"{support.name}.sensitivity.{''.join(sorted((one, other)))}"]
+        assert told(real, MU + "valueExpandedMU") == pytest.approx(2 * own, rel=5e-4)
+        assert told(real) == pytest.approx(support.sensitivity[a][b], abs=1.01e-3 * own, rel=0)
 
 
 def test_a_provisional_result_names_its_lines(tmp_path: Path) -> None:

@@ -14,11 +14,18 @@ from scipy import stats
 from tdfscal.files.calibration.document import Calibration
 
 Place = tuple[str | int, ...]
-#: With sensitivities and the block of all parameters; as of another program, without a digest.
-WHOLE: dict[str, Any] = json.loads(
-    (Path(__file__).parent / "reference_1_0" / "joint.json").read_text(encoding="utf-8")
-)
-del WHOLE["content_sha256"]
+
+
+def stated(kind: str) -> dict[str, Any]:
+    """A file of 1.0 as of another program, without a digest."""
+    path = Path(__file__).parent / "reference_1_0" / f"{kind}.json"
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    del content["content_sha256"]
+    return content
+
+
+#: With sensitivities and the block of all parameters.
+WHOLE = stated("joint")
 
 
 def altered(*changes: tuple[Place, Any]) -> dict[str, Any]:
@@ -91,6 +98,26 @@ def test_a_number_that_moved_is_found_at_its_place(
 )
 def test_rounding_is_no_edit(number: Place, by: float) -> None:
     Calibration.model_validate(moved(number, by))
+
+
+@pytest.mark.parametrize(
+    ("kind", "place"),
+    [
+        ("joint", ("postures", "moment_after")),
+        ("joint", ("dwells", "end")),
+        ("joint", ("dwells", "force", 1)),
+        ("joint", ("methods", 0, "rpy")),
+        ("motion", ("motion", "spectrum", "after")),
+        ("motion", ("motion", "residual", "force_after")),
+    ],
+)
+def test_a_column_that_is_shorter_than_its_table(kind: str, place: Place) -> None:
+    content = stated(kind)
+    inner: Any = content
+    for part in place:
+        inner = inner[part]
+    inner.pop()
+    assert place_refused(content) == place
 
 
 def test_what_is_null_is_compared_with_nothing() -> None:

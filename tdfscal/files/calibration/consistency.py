@@ -131,9 +131,14 @@ def _shape(c: Calibration) -> Iterator[Statement]:
         yield from _rows(("campaigns", k), campaign, ("zero", "zero_std"), n)
     for k, method in enumerate(c.methods or ()):
         yield from _rows(("methods", k), method, ("rpy", "rpy_std"), n)
-    if c.postures is not None:
-        columns = type(c.postures).model_fields.keys() - {"left_out"}
-        yield from _rows(("postures",), c.postures, columns, len(c.postures.index))
+    tables: dict[Place, Strict | None] = {("postures",): c.postures}
+    if c.motion is not None:
+        tables[("motion", "spectrum")] = c.motion.spectrum
+        tables[("motion", "residual")] = c.motion.residual
+    for place, table in tables.items():
+        if table is not None:
+            columns = [name for name in type(table).model_fields if name != "left_out"]
+            yield from _rows(place, table, columns, len(getattr(table, columns[0])))
     if c.dwells is not None:
         count = len(c.dwells.start)
         yield from _rows(("dwells",), c.dwells, ("end", "temperature"), count)
