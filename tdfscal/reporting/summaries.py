@@ -24,14 +24,11 @@ if TYPE_CHECKING:  # each command loads its own
 
 #: Units of the components.
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
-#: Units of time, s, from where they are used.
-_TIMES = ((86400.0, "days"), (3600.0, "h"), (60.0, "min"))
-#: Share of the noise from which on a filter is said to do nothing.
-_IDLE = 0.95
-#: Remedies that are told.
-_TOLD = 3
-#: Share of the variance from which on the noise is explained.
-_MOSTLY = 0.5
+#: Share of the noise left, from which on a filter is said to do nothing; share of the variance from
+#: which on noise is explained; remedies that are told.
+_IDLE, _MOSTLY, _TOLD = 0.95, 0.5, 3
+_EXPANDED = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
+_NOT_ENOUGH = "not enough: squeeze harder, or tare and weigh better"
 _DO = {
     "tare": "tare each sensor before the run",
     "set-to-zero": "set the wrench to zero before the run, hanging free for 3 s",
@@ -70,10 +67,10 @@ def wrench_report(summary: dict[str, Any]) -> Report:
         if of is not None
     }
     way = "quasi-static" if summary["quasi_static"] else "with inertia"
+    about = _place(summary["about"])
     return Report(
         f"Contact wrench of {summary['rows']} samples",
-        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about "
-        f"{_place(summary['about'])}",
+        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
         claim=_filter(summary["filter"]),
         sections=(Section("", (_by_component(shown), *_about_samples(summary))),),
     )
@@ -99,9 +96,8 @@ def _about_samples(summary: dict[str, Any]) -> Iterator[str]:
         size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
         since = "are of unknown age, here as if the log followed the calibration's,"
         if summary["zeros"]["age_known"]:
-            one, unit = next((each for each in _TIMES if abs(age) >= each[0]), (1.0, "s"))
             when = "before" if age >= 0 else "after"
-            since = f"held {abs(age) / one:.2g} {unit} {when} the log began,"
+            since = f"held {abs(age) / 86400:.2g} days {when} the log began,"
         yield f"the calibration's zeros {since} and may have moved {size} by its end"
     yield "largest: force {force:.3g} N, torque {torque:.3g} N·m".format(**summary["largest"])
 
@@ -149,35 +145,30 @@ def capability_report(
 
 
 def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[str]:
-    """Where noise stands most against a contact: what it is, and what takes it off.
-
-    inertia : it is stated, or does not matter.
-    """
+    """What noise is, where it stands most against a contact; inertia : stated, or of no matter."""
     worst = [c for c in found.worst if found.shares["noise"][c] > _MOSTLY]
-    sizes = [f"{found.noise[c].std:.3g} {UNITS[c]} in {COMPONENTS[c]}" for c in worst]
+    sizes = ", ".join(f"{found.noise[c].std:.3g} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
     if worst and not any(found.noise[c].std for c in worst):
         yield "The noise is what is declared of a posture (uncertainty.force_noise)."
     elif worst:
-        behind, lower = "of single samples", "with a filter (--filter HZ)"
-        if request.cutoff is not None:
-            behind, lower = "behind the filter", "with a lower filter"
-        shown = "the stops of the path show"
+        plain = request.cutoff is None
+        scatter = "of single samples" if plain else "behind the filter"
+        less = "a filter (--filter HZ)" if plain else "a lower filter"
+        seen = "the stops of the path show"
         if not found.resting:
-            shown = "the moving path shows, with what moving adds"
-            lower += ", and on a path at rest" if inertia else ", with an inertia that is stated, "
-            lower += "" if inertia else "and on a path at rest"
-        yield f"The noise is the scatter {behind} that {shown} ({', '.join(sizes)}): less {lower}."
+            seen = "the moving path shows, with what moving adds"
+            less += f"{'' if inertia else ', with an inertia that is stated'}, or on a path at rest"
+        yield f"The noise is the scatter {scatter} that {seen} ({sizes}): less with {less}."
 
 
 def _remedy(remedy: Remedy, found: Capability) -> str:
     """What to do, and what the worst force and torque come down to."""
     now, then = found.smallest_contact, remedy.smallest_contact
-    said = []
-    for first in (0, 3):
-        rows = now[first : first + 3]
-        if np.isfinite(rows).any():
-            k = first + int(np.nanargmax(rows))
-            said.append(f"{COMPONENTS[k]} {now[k]:.3g} → {then[k]:.3g} {UNITS[k]}")
+    said = (
+        f"{COMPONENTS[k]} {now[k]:.3g} → {then[k]:.3g} {UNITS[k]}"
+        for k in found.worst
+        if np.isfinite(now[k])
+    )
     return f"{_DO[remedy.kind].format(remedy.value)}: {', '.join(said)}"
 
 
@@ -202,15 +193,6 @@ def _postures(plan: Plan, table: Table) -> Report:
     limits, request, expected = plan.request.limits, plan.request, plan.expected
     more = f", on top of {plan.given} postures recorded before" if plan.given else ""
     again = {0: "never", 1: "once"}.get(len(plan.returns), f"{len(plan.returns)} times")
-    contact: list[Block] = []
-    if expected.contact_force is not None and expected.contact_torque is not None:
-        at = ", ".join(f"{v:g}" for v in plan.rig.acceptance.contact_rpy)
-        stds = {"force, N": expected.contact_force, "torque, N·m": expected.contact_torque}
-        rows = tuple((name, *(f"{v:.3f}" for v in std)) for name, std in stds.items())
-        caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
-        contact.append(Table(caption, ("", "x", "y", "z"), rows))
-        if plan.rig.acceptance.states_contact:
-            contact.append(_contact(plan))
     before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
     what = "contact wrench" if request.objective == "wrench" else "angles"
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
@@ -219,44 +201,49 @@ def _postures(plan: Plan, table: Table) -> Report:
         f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
         f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
         table,
-        *contact,
+        *_contact(plan),
         f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
         f"{1e3 * plan.random.mean:.3g} mrad{before}; for the {what} the plan is "
         f"{plan.improvement:.2f} times better. Travel used about the middle: "
-        f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z; way of the slowest axis "
-        f"{plan.tour:.2f} m.",
+        f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
     )
 
 
-def _contact(plan: Plan) -> str:
-    """What the plan makes of the limits of the contact wrench."""
+def _contact(plan: Plan) -> Iterator[Block]:
+    """What the plan makes of the contact wrench, and of its limits."""
     from tdfscal.planning.plan import contact_conforms, contact_expanded
 
-    stated = plan.rig.acceptance
+    stated, stds = plan.rig.acceptance, (plan.expected.contact_force, plan.expected.contact_torque)
+    if (sizes := contact_expanded(plan.expected)) is None:
+        return
+    rows = tuple(
+        (name, *(f"{v:.3f}" for v in np.array(std)))
+        for name, std in zip(("force, N", "torque, N·m"), stds, strict=True)
+    )
+    at = ", ".join(f"{v:g}" for v in stated.contact_rpy)
+    caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
+    yield Table(caption, ("", "x", "y", "z"), rows)
     limits = (("force", "N", stated.contact_force), ("torque", "N·m", stated.contact_torque))
-    sizes = contact_expanded(plan.expected) or ()
     parts = [
         f"{name} {size:.3g} {unit} of {limit:g}"
         for (name, unit, limit), size in zip(limits, sizes, strict=True)
         if limit is not None
     ]
-    enough = contact_conforms(plan.rig, plan.expected)
-    end = "enough" if enough else "not enough: squeeze harder, or tare and weigh better"
-    expanded = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
-    return f"Contact wrench, {expanded} against its limit: {', '.join(parts)}: {end}."
+    end = "enough" if contact_conforms(plan.rig, plan.expected) else _NOT_ENOUGH
+    if parts:
+        yield f"Contact wrench, {_EXPANDED} against its limit: {', '.join(parts)}: {end}."
 
 
 def _motion(plan: MovingPlan, table: Table) -> Report:
     request, limits, used = plan.request, plan.request.limits, plan.used
-    mean, random = (1e3 * f.mean for f in (plan.expected, plan.random))
     return _expected(
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
         f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
         "a second",
         table,
-        f"Mean {mean:.3g} mrad; random ones within the same limits {random:.3g} mrad: the plan "
-        f"is {plan.improvement:.2f} times better.",
+        f"Mean {1e3 * plan.expected.mean:.3g} mrad; random ones within the same limits "
+        f"{1e3 * plan.random.mean:.3g} mrad: the plan is {plan.improvement:.2f} times better.",
         f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
         f"{1e3 * used['speed']:.1f} mm/s, way of a hinge "
         f"{', '.join(f'±{v:.3f}' for v in used['travel'])} m along x, y, z, internal force "
@@ -271,23 +258,19 @@ def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
     limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
     if isinstance(plan, MovingPlan):
         limits["speed"] = plan.request.speed
-        more: dict[str, Any] = {
-            "duration": plan.request.duration,
-            "used": plan.used,
-            "frequency": plan.trajectory.lines.line / plan.request.duration,
-        }
+        duration = plan.request.duration
+        frequency = plan.trajectory.lines.line / duration
+        more = layout.document(plan, "used", duration=duration, frequency=frequency)
     else:
-        more = {
-            "postures": len(plan),
-            "returns": plan.returns + 1,
-            "given": plan.given,
-            "objective": plan.request.objective,
-            "before": None if plan.before is None else _forecast(plan.rig, plan.before),
-            "tour": plan.tour,
-            "position": plan.position,
-            "squeeze": plan.postures.squeeze,
-            "approach": plan.approach,
-        }
+        more = layout.document(
+            plan,
+            "given tour position approach",
+            postures=len(plan),
+            returns=plan.returns + 1,
+            objective=plan.request.objective,
+            before=plan.before and _forecast(plan.rig, plan.before),
+            squeeze=plan.postures.squeeze,
+        )
     return layout.document(
         plan,
         "improvement",
