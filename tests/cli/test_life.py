@@ -170,16 +170,14 @@ def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: objec
 
 
 def test_a_turned_sensor_alarms_and_is_named_in_its_month(
-    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = tmp_path / "history.html"
-    result = monitored(capsys, 1, *files, "--html", page)
+    result = monitored(capsys, 1, *files)
     (alarm,) = result["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
     assert alarm["onset_check"] == str(files[5])
     truth = yaml.safe_load((months / "truth.yaml").read_text())["steps"][0]["turn"]
     assert np.abs(np.array(alarm["turn"]) - truth).max() < 4 * max(alarm["turn_std"])
-    assert page.read_text().count("<svg") >= 3
     assert monitored(capsys, 0, *files[:5])["alarms"] == []
     later = monitored(capsys, 0, *files, "--since", "2099-01-01")
     assert len(later["older_alarms"]) == 1
@@ -239,14 +237,12 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
     pools: list[Any] = []
     for extra in ((), (loud,)):
         target = tmp_path / f"pool{len(pools)}.yaml"
-        run(capsys, "calibrate", *folders(months, 0, 4), *extra, "--trials", 0, "-o", target, "-q")
+        run(capsys, "calibrate", *folders(months, 0, 2), *extra, "--trials", 0, "-o", target, "-q")
         pools.append(yaml.safe_load(target.read_text()))
     without, beside = pools
     assert beside["covariance"] == without["covariance"]
     assert len(beside["campaigns"]) == len(without["campaigns"])
     assert any(str(loud) in text and "takes no part" in text for text in texts(beside))
-    one = folders(months, 0, 1)[0]
-    assert run(capsys, "calibrate", one, loud, "--trials", 0, "-o", target, "-q").status == 1
     done = run(capsys, "update", base, second, "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
     assert "would have been seen with 95% probability" in " ".join(done.out.split())
 
