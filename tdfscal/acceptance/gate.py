@@ -1,22 +1,31 @@
-"""The quality gate: may this result steer a machine? It judges turns about the BCS's axes.
+"""May this result steer a machine: the quality gate, and conformity of the contact wrench.
 
-A sensor has these however it is mounted. Roll, pitch and yaw are the same turns where its axes lie
-along those of the BCS; for one that is pitched by a right angle roll and yaw are one turn, and
-neither is known for itself.
+The gate judges turns about the BCS's axes. A sensor has these however it is mounted. Roll, pitch
+and yaw are the same turns where its axes lie along those of the BCS; for one that is pitched by a
+right angle roll and yaw are one turn, and neither is known for itself.
+
+The error of the contact force is a vector with the calibration's covariance Σ; what is limited is
+its length. The expanded uncertainty U is the length that it stays below with the probability that
+k = 2 gives in one dimension, 95.45 %; for an error along one line it is 2σ. The decision rule is
+guarded acceptance with a guard band of width U (JCGM 106): conforming where U ≤ limit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
-from tdfscal.acceptance.conformity import Conformity
 from tdfscal.findings import Finding, Value
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import gravity, sensing
+from tdfscal.model.statics import wrench as lever
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig, Rotations
-from tdfscal.significance import MOST_REJECTED
+from tdfscal.significance import EXPANDED_COVERAGE, MOST_REJECTED
+from tdfscal.wrench.contact_wrench import covariance
 
 #: A turn goes by the angle's name where its axis is the angle's own within this, rad.
 _SAME_AXIS = np.radians(20.0)
@@ -94,3 +103,223 @@ def locked_sensors(supports: Sequence[str], rotation: FloatArray) -> list[Findin
         for name, R, stuck in zip(supports, rotation, so3.locked(rotation), strict=True)
         if stuck
     ]
+
+
+_NODES = 80
+#: Months beyond which nothing is foreseen, and halvings of a bracket.
+_FAR_MONTHS, _HALVES = 1200.0, 30
+#: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
+_FAR = 9.0
+#: Variances below this share of the largest are lines and planes, not bodies.
+_FLAT = 1.0e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Limited:
+    """One limited quantity, N or N·m.
+
+    std : (3,), standard uncertainties of its components, LCS. expanded : U, of its length.
+    limit : stated limit, or ∞. exceeding : probability that the error's length exceeds it.
+    """
+
+    quantity: str
+    unit: str
+    std: FloatArray
+    expanded: float
+    limit: float
+    exceeding: float
+
+    @property
+    def conforms(self) -> bool:
+        """U ≤ limit."""
+        return self.expanded <= self.limit
+
+    @property
+    def smallest_contact(self) -> float:
+        """Smallest contact along its worst component that a machine sees, at best, N or N·m.
+
+        With the usual false stops in an hour and the usual probability, without noise and drift.
+        """
+        from tdfscal.detection.capability import UNTIMED, Request  # where a limit is stated
+        from tdfscal.detection.threshold import contact_in_doubt
+
+        asked = Request()
+        return contact_in_doubt(float(self.std.max()), asked.probability(UNTIMED), asked.detect)
+
+
+@dataclass(frozen=True, slots=True)
+class Conformity:
+    """Contact force and torque at one posture, at rest without internal forces.
+
+    rpy : roll, pitch, yaw of the terminal, rad. covariance : (6, 6), of the contact wrench in the
+    LCS about its origin, from the calibration; N and N·m.
+    """
+
+    rpy: tuple[float, float, float]
+    force: Limited
+    torque: Limited
+    covariance: FloatArray
+
+    @property
+    def conforms(self) -> bool:
+        """Both quantities conform."""
+        return self.force.conforms and self.torque.conforms
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What does not conform, for the quality gate; and contacts of the limit's size, unseen."""
+        parts = self.force, self.torque
+        return (
+            *(_finding(part, self.rpy) for part in parts if not part.conforms),
+            *(
+                Finding(
+                    "contact-below-threshold", (part.quantity,), part.smallest_contact, part.unit,
+                    values={"limit": part.limit},
+                )
+                for part in parts
+                if part.conforms and part.smallest_contact > part.limit
+            ),
+        )  # fmt: skip
+
+
+def assess_stated(given: Calibrated) -> Conformity | None:
+    """Judge by the rig file's own limits of the contact wrench; None where it states none."""
+    return assess(given) if given.rig.acceptance.states_contact else None
+
+
+def assess(given: Calibrated) -> Conformity:
+    """Judge the contact wrench's uncertainty at the posture of the rig file's limits.
+
+    A limit that is stated nowhere is ∞.
+    """
+    stated = given.rig.acceptance
+    cov = covariance(given, *at_rest(given, stated.contact_rpy))[0]
+    force, torque = (
+        _limited(quantity, unit, part, np.inf if limit is None else limit)
+        for quantity, unit, part, limit in (
+            ("force", "N", cov[:3, :3], stated.contact_force),
+            ("torque", "N·m", cov[3:, 3:], stated.contact_torque),
+        )
+    )
+    return Conformity(stated.contact_rpy, force, torque, cov)
+
+
+def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
+    """Months until the force or torque whose limit is stated no longer conforms; ∞ never.
+
+    walk : rad/√month per axis, by which the sensors' mountings walk from now on.
+    """
+    stated = given.rig.acceptance
+    turns = slice(0, 3 * given.rig.n)
+    month = np.zeros_like(given.covariance)
+    month[turns, turns] = walk**2 * np.eye(3 * given.rig.n)
+    place = at_rest(given, stated.contact_rpy)
+    now, more = (
+        covariance(replace(given, covariance=each), *place)[0] for each in (given.covariance, month)
+    )
+    out = {}
+    for name, limit, rows in (
+        ("force", stated.contact_force, slice(0, 3)),
+        ("torque", stated.contact_torque, slice(3, 6)),
+    ):
+        if limit is not None:
+            out[name] = _until(now[rows, rows], more[rows, rows], limit)
+    return out
+
+
+def _until(now: FloatArray, more: FloatArray, limit: float) -> float:
+    """Months t until a vector of covariance now + more t conforms no more."""
+
+    def beyond(months: float) -> bool:
+        cov = now + months * more
+        return not np.isfinite(cov).all() or coverage_radius(cov) > limit
+
+    low, high = 0.0, 1.0
+    if beyond(0.0):
+        return 0.0
+    while not beyond(high):
+        low, high = high, 2.0 * high
+        if high > _FAR_MONTHS:
+            return np.inf
+    for _ in range(_HALVES):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if beyond(middle) else (middle, high)
+    return low
+
+
+def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
+    """Servo positions and readings, (1, n, 3) each, of the smallest forces at a posture."""
+    state = given.state
+    R = so3.from_rpy(np.array(rpy))
+    arm = state.hinge @ R.T
+    weight = state.mass * gravity(state, given.rig.gravity)
+    grasp = np.concatenate(list(lever(arm)), axis=1)
+    load = -np.concatenate([weight, np.cross(R @ state.barycentre, weight)])
+    F = (np.linalg.pinv(grasp) @ load).reshape(-1, 3)
+    reading = np.linalg.solve(sensing(state), F[..., None])[..., 0] + state.zero
+    return (arm + state.datum)[None], reading[None]
+
+
+def _limited(quantity: str, unit: str, cov: FloatArray, limit: float) -> Limited:
+    std = np.sqrt(np.diagonal(cov))
+    known = bool(np.isfinite(std).all())
+    expanded = coverage_radius(cov) if known else np.inf
+    if limit == np.inf:
+        exceeding = 0.0
+    else:
+        exceeding = min(1.0, max(0.0, 1.0 - within(cov, limit))) if known else 1.0
+    return Limited(quantity, unit, std, expanded, limit, exceeding)
+
+
+def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> float:
+    """Length that a normal vector of covariance (3, 3) and mean 0 stays below."""
+    top = float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)))
+    if top == 0.0:
+        return 0.0
+    unit = cov / top**2
+    most = np.sqrt(special.chdtri(3, 1 - coverage))  # three directions alike; any others need less
+
+    def short(radius: float) -> float:
+        return within(unit, radius) - coverage
+
+    from scipy.optimize import brentq  # slow to import, seldom needed
+
+    return float(top * brentq(short, 0.0, 1.001 * most))
+
+
+def within(cov: FloatArray, radius: float) -> float:
+    """Probability that a normal vector of covariance (3, 3) and mean 0 is no longer than this.
+
+    Along the principal axes, by Gauss–Legendre quadrature over two of them; the third is exact.
+    """
+    values = np.linalg.eigvalsh(cov)
+    if values[-1] <= 0.0:
+        return 1.0
+    std = np.sqrt(np.maximum(values, _FLAT * values[-1]))
+    x, wx = _axis(std[0], np.array([radius]))
+    y, wy = _axis(std[1], np.sqrt(np.maximum(radius**2 - x**2, 0.0)).ravel())
+    half = np.sqrt(np.maximum(radius**2 - x.reshape(-1, 1) ** 2 - y**2, 0.0))
+    return float(np.sum(wx.reshape(-1, 1) * wy * special.erf(half / std[2] / np.sqrt(2))))
+
+
+def _axis(std: float, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights (m, nodes) of a normal density over [−radius, radius], radius (m,).
+
+    x = r sin θ takes the square root out of the ends of the ball.
+    """
+    node, share = np.polynomial.legendre.leggauss(_NODES)
+    end = np.arcsin(np.minimum(_FAR * std / np.maximum(radius, 1e-300), 1.0))[:, None]
+    x = radius[:, None] * np.sin(end * node)
+    density = np.exp(-0.5 * (x / std) ** 2) / (std * np.sqrt(2 * np.pi))
+    return x, density * radius[:, None] * np.cos(end * node) * end * share
+
+
+def _finding(part: Limited, rpy: tuple[float, float, float]) -> Finding:
+    values: dict[str, Value] = {
+        "rpy": [f"{angle:g}" for angle in rpy],
+        "limit": part.limit,
+        "exceeding": part.exceeding,
+    }
+    return Finding(
+        "contact-uncertain", (part.quantity,), part.expanded, part.unit, values=values, rejects=True
+    )

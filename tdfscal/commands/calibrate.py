@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import assess_stated
-from tdfscal.acceptance.gate import judge
+from tdfscal.acceptance.gate import assess_stated, judge
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, Unasked, listed, window
 from tdfscal.commands.calibration import Calibration, Records, as_calibration, load_calibration

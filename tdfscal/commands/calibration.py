@@ -137,22 +137,16 @@ def as_calibration(
     return Calibration.of(from_self(own, origin, notes), records)
 
 
-class _NotHere:
+def _not_here(calibration: Calibration) -> Any:
     """A name of pydantic's older interface, which would mean another thing than ours."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __get__(self, instance: object, owner: type) -> Any:
-        raise AttributeError(f"a calibration has no {self.name!r}; see the functions of tdfscal")
+    raise AttributeError("a calibration has no such name; see the functions of tdfscal")
 
 
-_HIDDEN = (
+for _name in (
     "construct", "copy", "dict", "from_orm", "json", "parse_file", "parse_obj", "parse_raw",
     "schema", "schema_json", "update_forward_refs", "validate",
-)  # fmt: skip
-for _name in _HIDDEN:
-    setattr(Calibration, _name, _NotHere(_name))
+):  # fmt: skip
+    setattr(Calibration, _name, property(_not_here))
 
 
 def load_calibration(path: str | PathLike[str]) -> Calibration:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import conforming_months
+from tdfscal.acceptance.gate import conforming_months
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import Conformity, assess_stated
-from tdfscal.acceptance.gate import judge
+from tdfscal.acceptance.gate import Conformity, assess_stated, judge
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
 from tdfscal.errors import DataError

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import coverage_radius
+from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.planning.candidates import Candidates, Limits
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import FloatArray, IntArray, Rig

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import assess_stated
-from tdfscal.acceptance.gate import judge
+from tdfscal.acceptance.gate import assess_stated, judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information

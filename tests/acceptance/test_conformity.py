@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.acceptance.conformity import Conformity, assess, coverage_radius, within
+from tdfscal.acceptance.gate import Conformity, assess, coverage_radius, within
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import wrenches
@@ -61,7 +61,7 @@ def test_limits_come_from_the_rig_file() -> None:
 
 
 def test_the_posture_is_at_rest() -> None:
-    from tdfscal.acceptance.conformity import at_rest
+    from tdfscal.acceptance.gate import at_rest
 
     position, reading = at_rest(GIVEN, (0.05, -0.03, 0.2))
     value = wrenches(GIVEN, np.zeros(1), position, reading).value

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from tdfscal.acceptance.conformity import (
+from tdfscal.acceptance.gate import (
     Conformity,
     assess,
     assess_stated,
     conforming_months,
     coverage_radius,
+    judge,
     within,
 )
-from tdfscal.acceptance.gate import judge
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray
 

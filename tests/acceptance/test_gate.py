@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.acceptance.conformity import assess
-from tdfscal.acceptance.gate import judge
+from tdfscal.acceptance.gate import assess, judge
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import independent
 from tdfscal.numerics import so3

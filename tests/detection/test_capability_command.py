@@ -13,7 +13,7 @@ import yaml
 from scipy.special import ndtri
 
 import tdfscal
-from tdfscal.acceptance.conformity import coverage_radius
+from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.rig.reading import load_rig
