@@ -17,9 +17,8 @@ from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
-from tdfscal.commands.log_pass import Settings, stated_date
+from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated, stated_date
 from tdfscal.commands.options import Option
-from tdfscal.commands.recordings import Recording, refuse_repeated
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.several_campaigns import (
     Read,

@@ -17,8 +17,7 @@ from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import origin_of, surveyed
 from tdfscal.commands.calibration import Calibration, as_calibration
 from tdfscal.commands.campaign import resolve
-from tdfscal.commands.log_pass import LogPass, Settings, measured
-from tdfscal.commands.recordings import Recording, refuse_repeated
+from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured, refuse_repeated
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool

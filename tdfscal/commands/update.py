@@ -17,8 +17,7 @@ from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration, CalibrationSource, as_calibration, read_source
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders
-from tdfscal.commands.log_pass import Settings, day
-from tdfscal.commands.recordings import Recording, refuse_repeated
+from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
 from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     Read,

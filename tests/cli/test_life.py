@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 import tdfscal
-from tdfscal.commands.recordings import Recording, refuse_repeated
+from tdfscal.commands.log_pass import Recording, refuse_repeated
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.numerics import so3
