@@ -177,7 +177,7 @@ wrench-in-part notes
   {components}
 wrench-rewired warns
   the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times
-  smaller with {other}
+  smaller with {other:~|log.force_on set to the other value}
   -> check the log block in rig.yaml, and the cabling
 reading-absurd warns
   {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~

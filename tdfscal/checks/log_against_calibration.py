@@ -147,7 +147,7 @@ def _doubt(given: Calibrated, seen: Samples) -> tuple[Finding, ...]:
     found = wrenches(given, seen.time, seen.position, seen.force)
     rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
     # First among equals: every axis of every sensor of the opposite sign is the reaction.
-    words = ["log.force_on set to the other value", *(text for text, _ in rewired)]
+    words = ["", *(text for text, _ in rewired)]
     readings = [-seen.force, *(other.force for _, other in rewired)]
     here, *left = _sizes(given, seen, [seen.force, *readings])
     best = int(np.argmin(left))

@@ -150,7 +150,7 @@ def _static(
     stage(f"calibrating from {len(dwells)} dwells")
     return self_calibrate(
         log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials,
-        inputs=tuple(log.inputs), progress=stage,
+        progress=stage,
     )  # fmt: skip
 
 

@@ -236,7 +236,6 @@ def calibrate_informed(
             read.dwells,
             rng=np.random.default_rng(settings.seed).spawn(2)[0],
             max_trials=trials,
-            inputs=inputs,
             progress=settings.progress.stage,
         )
     if moving is None:

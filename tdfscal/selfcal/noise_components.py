@@ -13,7 +13,7 @@ Zhou, Hu, Qiao, Cho, Zhou: MM algorithms for variance components models. J. Comp
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,44 +41,13 @@ _NAMED = 1.3
 _LISTED = 8
 
 
-@dataclass(frozen=True, slots=True)
-class GrossNoise:
-    """The channel that is noisier than one that works can be, the worst of them.
-
-    support, axis : whose. factor : its noise over the stated one. noise, load : N, its standard
-    deviation, and the force that its sensor carries. postures : (m,), numbers of those that do not
-    fit within the stated noise. alike : channels whose noise explains about as much.
-    """
-
-    support: str
-    axis: str
-    factor: float
-    noise: float
-    load: float
-    postures: IntArray
-    alike: tuple[str, ...] = ()
-
-    @property
-    def finding(self) -> Finding:
-        """What is found."""
-        values: dict[str, Value] = {
-            "channel": f"F{self.axis} of {self.support}",
-            "factor": self.factor,
-            "share": self.noise / self.load,
-            "postures": [str(k) for k in self.postures[:_LISTED]],
-            "more": len(self.postures) > _LISTED,
-            "alike": self.alike,
-        }
-        return Finding(
-            "channel-broken", (self.support,), self.noise, "N", values=values, rejects=True
-        )
-
-
-def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoise | None:
+def gross_noise(
+    factor: FloatArray, weighted: Fit, stated: Postures, number: IntArray
+) -> Finding | None:
     """The worst channel whose noise no working one has; None where there is none.
 
-    factor : (n, 3), noise over the stated one. weighted : the fit by it. stated : its postures as
-    stated.
+    factor : (n, 3), noise over the stated one. weighted : the fit by it. stated, number : (K,), its
+    postures as stated, and by which they go.
     """
     rig = weighted.rig
     std = np.sqrt(np.median(np.diagonal(stated.force_cov, axis1=2, axis2=3), axis=0))
@@ -103,15 +72,17 @@ def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoi
         for j, c in np.argwhere(gain > gain[i, a] - CAUSES_APART)
         if (j, c) != (i, a)
     ]
-    return GrossNoise(
-        rig.supports[i],
-        "xyz"[a],
-        float(factor[i, a]),
-        float(noise[i, a]),
-        float(load[i]),
-        np.flatnonzero(known.fit.distance > limit),
-        tuple(near),
-    )
+    out = number[known.fit.distance > limit]
+    values: dict[str, Value] = {
+        "channel": f"F{'xyz'[a]} of {rig.supports[i]}",
+        "factor": float(factor[i, a]),
+        "share": float(noise[i, a] / load[i]),
+        "postures": [str(k) for k in out[:_LISTED]],
+        "more": len(out) > _LISTED,
+        "alike": near,
+    }
+    subject, size = (rig.supports[i],), float(noise[i, a])
+    return Finding("channel-broken", subject, size, "N", values=values, rejects=True)
 
 
 def channel_noise(of: Estimate[Fit]) -> FloatArray | None:

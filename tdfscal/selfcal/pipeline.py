@@ -17,12 +17,12 @@ from tdfscal.findings import Finding
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
-from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
+from tdfscal.records import Dwells, FloatArray, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, at_state, estimate, evaluate, fit, joint_posterior
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.misreadings import check_readings
 from tdfscal.selfcal.monte_carlo import simulate
-from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
+from tdfscal.selfcal.noise_components import channel_noise, gross_noise, scaled, worth
 from tdfscal.selfcal.outliers import RobustFit, cross_validate, fit_robust, hidden_contact
 from tdfscal.selfcal.outliers import worth as contact_worth
 from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
@@ -55,7 +55,6 @@ def self_calibrate(
     rng: np.random.Generator,
     estimator: Estimator = "ml",
     max_trials: int | None = None,
-    inputs: tuple[InputFile, ...] = (),
     progress: Callable[[str], None] = lambda stage: None,
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
@@ -103,9 +102,7 @@ def self_calibrate(
         doubts = _doubts(known, usable, held, warmth, many_rejected=many)
         if any(doubt.kind in PARABOLAS for doubt in doubts):
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
-            again = self_calibrate(
-                bent, dwells, rng=rng, max_trials=max_trials, inputs=inputs, progress=progress
-            )
+            again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts, set_aside = _slip_or(doubts, known, usable, held)
         doubts = (*placed, *doubts)
@@ -120,24 +117,27 @@ def self_calibrate(
     if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined, move)
+    gross = None
+    if channels is not None:
+        gross = gross_noise(channels, result, usable.postures, usable.index + 1)
     calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,
         dwells=dwells,
         estimate=known,
         observability=seen,
-        set_aside=set_aside,
         suspicions=doubts,
         channels=channels,
-        gross=_gross(channels, result, usable),
         conformity=assess_stated(joint_posterior(result, uncertainty.covariance)),
         validation=cross_validate(result, known.parts),
         monte_carlo=trials,
         rejected=rejected,
     )
     found = (
-        *_reasons(calibration, inputs),
-        *caveats(calibration, usable.measured_noise, unasked),
+        *_reasons(calibration, gross),
+        *caveats(
+            calibration, set_aside, gross, measured_noise=usable.measured_noise, unasked=unasked
+        ),
     )
     return replace(calibration, findings=found)
 
@@ -214,13 +214,6 @@ def _hidden_contact(
     return _with_earlier(rig, seen, found), contact_worth(found.fit, whole)
 
 
-def _gross(channels: FloatArray | None, weighted: Fit, usable: Usable) -> GrossNoise | None:
-    if channels is None:
-        return None
-    found = gross_noise(channels, weighted, usable.postures)
-    return found and replace(found, postures=usable.index[found.postures] + 1)
-
-
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
     """Robust fit; what earlier campaigns know comes in whole once the outliers are out."""
     return _with_earlier(rig, observed, fit_robust(loosened(rig), observed, start))
@@ -289,7 +282,7 @@ def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
     return slip.p_value <= doubt.p_value
 
 
-def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[Finding, ...]:
+def _reasons(of: SelfCalibration, gross: Finding | None) -> tuple[Finding, ...]:
     return judge(
         of.rig,
         Rotations(of.rig.supports, of.fit.state.rotation, of.uncertainty.covariance),
@@ -298,7 +291,7 @@ def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[Findin
         used=len(of.dwells) - len(of.rejected),
         rejected=len(of.rejected),
         suspicions=[
-            *([of.gross.finding] if of.gross is not None else []),
+            *([] if gross is None else [gross]),
             *(
                 finding
                 for doubt in of.suspicions

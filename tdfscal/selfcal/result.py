@@ -23,7 +23,7 @@ from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.noise_components import GrossNoise, noisier
+from tdfscal.selfcal.noise_components import noisier
 from tdfscal.selfcal.outliers import CrossValidation, cross_validate
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
@@ -40,8 +40,7 @@ class SelfCalibration(Estimated[Fit]):
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
     contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
-    gross : of a channel that is touched or broken.
-    findings : all that was found. set_aside : suspicions that a slip explains as well.
+    findings : all that was found.
     with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect from dwells and
     moves together, where the log holds moves.
     """
@@ -52,12 +51,10 @@ class SelfCalibration(Estimated[Fit]):
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     channels: FloatArray | None
-    gross: GrossNoise | None
     conformity: Conformity | None
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
     rejected: dict[int, Finding]
-    set_aside: tuple[Suspicion, ...]
     findings: tuple[Finding, ...] = ()
     with_moves: FloatArray | None = None
 
@@ -101,13 +98,24 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
         raise NotIdentifiableError(alike, evidence=seen)
 
 
-def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[Finding, ...]:
-    """Collect what the user must know although the result may be good."""
+def caveats(
+    of: SelfCalibration,
+    set_aside: tuple[Suspicion, ...],
+    gross: Finding | None,
+    *,
+    measured_noise: bool,
+    unasked: bool,
+) -> tuple[Finding, ...]:
+    """Collect what the user must know although the result may be good.
+
+    set_aside : suspicions that a slip explains as well. gross : of a channel touched or broken.
+    measured_noise : nobody states one. unasked : too many sensors for trials.
+    """
     rig, trials = of.rig, of.monte_carlo
     found = list(of.dwells.findings)
     found += log_against_rig.turned(rig, of.dwells.position)
     found += _turned_sensors(rig, of.fit.state)
-    if of.channels is not None and of.gross is None:
+    if of.channels is not None and gross is None:
         found.append(noisier(of.channels, rig.supports))
     found += of.observability.findings
     if rig.declared.force_sensitivity > 0:
@@ -116,7 +124,7 @@ def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[F
     for doubt in of.suspicions:
         if not doubt.harmful:
             found += doubt.findings(rejects=False, held=doubt.move is not None)
-    for doubt in of.set_aside:
+    for doubt in set_aside:
         found += doubt.findings(rejects=False, slip=True)
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
