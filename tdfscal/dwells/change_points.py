@@ -12,7 +12,6 @@ from scipy.special import ndtri
 from tdfscal.dwells.noise_level import (
     SCALES,
     Noise,
-    NoisierStops,
     Signals,
     blocks,
     clean,
@@ -36,12 +35,11 @@ def mark_changes(
     signal: Signals,
     noise: Noise,
     marked: BoolArray,
-    noisier: NoisierStops | None = None,
+    noisier: FloatArray | None = None,
 ) -> BoolArray:
     """Bins that are marked already, or where the level of any axis changes.
 
-    noisier : where the noise exceeds
-    the log's.
+    noisier : see `noisier_stops`.
     Small windows first: they place a change best, and larger windows then keep clear of it.
     """
     marked = marked.copy()
@@ -63,7 +61,7 @@ def mark_changes(
     return marked
 
 
-def _excesses(signal: Signals, limit: FloatArray, noisier: NoisierStops | None) -> list[FloatArray]:
+def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) -> list[FloatArray]:
     """By how much the differences of each scale exceed their limit, the largest of all axes."""
     axes, bins = signal.value.shape
     reach = 2**SCALES - 1  # bins that the widest difference takes beyond its first
@@ -72,7 +70,7 @@ def _excesses(signal: Signals, limit: FloatArray, noisier: NoisierStops | None) 
     def exceeded(begin: int) -> None:
         for axis in range(axes):
             row = signal.value[axis, begin : begin + _SPAN + reach]
-            factor = None if noisier is None else noisier.row(axis, begin, begin + _SPAN)
+            factor = None if noisier is None else noisier[axis, begin : begin + _SPAN]
             for scale, (_, difference) in enumerate(differences(row, SCALES)):
                 excess = np.abs(difference[:_SPAN], out=difference[:_SPAN])
                 here = slice(begin, begin + len(excess))
@@ -125,11 +123,11 @@ def segment(
     signal: Signals,
     base: BoolArray,
     width: float,
-    noisier: NoisierStops | None = None,
+    noisier: FloatArray | None = None,
 ) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
-    width : of a bin, s. noisier : see `mark_changes`. Blocks over the whole log are
+    width : of a bin, s. noisier : see `noisier_stops`. Blocks over the whole log are
     enough for the noise of a long one.
     """
     sample, out = blocks(signal, base)

@@ -13,7 +13,6 @@ from tdfscal.dwells.dwell_means import Extent
 from tdfscal.dwells.noise_level import (
     LONGEST,
     Noise,
-    NoisierStops,
     Signals,
     difference_noise,
     noisier_stops,
@@ -48,7 +47,7 @@ class Field:
     signals: Signals
     moving: BoolArray
     disturbed: BoolArray
-    noisier: NoisierStops
+    noisier: FloatArray | None
     noise: Noise
     visible: FloatArray
     shortest: int
@@ -65,6 +64,13 @@ class Field:
         """First guess (6n,), from the longest windows whose noise was measured."""
         width = 2 ** (len(self.noise.difference) - 1)
         return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
+
+    def noisier_at(self, index: int) -> FloatArray:
+        """How much noisier the rest at a bin is than most, (6n,)."""
+        every = np.ones(len(self.signals.value))
+        if self.noisier is not None:
+            every[len(self.positions) :] = self.noisier[:, index]
+        return every
 
     def time(self, index: int) -> float:
         """Time of a bin's edge, s."""

@@ -85,8 +85,12 @@ def dwells_of_bins(bins: Bins) -> Dwells:
         if extents:
             field = within(field, extents)
             moments = dwell_moments(bins, extents)
-            rate = _common_drift(field, extents, moments)
-            found = _long_run(bins, moments)
+            span = np.array([(extent.end - extent.begin) * bins.width for extent in extents])
+            slope = moments.drift[:, len(bins.supports) :].reshape(len(span), -1) / span[:, None]
+            rate = common_drift(slope, span)
+            # Of a bin as it counts in a long mean.
+            density = np.median(moments.density, axis=0) / (bins.width / bins.period)[:, None]
+            found = np.sqrt(density.ravel())
             long_run = np.where(found > 0, found, field.long_run)
         extents, left_out = search(field, rate, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
@@ -100,29 +104,12 @@ def dwells_of_bins(bins: Bins) -> Dwells:
     return dwells
 
 
-def _spans(field: Field, extents: list[Extent]) -> FloatArray:
-    """Lengths of the dwells, (K,), s."""
-    return np.array([(e.end - e.begin) * field.bins.width for e in extents])
-
-
-def _common_drift(field: Field, extents: list[Extent], moments: Moments) -> FloatArray:
-    """Drift of the forces that all dwells share, (3n,), N/s."""
-    n, span = len(field.bins.supports), _spans(field, extents)
-    slope = moments.drift[:, n:].reshape(len(span), -1) / span[:, None]
-    return common_drift(slope, span)
-
-
-def _long_run(bins: Bins, moments: Moments) -> FloatArray:
-    """Standard deviation of a bin as it counts in a long mean, (6n,), m and N."""
-    samples = bins.width / bins.period
-    density = np.median(moments.density, axis=0) / samples[:, None]
-    return np.asarray(np.sqrt(density).ravel())
-
-
 def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut]) -> Dwells:
     bins, n = field.bins, len(field.bins.supports)
     moments = dwell_moments(bins, extents)
-    found = _drifts(field, extents, moments) + _interruptions(left_out)
+    found = _drifts(field, extents, moments)
+    if wrong := [out.start for out in left_out if out.reason.code == INTERRUPTED]:
+        found.append(Finding("readings-return", size=len(wrong), values={"first": min(wrong)}))
     low, high = force_extremes(bins, extents)
     return Dwells(
         supports=bins.supports,
@@ -140,13 +127,6 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         findings=tuple(found),
         force_range=whole_range(bins),
     )
-
-
-def _interruptions(left_out: list[LeftOut]) -> list[Finding]:
-    found = [out.start for out in left_out if out.reason.code == INTERRUPTED]
-    if not found:
-        return []
-    return [Finding("readings-return", size=len(found), values={"first": min(found)})]
 
 
 def _drifts(field: Field, extents: list[Extent], moments: Moments) -> list[Finding]:

@@ -218,53 +218,30 @@ def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
     return Signals(signal.value[:, rows], signal.gap[rows], signal.quantum), out
 
 
-@dataclass(frozen=True, slots=True)
-class NoisierStops:
-    """Stretches of rest [first, last), (R,), whose forces' noise exceeds that of most by factor
-    (R, A).
-    """
+def noisier_stops(signal: Signals, moving: BoolArray) -> FloatArray | None:
+    """Factor (A, B) by which rests whose forces are noisier than those of most are so; 1 elsewhere.
 
-    first: IntArray
-    last: IntArray
-    factor: FloatArray
-
-    def at(self, bin_: int) -> FloatArray:
-        """The factor at a bin, (2A,), of positions and forces; 1 outside of all stretches."""
-        k = int(np.searchsorted(self.first, bin_, side="right")) - 1
-        factor = np.ones(2 * self.factor.shape[1])
-        if k >= 0 and bin_ < self.last[k]:
-            factor[len(factor) // 2 :] = self.factor[k]
-        return factor
-
-    def row(self, axis: int, begin: int, end: int) -> FloatArray | None:
-        """The factor of one axis at bins [begin, end); None where it is 1 throughout."""
-        here = (self.last > begin) & (self.first < end)
-        noisier = np.flatnonzero(here & (self.factor[:, axis] > 1.0))
-        if not len(noisier):
-            return None
-        row = np.ones(end - begin)
-        for k in noisier:
-            row[max(self.first[k] - begin, 0) : self.last[k] - begin] = self.factor[k, axis]
-        return row
-
-
-def noisier_stops(signal: Signals, moving: BoolArray) -> NoisierStops:
-    """Rests whose forces are noisier than those of most.
-
-    By the lower quartile of the second differences: settling is too smooth to show in it, or too
-    brief.
+    None where there is no such rest. By the lower quartile of the second differences: settling is
+    too smooth to show in it, or too brief.
     """
     first, last = runs(~moving)
     long = last - first >= _BENDS + 2
     first, last = first[long], last[long]
-    own = np.ones((len(first), len(signal.value)))
-    for k, (a, b) in enumerate(zip(first, last, strict=True)):
-        own[k] = _lower_quartile(signal.value[:, a:b])
-    most = np.median(own, axis=0) if len(own) else np.ones(own.shape[1])
+    if not len(first):
+        return None
+    rests = zip(first, last, strict=True)
+    own = np.array([_lower_quartile(signal.value[:, a:b]) for a, b in rests])
+    most = np.median(own, axis=0)
     ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
     # A quartile of n bends is known to about 1.6/√n.
     known = 1.0 + 8.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
-    return NoisierStops(first, last, np.where(ratio > known[:, None], ratio, 1.0))
+    noisier = np.flatnonzero((ratio > known[:, None]).any(axis=1))
+    if not len(noisier):
+        return None
+    factor = np.ones(signal.value.shape)
+    for k in noisier:
+        factor[:, first[k] : last[k]] = np.where(ratio[k] > known[k], ratio[k], 1.0)[:, None]
+    return factor
 
 
 def _lower_quartile(value: FloatArray) -> FloatArray:

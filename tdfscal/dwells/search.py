@@ -64,7 +64,7 @@ def search(
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
         found: list[Extent] = []
         for begin, end, *inner in rests[part].tolist():
-            here = stretch.noisier(field.noisier.at(begin))
+            here = stretch.noisier(field.noisier_at(begin))
             kept, out = _within_rest(field, here, begin, end, inner, rough)
             found += kept
             left_out += out
@@ -87,7 +87,7 @@ def _whole_stops(
     for later in extents:
         earlier = joined[-1] if joined else None
         if earlier is not None and _stays(field, earlier, later):
-            factor = np.maximum(field.noisier.at(earlier.begin), field.noisier.at(later.begin))
+            factor = np.maximum(field.noisier_at(earlier.begin), field.noisier_at(later.begin))
             here = stretch.noisier(factor)
             if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
                 away = _leaves(here, earlier.ends[1], later.begin)

@@ -10,9 +10,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from tdfscal.dwells.dwell_means import Extent
-from tdfscal.dwells.noise_level import (
-    Noise,
-)
+from tdfscal.dwells.noise_level import Noise
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
@@ -29,25 +27,12 @@ Left = Callable[[IntArray, int], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Decay:
-    """amplitude · e^{−(t − begin)/τ}: begin, tau in bins, amplitude (A,) of the force axes in N."""
-
-    begin: int
-    tau: float
-    amplitude: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
 class Settled:
-    """A settled stretch [begin, end) in bins; ratio: bias to expect / standard error, worst axis.
-
-    decay : what settled before it, where that was seen.
-    """
+    """A settled stretch [begin, end), bins; ratio: bias to expect / standard error, worst axis."""
 
     begin: int
     end: int
     ratio: float = 0.0
-    decay: Decay | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +146,10 @@ def settled_part(
     if end - begin < shortest:
         return None
     visible = begin - (begin - origin) // 2
-    fitted = None if rough else _fit_decay(stretch, visible, end)
-    return _without_decay(stretch, Settled(begin, end, 0.0, fitted), visible, shortest, left)
+    decay = None if rough else _fit_decay(stretch, visible, end)
+    if decay is None and left is None:
+        return Settled(begin, end)
+    return _without_decay(stretch, begin, end, shortest, visible, decay, left)
 
 
 def one_level(stretch: Stretch, a: Settled | Extent, b: Settled | Extent, p: float) -> bool:
@@ -192,39 +179,45 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
 
 
 def _without_decay(
-    stretch: Stretch, part: Settled, visible: int, shortest: int, left: Left | None
+    stretch: Stretch,
+    begin: int,
+    end: int,
+    shortest: int,
+    visible: int,
+    decay: tuple[float, FloatArray] | None,
+    left: Left | None,
 ) -> Settled:
     """Cut further until what remains of a decay shifts no mean by more than a fraction of its se.
 
     A tail too small to see in itself still shifts a long mean, so the decay is measured where it
     is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
     """
-    if part.decay is None and left is None:
-        return part
     long_run = stretch.long_run[stretch.force]
-    start = np.arange(part.begin, max(part.end - shortest, part.begin) + 1)
-    length = part.end - start
+    start = np.arange(begin, max(end - shortest, begin) + 1)
+    length = end - start
     square = np.zeros(len(start))
-    if part.decay is not None:
-        tau = part.decay.tau
-        size = np.abs(part.decay.amplitude)
+    if decay is not None:
+        tau, size = decay
         worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
         # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
-        decay = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
-        square += (worst * decay) ** 2 / length
+        total = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
+        square += (worst * total) ** 2 / length
     if left is not None:
-        bias = left(start, part.end)
+        bias = left(start, end)
         relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
         square += relative.max(axis=1) ** 2 * length
     ratio = np.sqrt(square)
     # Least mean square error of the mean, (1 + ratio²) / length, among the starts that will do.
     error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
     best = int(np.argmin(error))
-    return replace(part, begin=int(start[best]), ratio=float(ratio[best]))
+    return Settled(int(start[best]), end, float(ratio[best]))
 
 
-def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
-    """The decay in bins [begin, end); None where there is none that the noise does not explain."""
+def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArray] | None:
+    """Time constant, bins, and sizes (A,) at `begin`, N, of the forces' decay in [begin, end).
+
+    None where there is none that the noise does not explain.
+    """
     value = stretch.value[stretch.force, begin - stretch.start : end - stretch.start]
     long_run = stretch.long_run[stretch.force]
     noisy = long_run > 0
@@ -250,7 +243,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
     if gain[best] < excess**2 * least:
         return None
     centred = value - value.mean(axis=1, keepdims=True)
-    return Decay(begin, float(tau[best]), np.asarray(centred @ shapes[best] / size[best]))
+    return float(tau[best]), np.abs(centred @ shapes[best] / size[best])
 
 
 def _decays(shortest: float, longest: float, length: int) -> tuple[FloatArray, ...]:
