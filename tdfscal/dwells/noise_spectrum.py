@@ -247,9 +247,8 @@ class SlowNoise:
 def slow_noise(frequency: FloatArray, power: FloatArray, length: float) -> list[SlowNoise | None]:
     """Fit squared ordinates (A, F) of axes of one kind at ascending frequencies, each axis alone.
 
-    Axes share what is slow, and how it compares with the white noise unless far likelier otherwise.
-    None where white noise is about as likely. length : of a stop, bins; what relaxes slower looks
-    like this or 1/f noise.
+    Axes share what is slow, and how it compares with the white noise. None where white noise is
+    about as likely. length : of a stop, bins; what relaxes slower looks like this or 1/f noise.
     """
     alive = power.any(axis=1)
     found: list[SlowNoise | None] = [None] * len(power)
@@ -271,32 +270,18 @@ def slow_noise(frequency: FloatArray, power: FloatArray, length: float) -> list[
     least = float(cost.min(axis=1).sum(axis=1).min())
     if plain - least <= SLOW_NOISE:
         return found
-    weight = _weights(cost, float(np.log(power.size)))
+    # 1/f noise, the first model, is as likely before as all relaxations.
+    before = 2.0 * np.log(len(cost) - 1.0) * (np.arange(len(cost)) > 0)
+    alike = cost.sum(axis=2) + before[:, None]
+    weight = np.exp(-0.5 * (alike - alike.min()))
+    m, r = np.nonzero(weight > _UNLIKELY * weight.sum())
+    likely = weight[m, r]
     for axis, place in enumerate(np.flatnonzero(alive)):
-        m, r = np.nonzero(weight[..., axis] > _UNLIKELY)
-        likely, level = weight[m, r, axis], white[m, r, axis]
+        level = white[m, r, axis]
         found[place] = SlowNoise(
             level, level * _RATIOS[r] / slow[m, 0], np.array(taus)[m], likely / likely.sum()
         )
     return found
-
-
-def _weights(cost: FloatArray, unknown: float) -> FloatArray:
-    """How likely models, ratios and axes (M, R, A) are by their −2 ln L; for each axis 1 in sum.
-
-    1/f noise, the first model, is as likely before as all relaxations. unknown : what a ratio for
-    each axis costs (Schwarz, Ann. Stat. 6, 1978).
-    """
-    before = 2.0 * np.log(len(cost) - 1.0) * (np.arange(len(cost)) > 0)
-    alike = cost.sum(axis=2) + before[:, None]
-    apart = cost.min(axis=1).sum(axis=1) + before
-    if alike.min() <= apart.min() + unknown * (cost.shape[2] - 1):
-        weight = np.repeat(np.exp(-0.5 * (alike - alike.min()))[..., None], cost.shape[2], axis=2)
-    else:
-        ratio = np.exp(-0.5 * (cost - cost.min(axis=1, keepdims=True)))
-        ratio /= ratio.sum(axis=1, keepdims=True)
-        weight = np.exp(-0.5 * (apart - apart.min()))[:, None, None] * ratio
-    return np.asarray(weight / weight.sum(axis=(0, 1)))
 
 
 @lru_cache(maxsize=8)

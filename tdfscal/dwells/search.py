@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +24,6 @@ _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
 _ONSET = 25  # bins looked at to see how a move begins
-_NEIGHBOURS = 32  # stretches of rest whose sums are taken at once
 
 
 def search(
@@ -56,8 +53,9 @@ def search(
     clear = first + _kept_clear(field, first, last, after=True)
     latest = last - _kept_clear(field, first, last, after=False)
     rests = np.stack([first, last, clear, latest], axis=1)
-    for part in _neighbours(first, last, _BRIEF / field.bins.width):
-        bins = slice(int(first[part][0]), int(last[part][-1]))
+    apart = np.flatnonzero(first[1:] - last[:-1] > _BRIEF / field.bins.width) + 1
+    for part in np.split(np.arange(len(first)), apart) if len(first) else ():
+        bins = slice(int(first[part[0]]), int(last[part[-1]]))
         value = field.signals.value[:, bins].copy()
         time = field.bins.start[bins] - field.bins.start[bins.start]
         value[axes:] -= (rate - field.rate)[:, None] * time
@@ -129,23 +127,6 @@ def _leaves(stretch: Stretch, earlier: Extent, end: int) -> bool:
     variance = stretch.noise.of_mean(after - begin) ** 2
     variance = variance + stretch.noise.of_mean(earlier.end - earlier.begin) ** 2
     return bool(stretch.misfit(difference, variance, SAME_LEVEL / len(begin)).any())
-
-
-def _neighbours(first: IntArray, last: IntArray, brief: float) -> Iterator[slice]:
-    """Stretches of rest in groups close to each other, to be looked at together.
-
-    brief : bins; a group does not end at so short a pause, unless it becomes too large.
-    """
-    apart = first[1:] - last[:-1] > np.maximum(last[1:] - first[1:], brief)
-    cuts = [0, *(np.flatnonzero(apart) + 1).tolist(), len(first)]
-    for begin, end in pairwise(cuts):
-        k = begin
-        while k < end:
-            stop = min(k + _NEIGHBOURS, end)
-            while stop < min(k + 4 * _NEIGHBOURS, end) and first[stop] - last[stop - 1] <= brief:
-                stop += 1
-            yield slice(k, stop)
-            k = stop
 
 
 def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) -> IntArray:
