@@ -121,8 +121,8 @@ def read_earlier(source: CalibrationSource) -> Earlier:
 def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
     """How the constants (C,) move with errors of what the calibration took as exact."""
     stand, free = np.repeat(file.determined, 3), free_constants(rig)
-    block = {} if file.parameters is None else {"parameters": file.parameters.model_dump()}
-    rows = parameter_rows(block, rig.supports, stand)
+    named = None if file.parameters is None else file.parameters.parameters
+    rows = parameter_rows(named, rig.supports, stand)
     moves = exact_moves_from(file.taken_as_exact, rows, len(free))
     return tuple(one.by(np.eye(len(free))[free]) for one in moves)
 

@@ -270,7 +270,8 @@ def _file(
     found = documents((*findings, *locked_sensors(rig.supports, R)))
     names = tuple(compress(rig.supports, angles.determined))
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
-    scaled = own["sensitivity"] is not None
+    scaled, block = own["sensitivity"] is not None, parts.get("parameters")
+    rows = parameter_rows(block and block["parameters"], rig.supports, stand)
     return Calibration.model_validate(
         {
             "format": CALIBRATION_FORMAT,
@@ -294,8 +295,7 @@ def _file(
             },
             "budget": statistics.budget(rig.supports, budget, angles.determined),
             "taken_as_exact": [
-                _exact(rig.supports, angles, quantity)
-                | exact_moves_document(quantity, parameter_rows(parts, rig.supports, stand))
+                _exact(rig.supports, angles, quantity) | exact_moves_document(quantity, rows)
                 for quantity in exact
             ],
             "monte_carlo": statistics.trials(angles.trials, angles.std()),

@@ -72,16 +72,15 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
 
 
 def parameter_rows(
-    parts: Mapping[str, Any], supports: tuple[str, ...], stand: BoolArray
+    named: Iterable[str] | None, supports: tuple[str, ...], stand: BoolArray
 ) -> IntArray:
-    """Places of the parameters that a file's matrices are of: of the block, else of turns.
+    """Places of the parameters that a file's matrices are of: of its block, else of turns.
 
-    parts : keys of the file. stand : (3n,), turns that its covariance has.
+    named : the block's, None without one. stand : (3n,), turns that the file's covariance has.
     """
-    if (block := parts.get("parameters")) is None:
+    if named is None:
         return np.flatnonzero(stand)
-    used = set(block["parameters"])
-    return np.flatnonzero([name in used for name in parameter_order(supports)])
+    return np.flatnonzero(np.isin(parameter_order(supports), list(named)))
 
 
 def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
