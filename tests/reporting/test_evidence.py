@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal.files.calibration.document import Calibration
-from tests.reporting.samples import Sample, sample, surveyed
+from tests.reporting.samples import Sample, sample
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +44,6 @@ def test_wrench_before_is_that_of_section_7(made: Sample) -> None:
         np.testing.assert_allclose(table.moment_before[row], moment, rtol=0, atol=1e-6)
 
 
-def test_wrench_after_has_the_rms_of_the_validation(made: Sample) -> None:
-    table, validation = made.calibration.postures, made.calibration.validation
-    assert table is not None
-    assert validation is not None
-    force = np.sqrt(np.mean(np.sum(np.square(table.force_after), axis=1)))
-    moment = np.sqrt(np.mean(np.sum(np.square(table.moment_after), axis=1)))
-    np.testing.assert_allclose(force, validation.force.rms_after, rtol=1e-12)
-    np.testing.assert_allclose(moment, validation.moment.rms_after, rtol=1e-12)
-
-
 def test_histogram_is_that_of_standard_normal_trials(made: Sample) -> None:
     trials = made.calibration.monte_carlo
     assert trials is not None
@@ -85,22 +75,6 @@ def test_loads_point_where_the_mean_squared_load_is_largest(made: Sample) -> Non
         assert load.across == pytest.approx(np.sqrt(np.mean(across**2)), rel=1e-9)
         for off in Rotation.from_rotvec(0.01 * np.eye(3)).as_matrix():
             assert np.sum((F[i] @ off @ axis) ** 2) <= np.sum(along**2) * (1 + 1e-12)
-
-
-def test_survey_residuals_and_methods() -> None:
-    tracker, joint = surveyed()
-    for c in (tracker, joint):
-        assert c.tracker is not None
-        kept: Any = c.tracker["residuals"]
-        size = np.sqrt(np.mean(np.sum(np.square(kept["residual"]), axis=1)))
-        assert size == pytest.approx(c.tracker["rms_residual"], rel=1e-12)
-        assert len(kept["points"]) == len(kept["normalised"]) == c.tracker["points"]
-    assert tracker.methods is None
-    assert joint.methods is not None
-    own, survey = joint.methods
-    assert (own.method, survey.method) == ("self", "tracker")
-    assert own.rpy == tuple(s.rpy for s in sample().calibration.supports)
-    assert survey.rpy_std == tuple(s.rpy_std for s in tracker.supports)
 
 
 def test_files_without_evidence_are_still_read(made: Sample) -> None:

@@ -145,11 +145,6 @@ def test_every_source_of_a_long_budget_has_a_look_of_its_own() -> None:
     assert len(looks) == 11
 
 
-def test_the_same_drawing_twice_is_the_same_to_the_byte() -> None:
-    for drawing in drawings(calibration("self"))[:1]:
-        assert to_svg(drawing) == svgs("self")[drawing.name]
-
-
 def test_drawing_leaves_the_settings_of_matplotlib_alone() -> None:
     before = dict(mpl.rcParams)
     to_svg(drawings(calibration("self"))[0])
@@ -279,7 +274,3 @@ def test_files(tmp_path: Path) -> None:
         assert ET.parse(svg).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     names = {path.name for path in (tmp_path / "new" / "figures").iterdir()}
     assert names == {f"angles.{s}" for s in ("png", "pdf", "svg")}
-
-
-def test_an_empty_figure_has_the_width_of_a_page() -> None:
-    assert figure(2.0).get_size_inches().tolist() == [7.3, 2.0]

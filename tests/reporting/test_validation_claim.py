@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ TRIALS = 100
 KNOWN = KnownNoise(birge=1.001, dof=90)
 
 
+@cache
 def validation(turn: float, trial: int = 0, known: KnownNoise = AS_STATED) -> Validation:
     """Of a rig tared anew whose second sensor turned about y, rad."""
     held = world(TRIALS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ LOG = InputFile("march/log.csv", "cd" * 32, 4321, "verified")
 COMMAND = "tdfscal validate january.yaml march"
 
 
+@cache
 def validation(push: float, offset: float = 0.0) -> Validation:
     """Of the sample's own dwells; at the third of them something pushes along x, N."""
     dwells = sample().dwells
