@@ -7,10 +7,9 @@ import pytest
 
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.motioncal.uncertainty import estimate
-from tdfscal.motioncal.usable import touched
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
-from tdfscal.simulation.options import MovingOptions, Touch
+from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
 
 
@@ -45,14 +44,3 @@ def test_the_spectrum_is_that_of_the_noise(minute: tuple[MovingCampaign, MovingF
     _, fit = minute
     density, _ = fit.noise.density(np.array([0.7, 1.5, 2.5]))
     assert density == pytest.approx(1.75**2 / 250, rel=0.25)
-
-
-def test_a_contact_is_named_with_its_times_and_nothing_else_is(
-    minute: tuple[MovingCampaign, MovingFit],
-) -> None:
-    assert touched(minute[1]) == ()
-    _, fit = fitted(MovingOptions(touches=(Touch(28.0, 31.0, (9.0, -6.0, 10.0)),)), 3)
-    found = touched(fit)
-    assert found
-    assert min(s.begin for s in found) == pytest.approx(28.0, abs=1.5)
-    assert max(s.end for s in found) == pytest.approx(31.0, abs=1.5)

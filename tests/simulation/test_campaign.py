@@ -35,13 +35,6 @@ def at_rest(campaign: Campaign, k: int, settled: float = 0.0) -> FloatArray:
     return np.asarray((time >= campaign.start[k] + settled) & (time <= campaign.end[k]))
 
 
-def same(a: Log, b: Log) -> bool:
-    return all(
-        np.array_equal(x.value, y.value) and np.array_equal(x.time, y.time)
-        for x, y in zip((*a.force, *a.position), (*b.force, *b.position), strict=True)
-    )
-
-
 def test_reading_is_the_force_in_the_sensors_axes() -> None:
     rpy = np.zeros((3, 3))
     rpy[0] = [0.0, 0.0, np.pi / 2]  # the sensor's x axis along the BCS' y
@@ -160,24 +153,6 @@ def test_noise_correlation() -> None:
         assert products.mean() == pytest.approx(expected, abs=4.0 * error)
 
 
-def test_rates_of_their_own() -> None:
-    recorder = Recorder(force_rate=200.0, position_rate=50.0)
-    options = Options(postures=3, recorder=recorder)
-    log = simulate_campaign(reference_rig(), options, np.random.default_rng(8)).log
-    assert np.median(np.diff(log.force[0].time)) == pytest.approx(0.005)
-    assert np.median(np.diff(log.position[0].time)) == pytest.approx(0.02)
-
-
-def test_one_seed_one_campaign() -> None:
-    rig = loose_rig()
-    options = Options(postures=4, squeeze=100.0)
-    first = simulate_campaign(rig, options, np.random.default_rng(10))
-    again = simulate_campaign(rig, options, np.random.default_rng(10))
-    other = simulate_campaign(rig, options, np.random.default_rng(11))
-    assert same(first.log, again.log)
-    assert not same(first.log, other.log)
-
-
 def test_seed_draws_the_same_machine_whatever_is_recorded() -> None:
     rig = loose_rig()
     one = simulate_campaign(rig, Options(postures=4), np.random.default_rng(12))
@@ -187,13 +162,6 @@ def test_seed_draws_the_same_machine_whatever_is_recorded() -> None:
     for other in (two, means):
         np.testing.assert_array_equal(one.force, other.force)
         np.testing.assert_array_equal(one.truth.rotation, other.truth.rotation)
-
-
-def test_rows_of_postures() -> None:
-    options = Options(postures=7, rows="postures", recorder=SILENT)
-    log = simulate_campaign(reference_rig(), options, np.random.default_rng(13)).log
-    assert log.rows == "postures"
-    assert [s.value.shape for s in (*log.force, *log.position)] == [(7, 3)] * 6
 
 
 def test_given_commands_are_driven() -> None:

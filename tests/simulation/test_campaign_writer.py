@@ -133,7 +133,7 @@ def test_same_seed_same_bytes(format: LogFormat, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("format", FORMATS[:2])
 def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> None:
     rig = loose_rig()
     rig = replace(

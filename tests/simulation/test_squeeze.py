@@ -35,7 +35,7 @@ def test_internal_modes(n: int) -> None:
     assert np.trace(projector) == pytest.approx(3 * n - 6, abs=1e-12)
 
 
-@pytest.mark.parametrize("n", [3, 4, 6])
+@pytest.mark.parametrize("n", [3, 4])
 def test_squeeze_makes_the_commanded_internal_force(n: int) -> None:
     rig, squeeze = exact_rig(n), 300.0
     slack = simulate_campaign(rig, still(), np.random.default_rng(2))

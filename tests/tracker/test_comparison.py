@@ -84,9 +84,9 @@ def test_detectable_is_seen_in_95_of_100() -> None:
     rpy[2, 1] += size
     moved = so3.from_rpy(rpy)
     seen = sum(
-        not compare_pair(("a", draw(rng, moved, C)), ("b", zero)).verified for _ in range(400)
+        not compare_pair(("a", draw(rng, moved, C)), ("b", zero)).verified for _ in range(200)
     )
-    assert 0.92 * 400 < seen < 0.98 * 400
+    assert 0.9 * 200 < seen < 0.99 * 200
 
 
 def test_many_small_differences_are_not_verified() -> None:
@@ -128,16 +128,20 @@ def test_other_supports_are_refused() -> None:
     b = draw(rng, X, covariance(rng, 1e-3), ("ncp1", "ncp2", "ncp4"))
     with pytest.raises(DataError, match="ncp4"):
         compare([("a", a), ("b", b)])
-    with pytest.raises(DataError, match="one calibration"):
+    with pytest.raises(DataError) as refused:
         compare([("a", a)])
+    assert refused.value.finding is not None
+    assert refused.value.finding.code == "comparison-of-one"
 
 
 def test_a_covariance_that_is_none_is_refused() -> None:
     rng = np.random.default_rng(3)
     a = draw(rng, truths(rng), covariance(rng, 1e-3))
     for bad in (np.zeros((9, 9)), np.full((9, 9), 1e-6), np.diag([np.inf, *[1e-6] * 8])):
-        with pytest.raises(DataError, match="positive definite"):
+        with pytest.raises(DataError) as refused:
             compare_pair(("a", a), ("b", Rotations(NAMES, a.rotation, bad)))
+        assert refused.value.finding is not None
+        assert refused.value.finding.code == "covariance-singular"
 
 
 def test_drift_over_time() -> None:
@@ -155,7 +159,7 @@ def test_drift_over_time() -> None:
 
 def test_joint_error_is_within_the_stated_uncertainty() -> None:
     total, wrong = 0.0, 0
-    for seed in range(200):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         X = truths(rng, 1.0)
         a, b = (draw(rng, X, covariance(rng, s)) for s in (5e-4, 1e-3))
@@ -163,14 +167,14 @@ def test_joint_error_is_within_the_stated_uncertainty() -> None:
         d = error_vector(X, joint.rotations.rotation)
         total += float(d @ np.linalg.solve(joint.rotations.covariance, d))
         wrong += not joint.test.verified
-    low, high = chi2_bounds(9 * 200)
+    low, high = chi2_bounds(9 * 60)
     assert low < total < high
-    assert wrong <= 8  # 1 % of 200 expected; more than 8 has a chance of 2e-4
+    assert wrong <= 4  # 1 % of 60 expected; more than 4 has a chance of 4e-4
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 0.5, 1.0, 1e3])
 def test_joint_variance_is_never_above_the_better(ratio: float) -> None:
-    for seed in range(20):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         X = truths(rng)
         a, b = (draw(rng, X, covariance(rng, s)) for s in (1e-4, 1e-4 * ratio))
