@@ -33,15 +33,13 @@ class Bag:
     """A recording of one or several files.
 
     topics : messages of each topic in all files, as the recorder has written them; None where that
-    is not stated. total : of all topics in all files, likewise. stated : messages of each file as
-    the recorder has received them, which are more where it could not keep pace. unlisted : files
-    in the folder that its metadata does not list.
+    is not stated. stated : messages of each file as the recorder has received them, which are more
+    where it could not keep pace. unlisted : files in the folder that its metadata does not list.
     """
 
     folder: Path
     files: tuple[Path, ...]
     topics: Mapping[str, int] | None
-    total: int | None
     stated: Mapping[Path, int]
     unlisted: tuple[str, ...] = ()
     _found: dict[Path, Counter[str]] = field(default_factory=dict)
@@ -71,8 +69,6 @@ class Bag:
         for topic, count in (self.topics or {}).items():
             if counts[topic] != count and not self._cut:
                 raise _contradiction(counts[topic], f" of {topic}", count)
-        if self.total is not None and counts.total() != self.total and not self._cut:
-            raise _contradiction(counts.total(), "", f"{self.total} in all")
         return doubts
 
 
@@ -182,7 +178,6 @@ def _described(folder: Path, content: Any) -> tuple[Bag, Any, Any]:
     listed, topics = information.get("topics_with_message_count"), Counter[str]()
     for one in _typed([] if listed is None else listed, list):
         topics[_typed(one["topic_metadata"]["name"], str)] += _typed(one["message_count"], int)
-    total = information.get("message_count")
     stated = {
         folder / PurePosixPath(_typed(one["path"], str)).name: _typed(one["message_count"], int)
         for one in _typed(information.get("files") or [], list)
@@ -191,7 +186,6 @@ def _described(folder: Path, content: Any) -> tuple[Bag, Any, Any]:
         folder,
         files,
         None if listed is None else topics,
-        None if total is None else _typed(total, int),
         stated,
         tuple(path.name for path in _stored(folder) if path not in files),
     )

@@ -137,7 +137,6 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
         ({"relative_file_paths": ["bag_0.mcap"] * 2}, "names a file twice"),
         ({"relative_file_paths": [["bag_0.mcap"]]}, "no description of a rosbag2 recording"),
         ({"relative_file_paths": 3}, "no description of a rosbag2 recording"),
-        ({"message_count": "many"}, "no description of a rosbag2 recording"),
         ({"storage_identifier": None}, "no description of a rosbag2 recording"),
         ({"topics_with_message_count": [{"message_count": 3}]}, "no description"),
         ({"files": [{"path": "bag_0.mcap", "message_count": "many"}]}, "no description"),
@@ -146,20 +145,6 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
 def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: str) -> None:
     with pytest.raises(DataError, match=match):
         read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
-
-
-@pytest.mark.parametrize("absent", [None, "topics_with_message_count", "files"])
-def test_the_total_is_checked(tmp_path: Path, absent: str | None) -> None:
-    changes = {"message_count": 99} | ({absent: None} if absent else {})
-    folder = by_hand(tmp_path / "bag", **changes)
-    match = r"bag_1\.mcap: 900 messages are there .* states 99 in all"
-    with pytest.raises(DataError, match=match):
-        read_log([folder], MAPPING, SUPPORTS)
-
-
-def test_no_total_is_no_fault(tmp_path: Path) -> None:
-    folder = by_hand(tmp_path / "bag", message_count=None)
-    assert in_words(read_log([folder], MAPPING, SUPPORTS).findings) == ()
 
 
 def test_a_folder_that_a_killed_recorder_leaves(tmp_path: Path) -> None:
