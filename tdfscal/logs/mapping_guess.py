@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.messages.encodings import topic_of
 from tdfscal.logs.plausible_units import (
-    Finding,
+    Proposal,
     distances,
     force_unit,
     length_unit,
@@ -98,10 +98,8 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         none = f"no mapping is guessed: {found}; three of each are needed"
-        if twice := [name for c in files.values() for name in c.repeated]:
-            none += (
-                f", and columns that are there more than once are passed over: {', '.join(twice)}"
-            )
+        if twice := ", ".join(name for c in files.values() for name in c.repeated):
+            none += f"; columns that are there more than once are passed over: {twice}"
         return Guess((), (none, *(note for c in files.values() for note in _joints(c))))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
@@ -297,8 +295,8 @@ def _force_on(
         forces = np.einsum("nij,nkj->nki", so3.from_rpy(rig.nominal_rpy), forces)
     total = forces.sum(axis=0).mean(axis=0)
     on: Literal["terminal", "sensor"] = "terminal" if total[2] > 0 else "sensor"
-    which = "up" if on == "terminal" else "down"
-    note = f"force_on: {on}, as the forces' sum points {which} along the sensors' z"
+    way = "up" if on == "terminal" else "down"
+    note = f"force_on: {on}, as the forces' sum points {way} along the sensors' z"
     if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
         note += "; it is far from vertical, so check this"
     return on, [note]
@@ -329,13 +327,10 @@ def _time_source(
         return "log", []
     if not unusable:
         return "header", []
-    note = f"time source: log, as header times cannot be used: {unusable[0].unusable}"
-    if others := ", ".join(stream.name for stream in unusable[1:]):
-        note += f"; nor can those of {others}"
-    return "log", [note]
+    return "log", [f"time source: log, as header times cannot be used: {unusable[0].unusable}"]
 
 
-def _time(columns: Sequence[Column]) -> tuple[Column, Finding] | None:
+def _time(columns: Sequence[Column]) -> tuple[Column, Proposal] | None:
     """The column that is best taken for the time, and its unit."""
     if not columns:
         return None

@@ -24,7 +24,7 @@ _SHORTEST: Final = 5.0  # s; no campaign is shorter
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Proposal:
     """A unit to propose. notes : why. problems : why what the file itself says cannot be."""
 
     unit: str
@@ -47,7 +47,7 @@ def distances(positions: Sequence[Vector]) -> FloatArray:
     return _between(resampled(positions))
 
 
-def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
+def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Proposal:
     """The unit in which the NCPs are as far apart as the rig's hinges, or as hinges can be."""
     far = _middle(distances(positions))
     known = 0.0
@@ -60,7 +60,7 @@ def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
     )
 
 
-def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
+def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Proposal:
     """The unit in which the forces add up to the terminal's weight, or to what can be one."""
     total = _middle(np.linalg.norm(resampled(forces).sum(axis=0), axis=1))
     weight = 0.0
@@ -80,7 +80,7 @@ def _proposed(
     likely: str,
     stated: str | None,
     said: str,
-) -> Finding:
+) -> Proposal:
     """The unit of a size in the log's unit.
 
     known : what it is in SI, 0 where the rig file does not say. likely : unit where it does not.
@@ -89,33 +89,33 @@ def _proposed(
     fitting = _nearest(quantity, size, known) if known > 0.0 else likely
     if stated is None:
         key = {"position": "length_unit", "force": "force_unit"}[quantity]
-        return Finding(fitting, (f"{key}: {fitting}, as {said.format(f'{size:.4g} {fitting}')}",))
+        return Proposal(fitting, (f"{key}: {fitting}, as {said.format(f'{size:.4g} {fitting}')}",))
     unit = canonical(stated)
     value = size * UNITS[quantity][unit]
     limits, si = {"position": (_APART, "m"), "force": (_WEIGHT, "N")}[quantity]
     if size <= 0.0 or (unit == fitting if known else _within(value, limits)):
-        return Finding(unit)
+        return Proposal(unit)
     what = f"{unit}, {said.format(f'{value:.4g} {si}')}"
     return _contradicted(unit, what, fitting, rig=known > 0.0)
 
 
-def time_unit(column: Column, suffix: str) -> Finding:
+def time_unit(column: Column, suffix: str) -> Proposal:
     """The unit in which the samples' interval is a recorder's; suffix: the name's last word."""
     fitting = fitting_time_unit(column)
     step = f"the step of {column.name} is {column.step:.4g}"
     if column.unit is not None and unit_factor("time", column.unit) is not None:
         unit = canonical(column.unit)
         if fitting is None or _recordable(column, unit):
-            return Finding(unit)
+            return Proposal(unit)
         what = f"{step} {unit}, which is no recorder's interval"
         return _contradicted(unit, what, fitting, rig=False)
     named = canonical(suffix)
     if named in UNITS["time"] and (fitting is None or _recordable(column, named)):
-        return Finding(named)
+        return Proposal(named)
     if fitting is None:
-        return Finding("s", (f"the unit of {column.name} is unclear; s is taken",))
+        return Proposal("s", (f"the unit of {column.name} is unclear; s is taken",))
     doubt = f", though its name says {named}" if named in UNITS["time"] else ""
-    return Finding(fitting, (f"time unit: {fitting}, as {step} {fitting}{doubt}",))
+    return Proposal(fitting, (f"time unit: {fitting}, as {step} {fitting}{doubt}",))
 
 
 def fitting_time_unit(column: Column) -> str | None:
@@ -151,11 +151,11 @@ def declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
     ]
 
 
-def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Finding:
+def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Proposal:
     """The header's unit, and why it cannot be; rig : whether the rig file says so."""
     check = "check the header and the rig file" if rig else "check the header"
     problem = f"by the header's unit, {what}; {fitting} would fit: {check}"
-    return Finding(unit, problems=(problem,))
+    return Proposal(unit, problems=(problem,))
 
 
 def _recordable(column: Column, unit: str) -> bool:
