@@ -37,6 +37,8 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: At most as many postures are listed one by one, in text and on a page.
 _LISTED, _LISTED_ON_PAGE = 12, 40
+#: Causes that are told, where the log does not tell them apart.
+_CAUSES = 3
 _KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
@@ -176,7 +178,7 @@ def validation_report(
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
         accepted=v.holds,
         claim=" ".join(reasons(v)),
-        reasons=tuple(sentence(change(v, cause)) for cause in v.suspected),
+        reasons=_causes(v),
         tiles=(
             tested,
             *layout.residual_tiles(found),
@@ -202,6 +204,16 @@ def validation_report(
         created=origin.created,
         sections=(*report.sections, _provenance(v, origin)),
     )
+
+
+def _causes(v: Tested) -> tuple[str, ...]:
+    """The likeliest causes, and how many others the log does not tell from them."""
+    said = tuple(sentence(change(v, cause)) for cause in v.suspected)
+    rest = len(said) - _CAUSES
+    if rest <= 0:
+        return said
+    more = f"{rest} less likely causes cannot be excluded; --json lists them"
+    return (*said[:_CAUSES], more if rest > 1 else said[_CAUSES])
 
 
 def _zero_table(v: Tested) -> tuple[Table, ...]:

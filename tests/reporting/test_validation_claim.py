@@ -81,6 +81,9 @@ def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:
             assert np.max(np.abs(cause.value) / cause.std) > 1.96
         likely = [c for c in v.causes.best if c.explains and c.weight > v.suspected[0].weight - 9]
         unnamed += len(likely) - len(v.suspected)
+        said = validation_report(v, ()).reasons
+        assert len(said) <= 4
+        assert said[0].startswith("the sensor of")
     assert unnamed > 6
     doubtful = tuple(replace(c, p_value=0.2) for c in v.causes.best)
     none = replace(v, judged=replace(v.judged, causes=replace(v.causes, best=doubtful)))
