@@ -31,13 +31,13 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
+from tdfscal.wrench.kinematics import Standstill
 from tdfscal.wrench.sample_noise import (
     ColouredNoise,
     SampleNoise,
     coloured_noise,
     with_sample_noise,
 )
-from tdfscal.wrench.standstill import Standstill
 from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.checks.repeated_samples import refuse
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.temperature import Thermometer
+from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value

@@ -1,9 +1,9 @@
-"""Log → dwells, with statistics and what is left out; also of rows that are averaged postures."""
+"""Log → dwells, with statistics, temperatures and what is left out; also of averaged postures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -15,7 +15,6 @@ from tdfscal.dwells.clock_offset import motion_offset
 from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
 from tdfscal.dwells.field import Field, common_drift, prepare, within
 from tdfscal.dwells.search import INTERRUPTED, search
-from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, expect
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Log
@@ -26,6 +25,7 @@ _MANY = 10  # dwells that show what is common
 _VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line
 _DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
 _EPS = 1e-12
+_STEP = 0.5  # s; a temperature changes slowly, and is kept as means over this time
 
 
 def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
@@ -273,3 +273,57 @@ def _repeated(value: FloatArray, resolution: FloatArray) -> dict[int, int]:
             first, second = sorted((one, other))
             repeats[second] = min(first, repeats.get(second, first))
     return repeats
+
+
+@dataclass(slots=True)
+class Thermometer:
+    """Lets pieces of a log pass and keeps their temperatures as means over short steps.
+
+    time, value : per field, pieces of (steps,), s and °C.
+    """
+
+    rows: bool = False
+    time: list[list[FloatArray]] = field(default_factory=list)
+    value: list[list[FloatArray]] = field(default_factory=list)
+
+    def passing(self, pieces: Iterable[Log]) -> Iterator[Log]:
+        """Pass pieces on."""
+        for piece in pieces:
+            self.rows = piece.rows == "postures"
+            self.time = self.time or [[] for _ in piece.temperature]
+            self.value = self.value or [[] for _ in piece.temperature]
+            for series, time, value in zip(piece.temperature, self.time, self.value, strict=True):
+                known = np.isfinite(series.value[:, 0])
+                if known.any():
+                    stamps, celsius = series.time[known], series.value[known, 0]
+                    step = np.floor(stamps / _STEP) if not self.rows else stamps
+                    first = np.flatnonzero(np.append(True, np.diff(step) > 0))
+                    count = np.diff(np.append(first, len(step)))
+                    time.append(np.add.reduceat(stamps, first) / count)
+                    value.append(np.add.reduceat(celsius, first) / count)
+            yield piece
+
+    def at(self, start: FloatArray, end: FloatArray, n: int) -> FloatArray | None:
+        """Mean temperature (K, n), °C, over K stretches at n sensors; None where none is recorded.
+
+        A stretch without a sample gets what lies between its neighbours. Raises DataError where a
+        field holds no number.
+        """
+        if not self.time:
+            return None
+        columns = []
+        for times, values in zip(self.time, self.value, strict=True):
+            if not times:
+                raise DataError(
+                    "a temperature field holds no number",
+                    where="log.temperature",
+                    hint="name a field in °C, or take log.temperature and drift.temperature out",
+                )
+            time, value = np.concatenate(times), np.concatenate(values)
+            total = np.append(0.0, np.cumsum(value))
+            first, last = np.searchsorted(time, start), np.searchsorted(time, end, side="right")
+            count = last - first
+            between = np.interp((start + end) / 2, time, value)
+            mean = (total[last] - total[first]) / np.maximum(count, 1)
+            columns.append(np.where(count > 0, mean, between))
+        return np.stack(columns if len(columns) > 1 else columns * n, axis=1)

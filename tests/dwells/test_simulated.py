@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2, poisson
 
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.change_points import segment
+from tdfscal.dwells.field import segment
 from tdfscal.dwells.noise_level import Signals
 from tdfscal.records import FloatArray
 from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG

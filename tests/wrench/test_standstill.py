@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.wrench.kinematics import Standstill, still
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.standstill import Standstill, still
 
 
 def driven(begin: float, end: float, speed: float) -> Samples:
