@@ -73,10 +73,8 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
-    held = ((dwells.start + dwells.end) / 2)[usable.index]
-    warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
     robust, known, channels = (
-        _likeliest_rotations(rig, usable, held, warmth)
+        _likeliest_rotations(rig, usable)
         if estimator == "ml"
         else _linear(rig, usable.postures, rng, max_trials or LINEAR_TRIALS)
     )
@@ -85,13 +83,7 @@ def self_calibrate(
     rejected = dict(usable.reasons) | {
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
-    try:
-        check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), robust.rivals)
-    except (NotIdentifiableError, NotConvergedError):
-        # What is wrong with the log comes before advice on postures.
-        present = at_state(rig, usable.postures, result.state, np.ones(len(usable.index)))
-        check_readings(rig, usable.postures, present, usable.index + 1, held)
-        raise
+    _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust)
     doubts = misplaced_hinges(known)
     move = doubts[0].move if doubts and not doubts[0].harmful else None
     set_aside: tuple[Suspicion, ...] = ()
@@ -99,12 +91,12 @@ def self_calibrate(
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
         placed = doubts
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
-        doubts = _doubts(known, usable, held, warmth, many_rejected=many)
+        doubts = _doubts(known, usable, many_rejected=many)
         if any(doubt.kind in PARABOLAS for doubt in doubts):
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
             again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
-        doubts, set_aside = _slip_or(doubts, known, usable, held)
+        doubts, set_aside = _slip_or(doubts, known, usable)
         doubts = (*placed, *doubts)
     if move is not None:  # till it is mended, the stated uncertainty holds that move
         noise = usable.measured_noise
@@ -119,7 +111,7 @@ def self_calibrate(
         trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined, move)
     gross = None
     if channels is not None:
-        gross = gross_noise(channels, result, usable.postures, usable.index + 1)
+        gross = gross_noise(channels, result, usable.postures, usable.number)
     calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,
@@ -142,8 +134,19 @@ def self_calibrate(
     return replace(calibration, findings=found)
 
 
+def _check(seen: Undetermined, usable: Usable, robust: RobustFit) -> None:
+    """Raise where no angles can be given; what is wrong with the log before advice on postures."""
+    try:
+        check_determined(seen, robust.rivals)
+    except (NotIdentifiableError, NotConvergedError):
+        everyone = np.ones(len(usable.index))
+        present = at_state(seen.rig, usable.postures, seen.fit.state, everyone)
+        check_readings(seen.rig, usable.postures, present, usable.number, usable.time)
+        raise
+
+
 def _likeliest_rotations(
-    rig: Rig, usable: Usable, held: FloatArray, warmth: FloatArray | None
+    rig: Rig, usable: Usable
 ) -> tuple[RobustFit, Estimate[Fit], FloatArray | None]:
     """Maximum likelihood; without postures in contact that hide each other, or with unequal noise,
     where either explains more than any other cause.
@@ -156,11 +159,11 @@ def _likeliest_rotations(
     channels = channel_noise(known)
     if channels is None and touched is None:
         return robust, known, None
-    slip = find_slip(known, held, usable.index + 1)
+    slip = find_slip(known, usable.time, usable.number)
     whole = known
     if robust.rejected:
         whole = estimate(fit(rig, usable.postures, robust.fit.state))
-    others = suspicions(whole, held, warmth)
+    others = suspicions(whole, usable.time, usable.temperature)
     noise, weighted = -np.inf, robust
     if channels is not None:
         channels, weighted = _weighted(rig, usable, robust, channels)
@@ -238,38 +241,33 @@ def _linear(
     return RobustFit(result), Estimate(result, parts, quality(result, parts), spread), None
 
 
-def _doubts(
-    known: Estimate[Fit],
-    usable: Usable,
-    held: FloatArray,
-    warmth: FloatArray | None,
-    *,
-    many_rejected: bool,
-) -> tuple[Suspicion, ...]:
+def _doubts(known: Estimate[Fit], usable: Usable, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     """What the residuals say that the rig file lacks."""
-    doubts: tuple[Suspicion, ...] = ()
-    if not usable.measured_noise:
-        doubts = suspicions(known, held, warmth)
-        if not doubts and many_rejected:  # so many do not err each for itself
-            result = known.fit
-            whole = estimate(fit(result.rig, result.postures, result.state))
-            contact = contact_worth(result, whole.fit)
-            found = suspicions(whole, held, warmth)
-            doubts = tuple(doubt for doubt in found if doubt.weight > contact - CAUSES_APART)
-    return doubts
+    if usable.measured_noise:
+        return ()
+    doubts = suspicions(known, usable.time, usable.temperature)
+    if doubts or not many_rejected:
+        return doubts
+    # So many do not err each for itself.
+    result = known.fit
+    whole = estimate(fit(result.rig, result.postures, result.state))
+    contact = contact_worth(result, whole.fit)
+    found = suspicions(whole, usable.time, usable.temperature)
+    return tuple(doubt for doubt in found if doubt.weight > contact - CAUSES_APART)
 
 
 def _slip_or(
-    doubts: tuple[Suspicion, ...], known: Estimate[Fit], usable: Usable, held: FloatArray
+    doubts: tuple[Suspicion, ...], known: Estimate[Fit], usable: Usable
 ) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
     """Hold a slip against the other doubts: the likelier, and what it set aside.
 
     What spoils the whole campaign may look like a slip, and a slip like much that does.
     """
-    slip = find_slip(known, held, usable.index + 1, noise_from_residuals=usable.measured_noise)
+    noise = usable.measured_noise
+    slip = find_slip(known, usable.time, usable.number, noise_from_residuals=noise)
     if slip is None:
         return doubts, ()
-    rivals = doubts or wandering(known, held)
+    rivals = doubts or wandering(known, usable.time)
     if all(_likelier(slip, doubt) for doubt in rivals):
         return (slip,), doubts
     return doubts or likeliest(list(rivals)), ()

@@ -35,16 +35,24 @@ _LEVELS = 6
 class Usable:
     """Postures that a fit may use.
 
-    index : (K,), their dwells. reasons : dwell → why it is not among them. measured_noise : nobody
-    states a force noise; it was taken from the residuals. start : in the basin of the lowest
-    minimum over all mountings.
+    index : (K,), their dwells. time : (K,), s, when each was held. temperature : (K, n), °C, where
+    it is known. reasons : dwell → why it is not among them. measured_noise : nobody states a force
+    noise; it was taken from the residuals. start : in the basin of the lowest minimum over all
+    mountings.
     """
 
     postures: Postures
     index: IntArray
+    time: FloatArray
+    temperature: FloatArray | None
     reasons: dict[int, Finding]
     measured_noise: bool
     start: State
+
+    @property
+    def number(self) -> IntArray:
+        """By which the postures go, (K,)."""
+        return self.index + 1
 
 
 def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
@@ -69,7 +77,10 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     check_forces(rig, start.postures, start, index + 1, dwells.start[index])
     if measured_noise:
         observed = _with_residual_noise(rig, observed, start.state)
-    return Usable(observed, index, dict(screened.reasons), measured_noise, start.state)
+    time = ((dwells.start + dwells.end) / 2)[index]
+    warmth = None if dwells.temperature is None else dwells.temperature[index]
+    reasons = dict(screened.reasons)
+    return Usable(observed, index, time, warmth, reasons, measured_noise, start.state)
 
 
 def _check_temperature(rig: Rig, dwells: Dwells) -> None:
