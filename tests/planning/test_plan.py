@@ -79,15 +79,6 @@ def test_displacements_make_the_planned_forces() -> None:
     assert np.array_equal(servoed.position, servoed.postures.place)
 
 
-@pytest.mark.slow
-def test_one_seed_one_plan() -> None:
-    rig = make_rig(4)
-    request = Request(limits(rig), candidates=50)
-    a, b = (make_plan(rig, request, 4, RNG(3)) for _ in range(2))
-    assert np.array_equal(a.position, b.position)
-    assert np.array_equal(a.expected.rpy_std, b.expected.rpy_std)
-
-
 def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
     rig = reference_rig()
     options = Options(postures=8, squeeze=100.0, stiffness=2e6, recorder=Recorder(mean_sd=1.0))
@@ -165,21 +156,6 @@ def test_impossible_requests_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_load_cell_without_a_mounting_stands_aside() -> None:
-    """Its angles are no number, and the others' are planned for."""
-    rig = reference_rig()
-    axes = rig.axes.copy()
-    axes[2, :2] = False
-    request = Request(limits(rig), candidates=60, noise=1.0)
-    plan = make_plan(replace(rig, axes=axes), request, 12, RNG(6))
-    std = plan.expected.rpy_std
-    assert np.isnan(std[2]).all()
-    assert np.isfinite(std[:2]).all()
-    assert plan.expected.mean == pytest.approx(float(std[:2].mean()))
-    assert plan.expected.mean < plan.random.mean
-
-
-@pytest.mark.slow
 def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
     """Upright ones would see a push along their joining line lie across what both measure."""
     whole = make_rig(4)
@@ -189,6 +165,7 @@ def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
     request = Request(limits(rig, squeeze=300.0, stiffness=STIFFNESS), candidates=60, noise=0.1)
     plan = make_plan(rig, request, 20, RNG(1))
     assert np.isnan(plan.expected.rpy_std[2:]).all()
+    assert plan.expected.mean < plan.random.mean
     options = Options(command=plan.position, stiffness=STIFFNESS, recorder=Recorder(mean_sd=0.1))
     batch = simulate_dwells(rig, options, RNG(11), 12)
     stated = [
