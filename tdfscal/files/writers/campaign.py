@@ -79,7 +79,7 @@ def simulate_to_folder(
     Raises UsageError for an unknown scenario, impossible numbers, or a folder that is
     not empty (unless overwrite); RigError and NotConvergedError as `simulate_campaign`.
     """
-    _check_folder(folder, overwrite)
+    check_folder(folder, overwrite)
     options = Options(
         postures=postures,
         tilt=float(np.deg2rad(tilt_deg)),
@@ -151,7 +151,7 @@ def write_run(
 
     Raises UsageError for signals that do not fit the format, or a folder that is not empty.
     """
-    _check_folder(folder, overwrite)
+    check_folder(folder, overwrite)
     recorded, survey = played.campaign or played.moving, played.survey
     rig = played.rig if recorded is None else recorded.rig
     story = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
@@ -185,7 +185,7 @@ def _write(path: Path, document: Mapping[str, Any]) -> None:
     write_text(path, to_yaml(document))
 
 
-def _check_folder(folder: Path, overwrite: bool) -> None:
+def check_folder(folder: Path, overwrite: bool) -> None:
     """Refuse one that cannot be made, or holds what `simulate` did not write or was changed."""
     there = next(p for p in (folder.absolute(), *folder.absolute().parents) if os.path.lexists(p))
     if not there.is_dir() or not os.access(there, os.W_OK):
