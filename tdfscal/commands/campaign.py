@@ -162,8 +162,7 @@ def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | Non
         return fallback
     if not rigs:
         home = _home(paths[0])
-        others = [name for name in _names(home) if (home / name).is_file()]
-        near = nearest(RIG_NAME, [name for name in others if not _is_calibration(home / name)])
+        near = nearest(RIG_NAME, [n for n in _names(home) if _says(home / n, b"tdfscal-rig/")])
         rename = f"rename {near} to {RIG_NAME} or name it with --rig"
         raise UsageError(
             f"there is no {RIG_NAME}",
@@ -184,10 +183,11 @@ def _home(path: Path) -> Path:
     return path if path.is_dir() and not is_log(path) else path.absolute().parent
 
 
-def _is_calibration(path: Path) -> bool:
+def _says(path: Path, word: bytes) -> bool:
+    """Tell whether a file has a word near its begin; a pipe is not opened."""
     try:
-        with path.open("rb") as file:
-            return b"tdfscal-calibration" in file.read(1024)
+        with path.open("rb") if path.is_file() else contextlib.nullcontext() as file:
+            return file is not None and word in file.read(1024)
     except OSError:
         return False
 
@@ -286,7 +286,7 @@ def is_own_result(path: Path) -> bool:
 
 def is_other_result(path: Path) -> bool:
     """Tell whether a file is a result of tdfscal, and no calibration."""
-    return path.is_file() and is_own_result(path) and not _is_calibration(path)
+    return path.is_file() and is_own_result(path) and not _says(path, b"tdfscal-calibration")
 
 
 def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:

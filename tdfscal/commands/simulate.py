@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +11,6 @@ from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.campaign import rig_named
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
-from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
@@ -108,15 +106,12 @@ def simulate(
     return SimulateResult(Path(folder), played, seed)
 
 
-def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
+def survey_of(loaded: LoadedRig) -> SurveyOptions:
     """Take the survey that the rig file declares, or the paper's."""
-    if not 0.0 < distance < math.inf:
-        raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
     if (files := loaded.tracker) is None:
-        return SurveyOptions(distance=distance)
+        return SurveyOptions()
     return SurveyOptions(
         instrument=files.instrument,
-        distance=distance,
         drawing=files.stated.drawing,
         body_misalignment=files.stated.misalignment,
     )
