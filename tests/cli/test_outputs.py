@@ -380,7 +380,7 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
         ("simulate", loop),
         ("plan", loop, "-o", tmp_path / "p.csv"),
     ):
-        seen = run(capsys, *words)
+        seen = run(capsys, *words, "-q")
         assert (seen.status, seen.out) == (2, ""), (words, seen.err)
         assert seen.err.count("\n") == 1
 
