@@ -19,20 +19,29 @@ file states. WHAT and its CASEs:
 - validation: clean, turn (one sensor by 2 mrad in a random direction), zero (one sensor's zero by
   1 N), zero3 (by 3 N), load (2 kg and 2 mm), contact (15 N for 3 s; must hold). A minute of motion
   calibrates, and validates another motion of the same machine, with --drive approach an approach.
+- speed: a rate in Hz. Parquet of 300 and of 1200 s: processor seconds of reading alone and of the
+  whole calibration, medians of --runs, and the ratio of their slopes between the two lengths,
+  which leaves out what stands in every calibration.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+import tdfscal
 from benchmarks.frame import errors, mean, over, rms, row
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.writers.campaign import write_run
+from tdfscal.logs import iter_log
 from tdfscal.model.dynamics import Moving, voigt
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.blocks import blocks
@@ -43,7 +52,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.simulation import reference_rig
+from tdfscal.simulation import reference_rig, run
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Touch
 from tdfscal.simulation.truth import Truth, make_rig
@@ -64,6 +73,8 @@ STOPS = {
     "stiff": replace(MovingOptions.stops(), stiffness=(200e6, 200e6, 200e6)),
 }
 SOUND = {name: CASES[name] for name in ("slow", "white", "approach")} | {"rests": STOPS["slow"]}
+#: Lengths of the logs that are timed, s.
+LENGTHS = (300.0, 1200.0)
 #: What `validate` should name first.
 NAMED = {"turn": "sensor turned", "zero": "zero drifted", "zero3": "zero drifted"}
 NAMED |= {"load": "load changed"}
@@ -247,10 +258,37 @@ def validation_row(case: str, drive: str, seeds: range) -> str:
     return row(f"{drive}, {case}", len(seeds), *np.sum(flags, axis=0), sizes)
 
 
+def speed_row(rate: float, runs: int) -> str:
+    """Seconds at both lengths, read and calibrated, and the ratio of slopes."""
+    used: dict[tuple[str, float], list[float]] = {}
+    options = replace(CASES["white"], rate=rate, noise=1.75 * float(np.sqrt(rate / 250)))
+    with tempfile.TemporaryDirectory() as place:
+        folders = {length: Path(place) / f"{length:.0f}" for length in LENGTHS}
+        for length, folder in folders.items():
+            rng = np.random.default_rng(0)
+            played = run(reference_rig(), "motion", replace(options, duration=length), rng)
+            write_run(played, folder, format="parquet")
+        for _ in range(1 + runs):  # the first imports
+            for length, folder in folders.items():
+                began = time.process_time()
+                loaded = load_rig(folder / "rig.yaml")
+                for _ in iter_log((folder / "log.parquet",), loaded.log, loaded.rig.supports):
+                    pass
+                read = time.process_time()
+                tdfscal.calibrate(folder, samples="moving")
+                used.setdefault(("read", length), []).append(read - began)
+                used.setdefault(("all", length), []).append(time.process_time() - read)
+    at = {key: float(np.median(each[1:])) for key, each in used.items()}
+    first, last = LENGTHS
+    slope = {step: at[step, last] - at[step, first] for step in ("read", "all")}
+    each = [f"{at[step, length]:.2f}" for step in slope for length in LENGTHS]
+    return row(f"{rate:.0f}", runs, *each, f"{slope['all'] / slope['read']:.1f}")
+
+
 def main() -> None:
     """Run one case and print its rows."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=("errors", "stops", "alarms", "validation"))
+    parser.add_argument("what", choices=("errors", "stops", "alarms", "validation", "speed"))
     parser.add_argument("case")
     parser.add_argument("--lacking", choices=sorted(LACKING))
     parser.add_argument("--runs", type=int, default=100)
@@ -265,6 +303,8 @@ def main() -> None:
         print(stop_rows(chosen.case, chosen.seconds, seeds))
     elif chosen.what == "alarms":
         print(alarm_row(chosen.case, seeds))
+    elif chosen.what == "speed":
+        print(speed_row(float(chosen.case), chosen.runs))
     else:
         print(validation_row(chosen.case, chosen.drive, seeds))
 
