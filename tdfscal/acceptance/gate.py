@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import special
@@ -302,12 +303,18 @@ def within(cov: FloatArray, radius: float) -> float:
     return float(np.sum(wx.reshape(-1, 1) * wy * special.erf(half / std[2] / np.sqrt(2))))
 
 
+@cache
+def _rule() -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of Gauss–Legendre quadrature; an eigenvalue problem, solved once."""
+    return np.polynomial.legendre.leggauss(_NODES)
+
+
 def _axis(std: float, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, nodes) of a normal density over [−radius, radius], radius (m,).
 
     x = r sin θ takes the square root out of the ends of the ball.
     """
-    node, share = np.polynomial.legendre.leggauss(_NODES)
+    node, share = _rule()
     end = np.arcsin(np.minimum(_FAR * std / np.maximum(radius, 1e-300), 1.0))[:, None]
     x = radius[:, None] * np.sin(end * node)
     density = np.exp(-0.5 * (x / std) ** 2) / (std * np.sqrt(2 * np.pi))
