@@ -151,8 +151,7 @@ def until(log: Log, end: float) -> Log:
     )
 
 
-@pytest.mark.parametrize("seed", [4, 5, 9, 12])
-@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(("seed", "which"), [(4, 0), (5, 1), (9, 1), (12, 0)])
 def test_one_recorder_that_ended_early_is_found_by_half_of_the_moves(seed: int, which: int) -> None:
     both = list(recorded_apart(campaign("self", seed), Apart(3.7), np.random.default_rng(1)))
     series = (both[0].position, both[1].force)[which][0]
@@ -186,8 +185,7 @@ def stated(offset: float, std: float, rate_std: float = 1e-4) -> ClockPrior:
 
 
 @pytest.mark.parametrize("rate_std", [0.0, 1e-4])
-@pytest.mark.parametrize("std", [0.0, 0.5])
-@pytest.mark.parametrize("off", [2.0 * 81234.5, 1e3, -1e3, 1e9])
+@pytest.mark.parametrize(("off", "std"), [(2 * 81234.5, 0.0), (1e3, 0.5), (-1e3, 0.0), (1e9, 0.5)])
 def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
     pair: tuple[Tracks, Tracks], off: float, std: float, rate_std: float
 ) -> None:
@@ -212,8 +210,7 @@ def test_a_stated_offset_that_the_moves_contradict_is_refused(
     assert values["likelier"] == pytest.approx(-81234.5, abs=0.3)
 
 
-@pytest.mark.parametrize("rate_std", [0.0, 1e-3, 1.0])
-@pytest.mark.parametrize("off", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize(("off", "rate_std"), [(-1.0, 0.0), (0.0, 1.0), (1.0, 1e-3)])
 def test_an_offset_stated_within_its_uncertainty_is_mended(
     pair: tuple[Tracks, Tracks], off: float, rate_std: float
 ) -> None:

@@ -15,10 +15,10 @@ from scipy.special import ndtri
 import tdfscal
 from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.commands.calibration_in_use import calibrated
+from tdfscal.commands.capability import CapabilityResult
 from tdfscal.files.calibration.document import save_calibration
-from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.records import Drift, Rig
+from tdfscal.records import Rig
 from tdfscal.simulation import (
     Campaign,
     Contact,
@@ -37,11 +37,12 @@ FORCE = (60.0, -40.0, 80.0)
 
 @dataclass(frozen=True)
 class Places:
-    """Folders, free and with a contact; the calibration's file."""
+    """Folders, free and with a contact; the calibration's file; what is asked of the free one."""
 
     free: Path
     touched: Path
     calibration: Path
+    plain: CapabilityResult
 
 
 def campaign(rig: Rig, faults: Faults | None = None, vibration: float = 0.0) -> Campaign:
@@ -66,7 +67,8 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     outcome = tdfscal.calibrate([home / "free"], trials=0)
     assert outcome.status == "accepted"
     save_calibration(outcome, home / "calibration.yaml")
-    return Places(home / "free", home / "touched", home / "calibration.yaml")
+    plain = tdfscal.capability(home / "calibration.yaml", home / "free")
+    return Places(home / "free", home / "touched", home / "calibration.yaml", plain)
 
 
 def asked(capsys: pytest.CaptureFixture[str], *line: object) -> tuple[int, dict[str, Any]]:
@@ -108,9 +110,8 @@ def test_the_text_fits_a_screen(places: Places, capsys: pytest.CaptureFixture[st
 def test_a_lower_filter_sees_smaller_contacts(
     places: Places, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plain, slow = (
-        asked(capsys, places.calibration, places.free, *more)[1] for more in ((), ("--filter", "5"))
-    )
+    plain = places.plain.to_dict()
+    _, slow = asked(capsys, places.calibration, places.free, "--filter", "5")
     for before, after in zip(plain["axes"], slow["axes"], strict=True):
         # Of white noise 1.11 · 5 Hz of 100 Hz are left.
         assert after["noise"] == pytest.approx(before["noise"] * np.sqrt(0.0555), rel=0.15)
@@ -129,8 +130,7 @@ def test_a_path_in_contact_is_said(places: Places, capsys: pytest.CaptureFixture
 def test_a_stated_contact_must_be_seen(
     places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    found = asked(capsys, places.calibration, places.free)[1]
-    size = max(axis["smallest_contact"] for axis in found["axes"][:3])
+    size = places.plain.capability.smallest_contact[:3].max()
     text = (places.free / "rig.yaml").read_text()
     text = text.replace("acceptance:", "acceptance:\n  contact: {force: SIZE}")
     for share, status in ((1.02, 0), (0.98, 1)):
@@ -152,14 +152,16 @@ def test_zeros_that_drift_without_bound_have_no_threshold(
 
 
 def test_old_zeros_are_said(places: Places, tmp_path: Path) -> None:
-    loaded = load_rig(places.free / "rig.yaml").rig
-    rig = tmp_path / "rig.yaml"
-    rig.write_text((places.free / "rig.yaml").read_text() + "drift: {walk: 5.0}\n")
-    plain = tdfscal.capability(places.calibration, places.free)
-    drifting = tdfscal.capability(places.calibration, places.free, rig=rig)
-    assert loaded.drift == Drift()
-    assert np.all(drifting.capability.threshold >= plain.capability.threshold)
-    assert np.all(drifting.capability.shares["zeros"] > plain.capability.shares["zeros"])
+    """With a share that is part of theirs in the table."""
+    rig, plain = tmp_path / "rig.yaml", places.plain.capability
+    for walk in (5.0, 50.0):
+        rig.write_text((places.free / "rig.yaml").read_text() + f"drift: {{walk: {walk}}}\n")
+        found = tdfscal.capability(places.calibration, places.free, rig=rig)
+        assert np.all(found.capability.threshold >= plain.threshold)
+        assert np.all(found.capability.shares["zeros"] > plain.shares["zeros"])
+        shares = [f.size for f in found.findings if f.code == "zeros-aged"]
+        assert all(share <= max(found.capability.shares["zeros"]) for share in shares)
+    assert shares
 
 
 def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
@@ -184,7 +186,7 @@ def test_moments_about_a_point_have_its_lever(places: Places) -> None:
 
 
 def test_the_calibrations_part_is_that_of_apply(places: Places) -> None:
-    found = tdfscal.capability(places.calibration, places.free)
+    found = places.plain
     given = calibrated(found.calibration)
     samples = tdfscal.read_log(places.free / "log.parquet", places.free / "rig.yaml")
     position, force = (
@@ -243,13 +245,12 @@ def test_a_covariance_in_part_is_said(places: Places) -> None:
     found = tdfscal.capability(apart, places.free)
     assert "covariance-in-part" in {finding.code for finding in found.findings}
     assert np.all(
-        found.capability.calibration_std
-        >= 0.99 * tdfscal.capability(loaded, places.free).capability.calibration_std
+        found.capability.calibration_std >= 0.99 * places.plain.capability.calibration_std
     )
 
 
 def test_exports_hold_the_thresholds_of_a_path(places: Places) -> None:
-    found = tdfscal.capability(places.calibration, places.free, filter=10.0)
+    found = places.plain
     header = tdfscal.export(places.calibration, "c", capability=found).content
     row = header.split("tdfscal_threshold[6] = {")[1].split("}")[0]
     assert [float(v) for v in row.split(",")] == found.capability.threshold.tolist()
@@ -297,17 +298,6 @@ def test_moves_that_shake_beyond_the_threshold_reject_the_path(
     assert (status, said["severity"]) == (1, "rejects")
     threshold = {axis["axis"]: axis["threshold"] for axis in document["axes"]}
     assert said["size"] > min(threshold[axis] for axis in said["subject"])
-
-
-def test_old_zeros_are_no_more_than_the_table_says(places: Places, tmp_path: Path) -> None:
-    """The share that a warning gives of the zeros is part of their share in the table."""
-    rig = tmp_path / "rig.yaml"
-    for walk in (0.5, 5.0, 50.0):
-        rig.write_text((places.free / "rig.yaml").read_text() + f"drift: {{walk: {walk}}}\n")
-        found = tdfscal.capability(places.calibration, places.free, rig=rig)
-        shares = [f.size for f in found.findings if f.code == "zeros-aged"]
-        assert all(share <= max(found.capability.shares["zeros"]) for share in shares)
-    assert shares
 
 
 def test_a_plan_drives_for_the_contact_that_is_stated(places: Places, tmp_path: Path) -> None:

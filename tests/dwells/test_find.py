@@ -95,19 +95,18 @@ def test_every_stop_is_one_dwell(recipe: Recipe) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tau", "hertz"),
+    ("amplitude", "tau", "hertz"),
     [
-        (0.1, 0.0),
-        (0.5, 0.0),
-        (1.5, 0.0),
-        (3.0, 0.0),
-        (0.2, 8.0),
-        (0.5, 1.0),
-        (0.5, 2.5),
-        (2.0, 1.0),
+        (1.0, 0.1, 0.0),
+        (30.0, 0.5, 0.0),
+        (1.0, 1.5, 0.0),
+        (30.0, 3.0, 0.0),
+        (1.0, 0.2, 8.0),
+        (30.0, 0.5, 1.0),
+        (1.0, 0.5, 2.5),
+        (30.0, 2.0, 1.0),
     ],
 )
-@pytest.mark.parametrize("amplitude", [1.0, 30.0])
 def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> None:
     recipe = Recipe(
         rate=200,
@@ -201,8 +200,7 @@ def test_pieces_give_the_dwells_of_the_whole() -> None:
     np.testing.assert_allclose(whole.force_cov, pieces.force_cov, rtol=1e-4, atol=1e-12)
 
 
-@pytest.mark.parametrize("rate", [50.0, 200.0])
-@pytest.mark.parametrize("noise", [0.2e-6, 0.3e-6, 0.5e-6])
+@pytest.mark.parametrize(("rate", "noise"), [(50.0, 0.2e-6), (200.0, 0.3e-6), (50.0, 0.5e-6)])
 def test_coarse_positions_part_no_stop(noise: float, rate: float) -> None:
     """Positions written to 1 µm, which most often repeat the last one, and now and then do not."""
     recipe = Recipe(rate=rate, position_noise=noise, quantum=1e-6, stops=STOPS)

@@ -17,10 +17,9 @@ import yaml
 
 import tdfscal
 from tdfscal.commands.calibrate import calibrate
-from tdfscal.commands.calibration_in_use import calibrated
-from tdfscal.files.calibration.document import load_calibration, save_calibration
+from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.records import Log, Rig, Series
+from tdfscal.records import Log, Series
 from tdfscal.simulation import (
     Campaign,
     Contact,
@@ -187,9 +186,6 @@ def test_contact_is_named_and_fails(places: Places, capsys: pytest.CaptureFixtur
     assert found["verdict"] == "recalibrate"
     assert found["suspected"][0]["kind"] == "contact"
     assert found["suspected"][0]["postures"] == [OFF - USED]
-    assert "contact in posture 2" in run(
-        capsys, "validate", places.calibration, places.touched
-    ).out.replace("\n    ", " ")
 
 
 def edited(path: Path, change: Any) -> Path:
@@ -227,15 +223,14 @@ def test_a_rig_that_contradicts_is_refused(
     assert not target.exists()
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_a_log_without_a_common_instant_is_refused(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     log = places.campaign.log
     middle = (log.force[0].time[0] + log.force[0].time[-1]) / 2
     apart = replace(between(log, -np.inf, middle), force=between(log, middle, np.inf).force)
     write_campaign(replace(places.campaign, log=apart), tmp_path / "apart", format="mcap")
-    target = tmp_path / f"w{suffix}"
+    target = tmp_path / "w.mcap"
     seen = run(capsys, "apply", places.calibration, tmp_path / "apart", "-o", target, "-q")
     assert seen.status == 3
     assert "no instant" in seen.err
@@ -318,12 +313,3 @@ def test_inertia_of_the_rig_file_is_used(
         found.append(pq.read_table(target)["fx"].to_numpy())
     assert len(found[0]) == len(found[1])
     assert np.abs(found[0] - found[1]).max() > 1.0
-
-
-def test_the_file_gives_back_the_parameters(places: Places) -> None:
-    given = calibrated(load_calibration(places.calibration))
-    rig: Rig = given.rig
-    assert given.state.rotation.shape == (3, 3, 3)
-    assert given.state.mass == pytest.approx(500.0, abs=1.0)
-    assert rig.supports == ("ncp1", "ncp2", "ncp3")
-    assert not given.open.any()

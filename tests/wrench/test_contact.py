@@ -166,15 +166,3 @@ def test_inertial_terms_are_the_rate_of_momentum() -> None:
     shorter = motion(R, T, 1 / rate, 20)
     better = wrenches(given, t, position, reading, rotation=R, moving=shorter).value
     assert np.abs(better[inner]).max() < 0.002 * np.abs(at_rest[inner]).max()
-
-
-def test_derivatives_have_no_delay() -> None:
-    t = np.arange(401) / 200.0
-    path = np.stack([t**3, -(t**2), np.ones_like(t)], axis=1)
-    R, T = poses(RIG.hinge, RIG.hinge + path[:, None])
-    found = motion(R, T, 1 / 200.0, 20)
-    assert found is not None
-    expected = np.stack([6 * t, np.full_like(t, -2.0), np.zeros_like(t)], axis=1)
-    assert np.abs(found.acceleration - expected).max() < 1e-6  # a cubic is met to rounding
-    assert np.abs(found.turning).max() < 1e-9
-    assert motion(R, T, 1 / 200.0, 201) is None
