@@ -5,10 +5,8 @@ Page checksums are verified where the file has them; pyarrow does not say whethe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from os import SEEK_END
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, Final
 
 import numpy as np
@@ -17,10 +15,20 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.files.hashing import printable
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import SAMPLES, Contents
-from tdfscal.logs.log_file import AGAIN, MAX_SAMPLES, LogFile
+from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
+from tdfscal.logs.parquet_columns import (
+    MARK,
+    batches,
+    element_of,
+    flattened,
+    is_no_number,
+    is_text,
+    leaves_of,
+    lists_of,
+    open_parquet,
+)
 from tdfscal.logs.request import UNITS, Piece, Request, canonical
 from tdfscal.logs.table import (
     DATES,
@@ -40,12 +48,6 @@ from tdfscal.logs.table import (
 )
 from tdfscal.records import BoolArray, FloatArray
 
-MARK: Final = b"PAR1"
-"""With which a file begins and ends."""
-_WIDEST: Final = 32  # bytes of a number
-_AT_ONCE: Final = 32 << 20
-"""Largest row group, in bytes, whose columns are read in one go: faster."""
-_BUFFER: Final = 1 << 20
 _SEARCHED_ROWS: Final = 256
 _OPENING: Final = 4096
 _LOOKED_AT: Final = 1 << 17  # rows
@@ -61,13 +63,13 @@ class ParquetLog(LogFile):
 
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""
-        with _open_parquet(self.path) as file:
+        with open_parquet(self.path) as file:
             names = _wanted(file, request)
             timed = request.mapping.time_field in names
             row, sparse, zoned = 0, False, False
             share = self.path.stat().st_size / max(file.metadata.num_rows, 1)
             for number in range(file.num_row_groups):
-                for table in _batches(file, number, names, MAX_SAMPLES):
+                for table in batches(file, number, names, MAX_SAMPLES):
                     if not row:
                         sparse = timed and _takes_turns(table, request)
                         zoned = timed and _is_zoned(table.column(request.mapping.time_field))
@@ -83,19 +85,25 @@ class ParquetLog(LogFile):
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""
         numbers: dict[str, Sampled] = {}
-        with _open_parquet(self.path) as file:
-            leaves = _leaves_of(file)
+        with open_parquet(self.path) as file:
+            leaves = leaves_of(file)
             twice = repeated([leaf.path for leaf in leaves])
             dated = {
                 f.path: _is_zoned(first)
                 for f in leaves
-                if _is_text(f) and f.path not in twice and (first := _dates(file, f.path))
+                if is_text(f) and f.path not in twice and (first := _dates(file, f.path))
             }
-            small = [f.path for f in leaves if _is_no_number(f) is None and f.path not in twice]
+            small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
             small += dated
-            for k in range(0, len(small), _TOGETHER):
-                portion = small[k : k + _TOGETHER]
-                looked_at = _looked_at(file, portion)
+            lists = [_elements(file, column) for column in lists_of(file)]
+            portions = [small[k : k + _TOGETHER] for k in range(0, len(small), _TOGETHER)]
+            elements: list[str] = []
+            for portion in (*portions, *lists):
+                try:
+                    looked_at = _looked_at(file, portion)
+                except DataError:  # rows of a list that have fewer numbers than the first
+                    continue
+                elements += portion if portion in lists else []
                 most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
                 for name in portion if looked_at else ():
                     parts = [(row, table.column(name)) for row, table in looked_at]
@@ -110,18 +118,23 @@ class ParquetLog(LogFile):
                         numbers[name] = found
             kinds = {f.path: "date and time" if f.path in dated else _kind(f) for f in leaves}
             columns = [(f.path, kinds[f.path], None) for f in leaves]
+            columns += [(name, "element of a list", None) for name in elements]
             rows = file.metadata.num_rows
             return table_contents(self.path, "parquet", rows, columns, numbers)
 
 
 def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
     """Names of the columns to read. Raises DataError where one is missing or holds no numbers."""
-    leaves = _leaves_of(file)
-    column_of = columns_of(request, [leaf.path for leaf in leaves])
+    lists = lists_of(file)
+    names = [request.mapping.time_field, *(n for s in request.signals for n in s.components)]
+    elements = dict.fromkeys(name for name in names if element_of(name, lists))
+    others = [first for name in lists if (first := f"{name}[0]") not in elements]
+    leaves = leaves_of(file)
+    column_of = columns_of(request, [*(leaf.path for leaf in leaves), *elements, *others])
     for name, k in column_of.items():
-        if name == request.mapping.time_field and _is_text(leaves[k]):
+        if k >= len(leaves) or (name == request.mapping.time_field and is_text(leaves[k])):
             continue
-        if (holds := _is_no_number(leaves[k])) is not None:
+        if (holds := is_no_number(leaves[k])) is not None:
             raise _no_numbers(name, holds)
     return list(column_of)
 
@@ -217,7 +230,7 @@ def _no_numbers(name: str, holds: str) -> DataError:
 def _dates(file: pq.ParquetFile, name: str) -> Any:
     """The first rows of a column of texts that are dates; None of another, or a damaged one."""
     with suppress(pa.ArrowException, OSError, ValueError):
-        first = next(_batches(file, 0, [name], 1), None)
+        first = next(batches(file, 0, [name], 1), None)
         if first is not None and is_date_time(first.column(name)[0].as_py() or ""):
             return first.column(name)
     return None
@@ -229,83 +242,25 @@ def _is_zoned(column: Any) -> bool:
     return bool(texts) and has_zone(column[0].as_py() or "")
 
 
+def _elements(file: pq.ParquetFile, column: str) -> list[str]:
+    """Names of the numbers of a list, by the first row."""
+    first = next(iter(file.iter_batches(batch_size=1, columns=[column])), None)
+    if first is None or not first.num_rows:
+        return []
+    row = flattened(first).column(column)[0].as_py() or ()
+    return [f"{column}[{k}]" for k in range(min(len(row), _TOGETHER))]
+
+
 def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:
     """The first rows of some row groups, and the number of the first."""
     groups = np.linspace(0, file.num_row_groups - 1, min(file.num_row_groups, _GROUPS))
     size = max(_OPENING, _LOOKED_AT // max(len(groups), 1))
     rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
     chosen = np.unique(np.rint(groups)).astype(int).tolist()
-    tables = [(sum(rows[:k]), next(_batches(file, k, names, size), None)) for k in chosen]
+    tables = [(sum(rows[:k]), next(batches(file, k, names, size), None)) for k in chosen]
     return [(begin, table) for begin, table in tables if table is not None]
 
 
 def _kind(leaf: Any) -> str:
     logical = str(leaf.logical_type.type).lower()
     return logical if logical not in ("none", "unknown") else str(leaf.physical_type).lower()
-
-
-@contextmanager
-def _open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a file such that page checksums are verified where there are any."""
-    with path.open("rb") as stream:
-        size = stream.seek(-len(MARK), SEEK_END) + len(MARK)
-        if stream.read() != MARK:
-            what = f"the file was cut short while it was written: it ends at byte {size}, without "
-            raise DataError(f"{what}the footer that says where its columns are", hint=AGAIN)
-        known = pq.read_metadata(stream)
-        sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
-        # Pyarrow takes no other names than UTF-8; Python opens any.
-        named = printable(str(path)) == str(path)
-        with pq.ParquetFile(
-            path if named else stream,
-            metadata=known,
-            page_checksum_verification=True,
-            pre_buffer=False,
-            buffer_size=_BUFFER if max(sizes, default=0) > _AT_ONCE else 0,
-        ) as file:
-            yield file
-
-
-def _leaves_of(file: pq.ParquetFile) -> list[Any]:
-    """Columns of the schema, structs taken apart, as pyarrow's `ColumnSchema`."""
-    return [file.schema.column(k) for k in range(len(file.schema))]
-
-
-def _batches(
-    file: pq.ParquetFile, group: int, names: Sequence[str], size: int
-) -> Iterator[pa.Table]:
-    """Yield a row group in tables of the named columns."""
-    for batch in file.iter_batches(batch_size=size, row_groups=[group], columns=[*names]):
-        yield _flattened(batch)
-
-
-def _flattened(batch: pa.RecordBatch) -> pa.Table:
-    """A batch as a table without structs, its texts of one type."""
-    table = pa.Table.from_batches([batch])
-    while any(pa.types.is_struct(field.type) for field in table.schema):
-        table = table.flatten()
-    for k, field in enumerate(table.schema):
-        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if kind != field.type or pa.types.is_large_string(kind):
-            texts = pa.types.is_large_string(kind)
-            table = table.set_column(k, field.name, table[k].cast(pa.string() if texts else kind))
-    return table
-
-
-def _is_no_number(leaf: Any) -> str | None:
-    """What a column holds whose rows cannot be numbers of a few bytes each; None of numbers."""
-    if leaf.max_repetition_level:
-        return "a list"
-    match leaf.physical_type:
-        case "BOOLEAN":
-            return "bool"
-        case "BYTE_ARRAY":
-            return "string"
-        case "FIXED_LEN_BYTE_ARRAY" if leaf.length > _WIDEST:
-            return "bytes"
-    return None
-
-
-def _is_text(leaf: Any) -> bool:
-    """Whether a column holds one text in each row."""
-    return not leaf.max_repetition_level and leaf.logical_type.type == "STRING"
