@@ -1,7 +1,7 @@
 """Why a log holds no static dwell: what was seen, and what would do.
 
 The search itself only knows that no stretch passed. Here the log is looked at once more, and only
-coarsely: where the NCPs are slow, do positions and forces decay towards a level, or wander about?
+coarsely: where the NCPs are slow, do positions and forces decay towards a level?
 """
 
 from __future__ import annotations
@@ -21,11 +21,9 @@ _SLOW = 0.2  # of the usual speed of a move: below it a stop, or what looks like
 _THIRDS = 6  # bins at least that are parted in three
 _ALIKE = 0.9  # correlation of the changes in successive parts of a decay
 _FALLS = (0.02, 0.8)  # ratio of those changes
-_BINS_OF_WHITE = 3  # a correlation beyond is none of white noise
 _SAMPLES = 20  # per stop: ten for the shortest dwell, as many for what is kept clear of moves
 _SHORTEST = 0.2  # s, of a dwell sampled fast
 _STOP = 2.0  # s, that a stop should last at least
-_CORRELATIONS = 30.0  # correlation times that a stop should last
 _DECAYED = 0.1  # standard errors of a mean that may be left of a decay
 _FINE = 0.3  # bins / correlation time: windows of 32 bins then reach beyond it
 
@@ -53,7 +51,6 @@ def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
         or _smoothed("positions", position, first, last, bins.width)
         or _restless(moving)
         or _smoothed("forces", force, first, last, bins.width)
-        or _correlated(force, first, last, bins.width)
         or Absence(
             "the NCPs rest, and the forces never settle meanwhile",
             "hold each posture for longer, and look whether something moves or touches the "
@@ -186,37 +183,6 @@ def _smoothed(
         stop,
         bin_width,
     )
-
-
-def _correlated(force: FloatArray, first: IntArray, last: IntArray, width: float) -> Absence | None:
-    """Noise that stays alike for a good part of a stop."""
-    lasting = _correlation(force, first, last)
-    if lasting < _BINS_OF_WHITE:
-        return None
-    rest = float((last - first).max(initial=0) * width)
-    stop = _rounded_up(_CORRELATIONS * lasting * width)
-    bin_width = _rounded_up(_FINE * lasting * width)
-    return Absence(
-        f"the noise of the forces is correlated over {lasting * width:.2g} s or more, and the NCPs "
-        f"rest for {rest:.2g} s at most: a settled level does not stand out of it",
-        f"hold each posture for at least {stop:g} s and look for dwells in bins of {bin_width:g} s "
-        "(DwellOptions.bin_width), or find what shakes or warms the sensors",
-        stop,
-        bin_width,
-    )
-
-
-def _correlation(value: FloatArray, first: IntArray, last: IntArray) -> float:
-    """Bins over which the forces stay alike about the level of each stop; largest of all axes."""
-    length = int((last - first).max(initial=0))
-    lag_sum = np.zeros((len(value), max(length, 1)))
-    for a, b in zip(first, last, strict=True):
-        rest = value[:, a:b] - value[:, a:b].mean(axis=1, keepdims=True)
-        spectrum = np.abs(np.fft.rfft(rest, 2 * (b - a), axis=1)) ** 2
-        lag_sum[:, : b - a] += np.fft.irfft(spectrum, axis=1)[:, : b - a]
-    own = np.divide(lag_sum, lag_sum[:, :1], out=np.zeros_like(lag_sum), where=lag_sum[:, :1] > 0)
-    below = own < np.exp(-1.0)
-    return float(np.where(below.any(axis=1), below.argmax(axis=1), length).max())
 
 
 def _rounded_up(value: float) -> float:

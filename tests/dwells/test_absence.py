@@ -53,10 +53,6 @@ def short(stop: float) -> Log:
     return record(Recipe(rate=1000.0, stops=(stop,) * STOPS)).log
 
 
-def correlated(stop: float, tau: float) -> Log:
-    return record(Recipe(force_noise=3.0, force_tau=tau, stops=(stop,) * STOPS)).log
-
-
 CAUSES: dict[str, tuple[Callable[[float], Log], float, str]] = {
     "0.6 Hz": (lambda stop: slow(stop, 0.6), 4.0, "sampled too slowly"),
     "1 Hz": (lambda stop: slow(stop, 1.0), 4.0, "sampled too slowly"),
@@ -64,8 +60,6 @@ CAUSES: dict[str, tuple[Callable[[float], Log], float, str]] = {
     "stops of 0.1 s": (short, 0.1, "stops are too short"),
     "forces filtered, 0.5 s": (lambda stop: filtered(stop, 0.5, "force"), 4.0, "filter"),
     "forces filtered, 2 s": (lambda stop: filtered(stop, 2.0, "force"), 4.0, "filter"),
-    "noise of 2 s": (lambda stop: correlated(stop, 2.0), 1.0, "correlated"),
-    "noise of 10 s": (lambda stop: correlated(stop, 10.0), 3.0, "correlated"),
 }
 
 
