@@ -8,8 +8,10 @@ import zlib
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import ClassVar, Final
 from urllib.parse import quote
 
@@ -21,7 +23,7 @@ from rosbags.rosbag1 import Reader, ReaderError
 from tdfscal.errors import DataError
 from tdfscal.logs.contents import Contents, Format, Stream
 from tdfscal.logs.formats import Bag
-from tdfscal.logs.log_file import AGAIN, LogFile
+from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.messages import DATA, Messages, gather
 from tdfscal.logs.messages.contents import TopicLook
 from tdfscal.logs.messages.topics import Topics
@@ -202,32 +204,49 @@ class SqliteBag(_BagFile):
     """A `.db3` file of rosbag2."""
 
     mark, kind = b"SQLite format 3\0", "SQLite database"
-    broken = (sqlite3.Error, TypeError)
+    broken = (sqlite3.Error, TypeError, struct.error)
 
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages in the order of recording.
-
-        Nothing of a file that was cut short: the library would fill up with zeros what is missing.
-        """
-        with self.path.open("rb") as file:
-            size, pages = struct.unpack_from(">16xH10xI", file.read(32))
-        size, there = (1 << 16 if size == 1 else size) * pages, self.path.stat().st_size
-        if there < size:
-            what = f"the file was cut short: it ends at byte {there} where its head states {size}"
-            raise DataError(what, hint=AGAIN)
+        """Yield the messages in the order of recording; of a file cut short, the whole ones."""
         journal = self.path.with_name(f"{self.path.name}-wal")
         if journal.is_file() and journal.stat().st_size:
             raise DataError(
                 f"the recording was not closed: {journal.name} still holds a part of it",
                 hint="open and close it once with `ros2 bag info`, or record it again",
             )
-        uri = f"file:{quote(str(self.path.resolve()))}?mode=ro"
-        # The reader may be closed by another thread than the one that reads.
-        with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as database:
-            self._topics(database)
-            rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
-            rows.arraysize = _ROWS
-            yield from rows
+        with self._sound() as path:
+            uri = f"file:{quote(str(path.resolve()))}?mode=ro"
+            # The reader may be closed by another thread than the one that reads.
+            with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as database:
+                self._topics(database)
+                rows = database.execute(
+                    "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+                )
+                rows.arraysize = _ROWS
+                try:
+                    yield from rows
+                except sqlite3.Error:
+                    if self.cut_at is None:  # else a page is asked for that lies beyond its end
+                        raise
+
+    @contextmanager
+    def _sound(self) -> Iterator[Path]:
+        """The file; of one cut short its whole pages: SQLite opens none that lacks a page."""
+        with self.path.open("rb") as file:
+            page, pages = struct.unpack_from(">16xH10xI", file.read(32))
+        page = 1 << 16 if page == 1 else page
+        whole = self.path.stat().st_size // page
+        if whole >= pages:
+            yield self.path
+            return
+        self.cut_at = whole * page
+        with TemporaryDirectory() as folder:
+            part = Path(copyfile(self.path, Path(folder, self.path.name)))
+            with part.open("r+b") as copy:
+                copy.truncate(self.cut_at)
+                copy.seek(28)  # where the head states how many pages there are
+                copy.write(struct.pack(">I", whole))
+            yield part
 
     def _topics(self, database: sqlite3.Connection) -> None:
         stored = "SELECT name FROM sqlite_master WHERE type = 'table'"

@@ -137,7 +137,7 @@ FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
     "log.csv.zst": (lambda truth: zstandard.compress(text_bytes(truth)), None, True),
     "log.mcap": (mcap_bytes, MAPPING, True),
     "log.parquet": (parquet_bytes, None, False),
-    "log.db3": (sqlite_bytes, MAPPING, False),
+    "log.db3": (sqlite_bytes, MAPPING, True),
     "log.bag": (bag_bytes, MAPPING, False),
 }
 """The bytes, their mapping, and whether one that was cut short is read to its sound end."""
@@ -170,6 +170,19 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
         with pytest.raises(DataError, match=rf"{re.escape(str(path))}: .*{said}") as caught:
             look()
         assert "copy" in str(caught.value)
+
+
+def test_a_database_cut_at_any_byte_gives_no_number_that_was_not_recorded(tmp_path: Path) -> None:
+    content, truth = whole("log.db3"), make_truth(1200)
+    counts = []
+    for cut in range(len(content) // 2, len(content) - 1, len(content) // 40 + 7):
+        log = read_log([write(tmp_path / "log.db3", content[:cut])], MAPPING, SUPPORTS)
+        for found, whole_truth in ((log.position, truth.position), (log.force, truth.force)):
+            for series, true in zip(found, whole_truth, strict=True):
+                np.testing.assert_array_equal(series.value, true[: len(series.value)])
+        counts.append(sum(len(series.value) for series in log.force))
+    assert np.diff(counts).min() >= 0
+    assert counts[-1] > 1.8 * counts[0]
 
 
 def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
