@@ -64,7 +64,7 @@ def test_a_pattern_names_what_is_no_check_too(
     months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """FOLDER/* holds the truth of all months, and what was written beside them."""
-    known = folders(months, 0, 3)
+    known = folders(months, 0, 2)
     checks = [tmp_path / folder.name for folder in known]
     for folder, check in zip(known, checks, strict=True):
         shutil.copytree(folder, check)
@@ -81,7 +81,7 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The truth lies within the stated uncertainty."""
-    known = folders(months, 0, 4)
+    known = folders(months, 0, 3)
     pooled = tmp_path / "pooled.yaml"
     assert run(capsys, "calibrate", *known, "--trials", 0, "-o", pooled, "-q").status == 0
     content = yaml.safe_load(pooled.read_text())
@@ -101,8 +101,8 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
         last = new
     assert np.abs(angles(last) - angles(pooled)).max() < 1e-6
     updated = yaml.safe_load(last.read_text())
-    assert len(updated["campaigns"]) == 4
-    assert len(updated["history"]) == 3
+    assert len(updated["campaigns"]) == 3
+    assert len(updated["history"]) == 2
     assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
 
 
@@ -111,7 +111,7 @@ def test_a_level_that_all_months_have_wrong_moves_the_angles_as_stated(
     months: Path, tmp_path: Path, command: str
 ) -> None:
     """1 mrad in all positions, a rotation of the base against gravity."""
-    known, moves = folders(months, 0, 3), list[np.ndarray]()
+    known, moves = folders(months, 0, 2), list[np.ndarray]()
     rig = yaml.safe_load((known[0] / "rig.yaml").read_text())
     assert not rig["gravity"].get("tilt_std")
 

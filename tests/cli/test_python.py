@@ -35,11 +35,11 @@ class Both:
 
 
 BOTH = [
-    Both("calibrate campaign --trials 0 -o out/c.yaml",
-         lambda: tdfscal.calibrate("campaign", trials=0, output="out/c.yaml")),
+    Both("calibrate campaign --trials 20 -o out/c.yaml",
+         lambda: tdfscal.calibrate("campaign", trials=20, output="out/c.yaml")),
     Both("calibrate campaign --method tracker --trials 50 -o out/t.json",
          lambda: tdfscal.calibrate(Path("campaign"), method="tracker", trials=50)),
-    Both("validate own.yaml turned", lambda: tdfscal.validate("own.yaml", "turned")),
+    Both("validate own.yaml brief", lambda: tdfscal.validate("own.yaml", "brief")),
     Both("apply own.yaml campaign -o out/w.csv --filter kalman",
          lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman")),
     Both("capability own.yaml turned", lambda: tdfscal.capability("own.yaml", "turned")),
@@ -54,8 +54,8 @@ BOTH = [
     Both("export own.yaml --to urdf --parent base", lambda: tdfscal.export("own.yaml", "urdf",
                                                                            parent="base")),
     Both("register moved.csv points.csv", lambda: tdfscal.register("moved.csv", "points.csv")),
-    Both("update own.yaml turned -o out/u.yaml --trials 0",
-         lambda: tdfscal.update("own.yaml", "turned", output="out/u.yaml", trials=0)),
+    Both("update own.yaml brief -o out/u.yaml --trials 0",
+         lambda: tdfscal.update("own.yaml", "brief", output="out/u.yaml", trials=0)),
     Both("monitor own.yaml turned", lambda: tdfscal.monitor("own.yaml", "turned")),
     Both("simulate out/new --postures 3 --rate 10 --force",
          lambda: tdfscal.simulate("out/new", postures=3, rate=10.0, force=True)),
