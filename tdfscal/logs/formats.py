@@ -219,8 +219,8 @@ def looks_recorded(path: Path) -> bool:
     """
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
-    from tdfscal.logs.text import lines_of
     from tdfscal.logs.text.head import numbered_columns
+    from tdfscal.logs.text.opening import lines_of
 
     try:
         with path.open("rb") as file:

@@ -18,7 +18,7 @@ from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
-from tdfscal.logs.parquet_columns import (
+from tdfscal.logs.parquet_file import (
     MARK,
     batches,
     element_of,

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tdfscal.logs.messages import DATA, Messages, gather
+from tdfscal.logs.messages.buffer import DATA, Messages, gather
 from tdfscal.logs.messages.encodings import Named, Path, path_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 

@@ -13,7 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
-from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, path_text
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from tdfscal.errors import RigError
-from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.records import FloatArray
 
 Step = str | int

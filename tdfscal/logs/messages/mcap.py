@@ -28,7 +28,7 @@ from mcap.records import Channel, Chunk, DataEnd, Schema, Statistics
 
 from tdfscal.errors import DataError
 from tdfscal.logs.log_file import AGAIN, LIBRARY_FAULTS, reason
-from tdfscal.logs.messages import MESSAGE_HEAD, RECORD, Messages, gather
+from tdfscal.logs.messages.buffer import MESSAGE_HEAD, RECORD, Messages, gather
 from tdfscal.logs.messages.recording import Recording
 from tdfscal.records import IntArray
 

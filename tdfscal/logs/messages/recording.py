@@ -24,7 +24,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs.contents import Contents, Format, Stream
 from tdfscal.logs.formats import Bag
 from tdfscal.logs.log_file import LogFile
-from tdfscal.logs.messages import DATA, Messages, gather
+from tdfscal.logs.messages.buffer import DATA, Messages, gather
 from tdfscal.logs.messages.contents import TopicLook
 from tdfscal.logs.messages.topics import Topics
 from tdfscal.logs.request import Block, Piece, Request

@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
-from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
 from tdfscal.logs.messages.encodings import (
     MAX_DEPTH,

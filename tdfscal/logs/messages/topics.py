@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew, shown
 from tdfscal.logs.log_file import reason
-from tdfscal.logs.messages import Messages
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import (
     Encoding,
     Json,

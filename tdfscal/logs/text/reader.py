@@ -24,7 +24,6 @@ from tdfscal.logs.table import (
     table_contents,
     table_piece,
 )
-from tdfscal.logs.text import EXPANDING, TextFile, open_text
 from tdfscal.logs.text.head import (
     END,
     SEARCHED,
@@ -38,6 +37,7 @@ from tdfscal.logs.text.head import (
     split_label,
     units_below,
 )
+from tdfscal.logs.text.opening import EXPANDING, TextFile, open_text
 from tdfscal.logs.text.rows import RowParser, Rows, find_header, single_spaces
 
 _THREADS: Final = 2

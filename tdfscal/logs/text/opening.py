@@ -1,0 +1,172 @@
+"""Logs as text. One that is open, plain or compressed: first lines, and rows block by block."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import pyarrow as pa
+import zstandard
+
+from tdfscal.errors import DataError
+from tdfscal.logs.log_file import AGAIN
+from tdfscal.records import Integrity
+
+EXPANDING: Final = (pa.ArrowException, zlib.error, zstandard.ZstdError)
+"""What expanding and parsing raise on damage."""
+_BLOCK: Final = 8 << 20
+_COMPRESSED: Final = 1 << 16
+_COMPRESSED_ZSTD: Final = 1 << 12  # may expand to as many times as much
+_HEAD: Final = 1 << 18
+_OPENING: Final = 1 << 12
+_CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+
+
+@contextmanager
+def open_text(path: Path) -> Iterator[TextFile]:
+    """Open a file for one reading; compressed or not by its first bytes, not by its name."""
+    with path.open("rb") as raw:
+        magic = raw.read(64)
+        raw.seek(0)
+        parts = iter(lambda: raw.read(_BLOCK), b"")
+        integrity: Integrity = "unverified"
+        if magic.startswith(_GZIP):
+            parts, integrity = _of_gzip(raw), "verified"
+        elif magic.startswith(_ZSTD):
+            checked = zstandard.get_frame_parameters(magic).has_checksum
+            parts, integrity = _of_zstd(raw), "verified" if checked else "unverified"
+        yield TextFile(raw, parts, integrity)
+
+
+class TextFile:
+    """A text log that is open.
+
+    cut_at : byte of the text at which one that was cut short stops being whole; None of a whole
+    one. integrity : how far its compression checks the content. lines : the first ones.
+    newline : what ends each.
+    """
+
+    def __init__(self, raw: BinaryIO, parts: Iterator[bytes], integrity: Integrity) -> None:
+        self._raw, self._parts, self._rest = raw, parts, b""
+        self.integrity = integrity
+        self.cut_at: int | None = None
+        self._expanded = 0
+        self._head = self._read(_HEAD)
+        text = _decoded(self._head)
+        if self.cut_at is None and not self._head.strip():
+            raise DataError("the file is empty", hint=AGAIN)
+        if b"\n" not in self._head and b"\r" not in self._head:
+            raise DataError("the file was cut short within its first line", hint=AGAIN)
+        self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
+        self.lines = lines_of(text, self.newline.decode())
+
+    @property
+    def position(self) -> int:
+        """Bytes of the file that are read."""
+        return self._raw.tell()
+
+    def blocks(self, skipped: int) -> Iterator[tuple[bytes, bool]]:
+        """Yield blocks of whole lines after the first ones; False with a last line without an end.
+
+        Raises DataError for a line without end.
+        """
+        parts = self._head.split(self.newline, skipped)
+        rest = parts[skipped] if len(parts) > skipped else b""
+        while chunk := self._read(_BLOCK):
+            end = chunk.rfind(self.newline) + 1
+            if end:
+                yield b"".join((rest, memoryview(chunk)[:end])), True
+                rest = chunk[end:]
+                continue
+            rest += chunk
+            if len(rest) > 2 * _BLOCK:
+                raise _no_table(f"a line is longer than {2 * _BLOCK >> 20} MiB")
+        end = rest.rfind(self.newline) + 1
+        if end:
+            yield rest[:end], True
+        if rest[end:].strip():
+            self.cut_at = self._expanded - len(rest) + end
+            yield rest[end:], False
+
+    def _read(self, size: int) -> bytes:
+        """Up to so many bytes; none at the end."""
+        parts, there = [self._rest], len(self._rest)
+        while there < size:
+            try:
+                part = next(self._parts, None)
+            except EOFError:
+                self.cut_at, self.integrity, part = self._expanded + there, "unverified", None
+            if part is None:
+                break
+            parts.append(part)
+            there += len(part)
+        whole = b"".join(parts) if len(parts) > 1 else parts[0]
+        self._rest = whole[size:]
+        self._expanded += min(there, size)
+        return whole[:size] if self._rest else whole
+
+
+def _of_gzip(raw: BinaryIO) -> Iterator[bytes]:
+    """Expand; raises EOFError at the end of a file that was cut short."""
+    stream, begun, data = zlib.decompressobj(31), False, b""
+    while data := data or raw.read(_COMPRESSED):
+        begun = True
+        yield stream.decompress(data, _BLOCK)
+        data = stream.unconsumed_tail
+        if stream.eof:
+            stream, begun, data = zlib.decompressobj(31), False, stream.unused_data
+    yield stream.flush()
+    if begun and not stream.eof:
+        raise EOFError
+
+
+def _of_zstd(raw: BinaryIO) -> Iterator[bytes]:
+    """Expand; raises EOFError at the end of a file that was cut short."""
+    stream, begun, data = zstandard.ZstdDecompressor().decompressobj(), False, b""
+    while data := data or raw.read(_COMPRESSED_ZSTD):
+        begun = True
+        yield stream.decompress(data)
+        data = b""
+        if stream.eof:
+            data = stream.unused_data
+            stream, begun = zstandard.ZstdDecompressor().decompressobj(), False
+    if begun:
+        raise EOFError
+
+
+def lines_of(text: str, newline: str) -> list[str]:
+    """Lines as the rows have them: nothing but line feeds ends them, or returns without any."""
+    lines = [line.removesuffix("\r") for line in text.split(newline)]
+    return lines if lines[-1] else lines[:-1]
+
+
+def _decoded(head: bytes) -> str:
+    """The first lines; in the rows only ASCII matters.
+
+    Raises DataError where the text is UTF-16 or none at all, or its first line has no end.
+    """
+    opening = head[:_OPENING]
+    # ASCII as UTF-16 without a mark at its start: one of two bytes is NUL, the other is not.
+    nul = [opening[k::2].count(0) / max(len(opening[k::2]), 1) for k in (0, 1)]
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (min(nul) < 0.1 and max(nul) > 0.9):
+        raise DataError("the text is UTF-16", hint="export it as UTF-8")
+    if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
+        hint = "export the recording as CSV, or name the file by what it is"
+        raise DataError("the file is not text", hint=hint)
+    if len(head) >= _HEAD and not (b"\n" in head or b"\r" in head):
+        raise _no_table(f"the first line is longer than {_HEAD >> 10} KiB")
+    # The last character may be cut in two by the block's end; it is far below the header.
+    whole = head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
+    try:
+        text = whole.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = whole.decode("cp1252", errors="replace")
+    return text.replace("\0", "\ufffd")
+
+
+def _no_table(what: str) -> DataError:
+    return DataError(what, hint="this is not a table of numbers")
