@@ -1,4 +1,4 @@
-"""What the data show, as facts: a code and its numbers. `reporting.catalogue` has the words.
+"""What the data show, as facts: a code and its numbers. `tdfscal.catalogue` has the words.
 
 The mathematics returns findings; the gate, the advice, the exit status and `--json` act on their
 codes. No sentence is made below `catalogue`.

@@ -21,6 +21,7 @@ from tdfscal.simulation.faults import (
     Frame,
     Gain,
     Jolt,
+    Slip,
     Walk,
     Warming,
     ZeroShift,
@@ -117,6 +118,9 @@ SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
     "load-cells": _load_cells,
     "no-squeeze": _no_squeeze,
     "saturation": _saturation,
+    "slip": _with(
+        lambda rig, postures: Faults(slips=(Slip(rig.n - 1, postures // 2, (2e-3, -1e-3, 3e-3)),))
+    ),
     "soft-supports": _soft_supports,
     "swapped": _with(lambda rig, postures: Faults(swapped=((0, 1),))),
     "turned-frame": _with(lambda rig, postures: Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),))),
