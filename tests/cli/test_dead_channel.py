@@ -64,11 +64,9 @@ def test_a_dead_channel_is_named_declared_and_used(
     assert wrench.stat().st_size > 1000
     assert run(capsys, "report", found, "--html", page, "-q").status == 0
     assert "ncp3" in page.read_text()
-    for form in ("urdf", "csv", "c", "ros"):
-        target = tmp_path / f"out.{form}"
-        done = run(capsys, "export", found, "--to", form, "-o", target, "-q")
-        assert done.status == 0, (form, done.err)
-        assert "ncp3" in target.read_text()
+    done = run(capsys, "export", found, "--to", "urdf")
+    assert done.status == 0, done.err
+    assert "ncp3" in done.out
 
 
 @pytest.mark.slow

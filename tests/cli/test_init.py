@@ -211,15 +211,16 @@ def test_the_draft_of_every_recorder_reads_the_same_samples(
     record: Callable[[pd.DataFrame, Path], Path],
     tmp_path: Path,
 ) -> None:
-    path = record(frame[0], tmp_path)
+    part = frame[0].iloc[:1200]
+    path = record(part, tmp_path)
     tdfscal.init(path, output=tmp_path / "rig.yaml")
     log = tdfscal.read_log(path, tdfscal.load_rig(tmp_path / "rig.yaml"))
     for k in NCPS:
-        moves = frame[0][[f"NCP{k}_Pos{axis}" for axis in "XYZ"]].to_numpy() * 1e-3
-        loads = frame[0][[f"TDFS{k}_F{axis}" for axis in "xyz"]].to_numpy()
+        moves = part[[f"NCP{k}_Pos{axis}" for axis in "XYZ"]].to_numpy() * 1e-3
+        loads = part[[f"TDFS{k}_F{axis}" for axis in "xyz"]].to_numpy()
         np.testing.assert_allclose(log.position[k - 1].value, moves, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(log.force[k - 1].value, loads, rtol=1e-12)
-    np.testing.assert_allclose(np.diff(log.force[0].time), np.diff(frame[0]["time"]), atol=1e-6)
+    np.testing.assert_allclose(np.diff(log.force[0].time), np.diff(part["time"]), atol=1e-6)
 
 
 def test_the_angles_are_right(
@@ -232,7 +233,7 @@ def test_the_angles_are_right(
 
 
 def test_what_is_to_be_confirmed_is_said(
-    frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path
+    frame: tuple[pd.DataFrame, np.ndarray], reference: tdfscal.Calibration, tmp_path: Path
 ) -> None:
     log = rtde(frame[0], tmp_path)
     rig = tmp_path / "rig.yaml"
@@ -240,8 +241,8 @@ def test_what_is_to_be_confirmed_is_said(
     text = rig.read_text()
     assert draft.confirm == unconfirmed(text)
     assert any(key.startswith("supports.ncp2.hinge ") for key in draft.confirm)
-    result = tdfscal.calibrate(log, rig=rig, trials=0)
-    assert any(f"{len(draft.confirm)} lines" in warning for warning in in_words(result.findings))
+    said = f"{len(draft.confirm)} lines"
+    assert any(said in warning for warning in in_words(reference.findings))
     rig.write_text(text.replace("# confirm", "# confirmed"))
     result = tdfscal.calibrate(log, rig=rig, trials=0)
     assert not any("to be confirmed" in warning for warning in in_words(result.findings))

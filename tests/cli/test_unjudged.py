@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import yaml
 
+import tdfscal
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
@@ -61,6 +62,27 @@ def monitored(capsys: pytest.CaptureFixture[str], status: int, *paths: Path) -> 
     return json.loads(done.out)
 
 
+@pytest.fixture(scope="module")
+def base(home: Path) -> Path:
+    """The calibration of the first month."""
+    tdfscal.calibrate(home / "sound1", trials=0, output=home / "base.yaml")
+    return home / "base.yaml"
+
+
+@pytest.fixture(scope="module")
+def checks(home: Path) -> Any:
+    """What a history of two sound months shows."""
+    seen = tdfscal.monitor([home / "sound1", home / "sound2"])
+    return json.loads(json.dumps(seen.to_dict()))["checks"]
+
+
+@pytest.fixture(scope="module")
+def pooled(home: Path) -> Any:
+    """The calibration of two sound months."""
+    seen = tdfscal.calibrate([home / "sound1", home / "sound2"], trials=0)
+    return json.loads(json.dumps(seen.to_dict()))
+
+
 def unjudged(result: Any) -> list[tuple[str, str]]:
     """Name and reason of campaigns for whose sake the result is not all well."""
     return [(f["subject"][0], f["text"]) for f in result["findings"] if f["severity"] == "rejects"]
@@ -68,24 +90,21 @@ def unjudged(result: Any) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("name", "why"), [("slipped", "ncp2"), ("saturated", "capacity")])
 def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
-    home: Path, capsys: pytest.CaptureFixture[str], name: str, why: str
+    home: Path, checks: Any, capsys: pytest.CaptureFixture[str], name: str, why: str
 ) -> None:
-    """Beside a calibration and a campaign, whose numbers stay what they are."""
-    base = home / "base.yaml"
-    run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
-    sound = monitored(capsys, 0, base, home / "sound2")
-    result = monitored(capsys, 1, base, home / "sound2", home / name)
+    """Beside two campaigns, whose numbers stay what they are."""
+    result = monitored(capsys, 1, home / "sound1", home / "sound2", home / name)
     ((subject, text),) = unjudged(result)
     assert subject == str(home / name)
     assert why in text
     assert result["alarms"] == []
-    assert result["checks"] == sound["checks"]
+    assert result["checks"] == checks
 
 
 def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sound = [home / "sound1", home / "sound2", home / "sound6"]
+    sound = [home / "sound1", home / "sound6"]
     result = monitored(capsys, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
@@ -103,10 +122,8 @@ def at_capacity(folder: Path) -> int:
 
 
 def test_a_validation_names_the_postures_that_it_does_not_rest_on(
-    home: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, base: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    base = home / "first.yaml"
-    run(capsys, "calibrate", home / "sound1", "--trials", 0, "-o", base, "-q")
     done = run(capsys, "validate", base, home / "saturated", "--json", "-q")
     result = json.loads(done.out)
     assert result["holds"]
@@ -132,7 +149,7 @@ def miswired(source: Path, target: Path, mistake: str) -> Path:
 
 
 def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, checks: Any, pooled: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Both are named with their reasons, and the numbers are those of the others alone."""
     sound = [home / "sound1", home / "sound2"]
@@ -144,16 +161,13 @@ def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
     named = dict(unjudged(result))
     assert named.keys() == bad.keys()
     assert all(why in named[name] for name, why in bad.items())
-    assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
-    pools = []
-    for status, more in ((0, []), (1, [*bad])):
-        done = run(capsys, "calibrate", *sound, *more, "--trials", 0, "--json", "-q")
-        assert done.status == status, done.err
-        pools.append(json.loads(done.out))
-    alone, beside = pools
+    assert result["checks"] == checks
+    done = run(capsys, "calibrate", *sound, *bad, "--trials", 0, "--json", "-q")
+    assert done.status == 1, done.err
+    beside = json.loads(done.out)
     assert dict(unjudged(beside)) == named
-    assert beside["supports"] == alone["supports"]
-    assert beside["covariance"] == alone["covariance"]
+    assert beside["supports"] == pooled["supports"]
+    assert beside["covariance"] == pooled["covariance"]
 
 
 def spoilt(source: Path, target: Path, fault: str) -> Path:
@@ -171,34 +185,31 @@ def spoilt(source: Path, target: Path, fault: str) -> Path:
 
 
 def test_months_that_cannot_be_read_stop_neither_history_nor_pool_nor_update(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path,
+    base: Path,
+    checks: Any,
+    pooled: Any,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """They are named, and the numbers are those of the others alone; by themselves: an error."""
-    months = tmp_path / "months"
-    each = [Path(shutil.copytree(home / name, months / name)) for name in ("sound1", "sound2")]
-    base = tmp_path / "base.yaml"
-    run(capsys, "calibrate", each[0], "--trials", 0, "-o", base, "-q")
-    checks = monitored(capsys, 0, *each)["checks"]
-    bad = [spoilt(home / "sound3", months / f, f) for f in ("empty", "no log", "no rig", "torn")]
-    for named in ([months], [*each, *bad]):
-        result = monitored(capsys, 1, *named)
-        assert sorted(name for name, _ in unjudged(result)) == [*map(str, bad)]
-        assert result["checks"] == checks
+    one, two = home / "sound1", home / "sound2"
+    bad = [spoilt(home / "sound3", tmp_path / f, f) for f in ("empty", "no log", "no rig", "torn")]
+    names = [*map(str, bad)]
+    result = monitored(capsys, 1, one, two, tmp_path)  # whose folders are meant
+    assert sorted(name for name, _ in unjudged(result)) == names
+    assert result["checks"] == checks
     assert len(monitored(capsys, 1, base, bad[0])["checks"]) == 1
     assert run(capsys, "monitor", *bad, "-q").status in (2, 3)
-    for command in (["calibrate", each[0]], ["update", base]):
-        results = []
-        for status, more in ((0, []), (1, bad)):
-            target = tmp_path / f"{command[0]}{status}.yaml"
-            done = run(
-                capsys, *command, each[1], *more, "--trials", 0, "--json", "-q", "-o", target
-            )
-            assert target.exists() == (not status)
-            assert done.status == status, done.err
-            results.append(json.loads(done.out))
-        alone, beside = results
-        assert sorted(name for name, _ in unjudged(beside)) == [*map(str, bad)]
-        assert beside["supports"] == alone["supports"]
+    target = tmp_path / "none.yaml"
+    alone = tdfscal.update(base, two, trials=0).to_dict()
+    for command, expected in ((["calibrate", one], pooled), (["update", base], alone)):
+        done = run(capsys, *command, two, *bad, "--trials", 0, "--json", "-q", "-o", target)
+        assert done.status == 1, done.err
+        assert not target.exists()
+        beside = json.loads(done.out)
+        assert sorted(name for name, _ in unjudged(beside)) == names
+        assert beside["supports"] == json.loads(json.dumps(expected["supports"]))
 
 
 def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(

@@ -54,7 +54,6 @@ def worst_bias(recorded: Recorded, dwells: Dwells, number: np.ndarray) -> np.nda
 
 
 RANGE = {
-    "50 Hz": Recipe(rate=50, stops=STOPS),
     "1 kHz": Recipe(rate=1000, stops=STOPS),
     "5 kHz": Recipe(rate=5000, stops=(1.5,) * 5),
     "forces 200 Hz, positions 50 Hz": Recipe(rate=200, position_rate=50, stops=STOPS),
@@ -69,7 +68,6 @@ RANGE = {
     "no noise at all": Recipe(position_noise=0, force_noise=0, stops=STOPS),
     "rounded forces": Recipe(force_quantum=1.0, force_noise=0.2, stops=STOPS),
     "vibration 5 Hz": Recipe(rate=500, vibration=(3.0, 1e-6, 5.0), stops=STOPS),
-    "vibration 13 Hz": Recipe(rate=500, vibration=(3.0, 0.5e-6, 13.0), stops=STOPS),
     "vibration 50 Hz": Recipe(rate=500, vibration=(3.0, 0.1e-6, 50.0), stops=STOPS),
     "squeeze 3 µm, noise 0.3 µm": Recipe(
         travel=3e-6, move=0.4, stiffness=2e7, stops=(2.0,) * 20, position_noise=0.3e-6
@@ -80,7 +78,6 @@ RANGE = {
     "squeeze by a step, 50 Hz": Recipe(
         rate=50, travel=4e-6, move=0.04, stiffness=2e7, stops=(1.0,) * 20, position_noise=1e-6
     ),
-    "drift": Recipe(drift=0.02, stops=STOPS),
     "correlated noise": Recipe(force_tau=0.05, rate=500, stops=STOPS),
 }
 
@@ -98,13 +95,9 @@ def test_every_stop_is_one_dwell(recipe: Recipe) -> None:
     ("amplitude", "tau", "hertz"),
     [
         (1.0, 0.1, 0.0),
-        (30.0, 0.5, 0.0),
-        (1.0, 1.5, 0.0),
         (30.0, 3.0, 0.0),
         (1.0, 0.2, 8.0),
         (30.0, 0.5, 1.0),
-        (1.0, 0.5, 2.5),
-        (30.0, 2.0, 1.0),
     ],
 )
 def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> None:
@@ -121,7 +114,7 @@ def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> 
     assert worst_bias(recorded, dwells, number).max() < 1.0
 
 
-@pytest.mark.parametrize(("tau", "stop"), [(3.0, 2.0), (3.0, 4.0), (2.0, 3.0), (1.0, 1.0)])
+@pytest.mark.parametrize(("tau", "stop"), [(3.0, 4.0), (1.0, 1.0)])
 def test_what_never_settles_is_left_out_with_the_reason(tau: float, stop: float) -> None:
     recipe = Recipe(settle=(20.0, tau, 0.0), stops=(stop,) * 8)
     dwells = find_dwells(record(recipe).log)

@@ -28,7 +28,7 @@ def squared_z(recorded: Recorded, dwells: Dwells) -> np.ndarray:
     return np.asarray(np.einsum("kni,knij,knj->kn", error, precision, error))
 
 
-@pytest.mark.parametrize(("rate", "stop"), [(50, 4.0), (200, 4.0), (1000, 1.0), (5000, 0.7)])
+@pytest.mark.parametrize(("rate", "stop"), [(50, 4.0), (1000, 1.0)])
 def test_white_noise_averages_as_one_over_n(rate: float, stop: float) -> None:
     sigma = 1.7
     recorded = record(Recipe(rate=rate, stops=(stop,) * 20, force_noise=sigma, seed=11))
@@ -40,9 +40,7 @@ def test_white_noise_averages_as_one_over_n(rate: float, stop: float) -> None:
     assert np.all(dwells.effective <= dwells.count)
 
 
-@pytest.mark.parametrize(
-    ("tau", "rate", "stop"), [(0.05, 500, 3.0), (0.05, 200, 2.0), (0.02, 500, 1.0)]
-)
+@pytest.mark.parametrize(("tau", "rate", "stop"), [(0.05, 200, 3.0), (0.02, 500, 1.0)])
 def test_correlated_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float) -> None:
     dwells_of = [
         find_dwells(record(Recipe(rate=rate, stops=(stop,) * 25, force_tau=tau, seed=s)).log)
@@ -143,8 +141,7 @@ def test_drift_is_flagged_with_its_time_and_does_not_widen_the_noise() -> None:
     assert not in_words(quiet.findings)
 
 
-@pytest.mark.parametrize("tau", [0.2, 1.0])
-@pytest.mark.parametrize("settle", [0.0, 8.0])
+@pytest.mark.parametrize(("tau", "settle"), [(0.2, 8.0), (1.0, 0.0)])
 def test_stops_are_settled_by_what_their_slow_noise_allows(tau: float, settle: float) -> None:
     """No stop of 4.5 s is left out for noise that is alike over up to a second of it."""
     total = []

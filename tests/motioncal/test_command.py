@@ -14,6 +14,7 @@ from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
 from tests.cli.running import run
+from tests.reporting.samples import sketch
 from tests.words import in_words
 
 
@@ -25,8 +26,12 @@ def minute(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_log_without_a_stop_becomes_a_calibration(
-    minute: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    minute: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    sketch(monkeypatch)
     target = tmp_path / "result.yaml"
     seen = run(capsys, "calibrate", minute, "-o", target, "--html", tmp_path / "page.html", "-q")
     assert seen.status == 0, seen.err

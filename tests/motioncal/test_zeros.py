@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import tdfscal
 from tdfscal.files.writers.campaign import write_run
@@ -21,15 +20,14 @@ from tests.motioncal.campaigns import turn_error
 SLOPES = ((0.15, -0.1, 0.2), (0.0, 0.2, -0.15), (-0.1, 0.1, 0.1))
 
 
-@pytest.mark.parametrize("form", ["parquet", "mcap"])
-def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path, form: str) -> None:
+def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path) -> None:
     """10 K and 3 N of creep in a minute; both are declared, and found within their uncertainty."""
     rig = replace(reference_rig(), drift=Drift(temperature=1.0, time=0.1))
     faults = Faults(warming=Warming(10.0, SLOPES), drifts=(Creep(2, (3.0, -2.0, 3.0)),))
     options = replace(MOVING["motion"], rate=100.0, faults=faults)
     played = run(rig, "motion", options, np.random.default_rng(5))
-    write_run(played, tmp_path / "warm", format=form)  # type: ignore[arg-type]
-    result = tdfscal.calibrate(tmp_path / "warm")
+    write_run(played, tmp_path / "warm", format="mcap")
+    result = tdfscal.calibrate(tmp_path / "warm", trials=0)
     assert result.accepted
     assert result.records is not None
     motion = result.records.motion

@@ -69,11 +69,6 @@ def words(kind: str) -> dict[str, tuple[Bbox, list[tuple[str, Bbox]], list[str]]
     return found
 
 
-@cache
-def svgs(kind: str) -> dict[str, str]:
-    return {drawing.name: to_svg(drawing) for drawing in drawings(calibration(kind))}
-
-
 def test_each_method_has_its_figures() -> None:
     found = {kind: {d.name for d in drawings(calibration(kind))} for kind in KINDS}
     assert found["self"] == found["six supports"] == SELF
@@ -108,19 +103,6 @@ def test_axes_name_their_units(kind: str) -> None:
     for name, (_, _, labels) in words(kind).items():
         unit = r"mrad|µm|, N$|N·m|, s\b| m$|%|std. unc."
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
-
-
-def test_svg_is_sound_and_its_identifiers_are_its_own() -> None:
-    seen: set[str] = set()
-    for name, svg in svgs("self").items():
-        root = ET.fromstring(svg)
-        own = {e.get("id", "") for e in root.iter()} - {""}
-        assert own
-        assert not own & seen, name
-        seen |= own
-        used = set(re.findall(r"url\(#([^)]+)\)", svg)) | set(re.findall(r'href="#([^"]+)"', svg))
-        assert used <= own, name
-        assert not list(root.iter("{http://www.w3.org/2000/svg}script"))
 
 
 def test_a_load_cell_has_its_place_in_the_legend_of_the_forces() -> None:

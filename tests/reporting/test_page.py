@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -139,6 +140,18 @@ def test_every_claim_has_figure_reading_and_label(page: str) -> None:
     labels = [value for name, value in reader.attributes if name == "aria-label"]
     assert len(labels) == 8
     assert all(len(label) > 30 for label in labels)
+
+
+def test_each_svg_is_sound_and_its_identifiers_are_its_own(page: str) -> None:
+    seen: set[str] = set()
+    for svg in re.findall(r"<svg.*?</svg>", page, re.DOTALL):
+        root = ET.fromstring(svg)
+        own = {e.get("id", "") for e in root.iter()} - {""}
+        assert own
+        assert not own & seen
+        seen |= own
+        used = set(re.findall(r"url\(#([^)]+)\)", svg)) | set(re.findall(r'href="#([^"]+)"', svg))
+        assert used <= own
 
 
 def test_provenance(page: str) -> None:

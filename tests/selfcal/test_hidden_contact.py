@@ -28,9 +28,7 @@ def campaign(sensors: int, seed: int, faults: Faults, noise: float = 0.0) -> Sel
     return self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
 
 
-@pytest.mark.parametrize(
-    ("sensors", "seed", "alike"), [(3, 1, True), (4, 2, False), (5, 3, True), (6, 4, False)]
-)
+@pytest.mark.parametrize(("sensors", "seed", "alike"), [(3, 1, True), (4, 2, False)])
 def test_sideways_contact_at_a_third_of_the_postures_is_found(
     sensors: int, seed: int, alike: bool
 ) -> None:

