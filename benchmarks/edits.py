@@ -13,8 +13,6 @@ import csv
 import io
 import json
 import re
-import sys
-import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.frame import heads, row
+from benchmarks.frame import heads, introduce, numbers, scratch, show
 from tdfscal.commands.apply import apply
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.update import update
@@ -56,8 +54,8 @@ def files(home: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 def used(c: Calibration, log: Path) -> Numbers:
     """Every number that a controller, `apply` and `validate` take of a calibration."""
     exported = csv_table(c).split("\n", 1)[1] + c_header(c).split("*/", 1)[1]
-    with tempfile.TemporaryDirectory() as folder:
-        apply(c, [log], output=(target := Path(folder) / "w.csv"))
+    with scratch() as folder:
+        apply(c, [log], output=(target := folder / "w.csv"))
         rows = list(csv.reader(io.StringIO(target.read_text("utf-8"))))[1:]
     wrench = np.array(rows, dtype=np.float64)
     return {
@@ -96,13 +94,11 @@ def tried(
 
 def main() -> None:
     """Print the table."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    introduction = __doc__.split("\n\n")[-1] if __doc__ else ""
-    print(f"# Edited calibration files\n\n`python -m benchmarks.edits {count}`.\n{introduction}")
+    (count,) = numbers(1000)
+    introduce("Edited calibration files", f"edits {count}", __doc__)
     print(heads("file", "digest", "edits", *ENDS))
     changing: dict[str, set[str]] = defaultdict(set)
-    with tempfile.TemporaryDirectory(prefix="edits-") as name:
-        home = Path(name)
+    with scratch() as home:
         documents = list(files(home))
         log = home / "other.csv"
         log.write_bytes((home / "C1" / "log.csv").read_bytes())
@@ -111,8 +107,7 @@ def main() -> None:
                 document = {k: v for k, v in whole.items() if digest or k != "content_sha256"}
                 part = count // len(documents)
                 ends = tried(document, part, seed, log, changing)
-                cells = (ends[end] for end in ENDS)
-                print(row(kind, "yes" if digest else "no", part, *cells), flush=True)
+                show(kind, "yes" if digest else "no", part, *(ends[end] for end in ENDS))
     for name, keys in sorted(changing.items()):
         print(f"\n{name} is changed by: {', '.join(sorted(keys))}")
 

@@ -20,7 +20,6 @@ import re
 import resource
 import signal
 import sys
-import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable
@@ -34,7 +33,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import yaml
 
-from benchmarks.frame import heads, over, row
+from benchmarks.frame import heads, introduce, numbers, over, row, scratch
 from tdfscal.cli import main as command_line
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.plan import plan
@@ -304,8 +303,8 @@ def fuzzed(seed: int, job: tuple[Kind, int]) -> tuple[str, list[str]]:
     """The row of a kind, and its faults."""
     kind, cases = job
     ends, faults, slowest = Counter[int](), [], 0.0
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
-        home = Path(name) / "files"
+    with scratch() as folder:
+        home = folder / "files"
         home.mkdir()
         build(home)
         os.chdir(home)
@@ -316,7 +315,7 @@ def fuzzed(seed: int, job: tuple[Kind, int]) -> tuple[str, list[str]]:
             rng = random.Random(f"{kind.name} {seed} {case}")
             path.write_bytes(mutated(kind, raw, rng, others))
             words = rng.choice(kind.lines).split()
-            status, seconds, fault = run(words, Path(name) / "said")
+            status, seconds, fault = run(words, folder / "said")
             ends[status] += 1
             slowest = max(slowest, seconds)
             if fault:
@@ -328,13 +327,11 @@ def fuzzed(seed: int, job: tuple[Kind, int]) -> tuple[str, list[str]]:
 
 def main() -> None:
     """Print the table."""
-    cases = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    kinds = [kind for kind in KINDS if kind.name in (sys.argv[3:] or [k.name for k in KINDS])]
+    cases, seed = numbers(20_000, 0)
+    kinds = [kind for kind in KINDS if not sys.argv[3:] or kind.name in sys.argv[3:]]
     total = sum(kind.weight for kind in KINDS)
     found = over(partial(fuzzed, seed), [(kind, cases * kind.weight // total) for kind in kinds])
-    introduction = __doc__.split("\n\n")[-1] if __doc__ else ""
-    print(f"# Damaged files\n\n`python -m benchmarks.fuzz {cases} {seed}`.\n{introduction}")
+    introduce("Damaged files", f"fuzz {cases} {seed}", __doc__)
     print("Columns 0 to 4 are exit statuses.\n")
     print(heads("file", "cases", *map(str, STATUSES), "slowest, s", "faults"))
     print("\n".join(line for line, _ in found))

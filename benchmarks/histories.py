@@ -9,8 +9,6 @@ each verdict is the command's own.
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import tdfscal
+from benchmarks.frame import heads, numbers, row, scratch
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Acceptance
 from tdfscal.significance import ALARMS_PER_YEAR, INCOMPATIBLE
@@ -27,10 +26,8 @@ from tdfscal.simulation.scenarios import simulate_months
 
 #: N/m, of the carriages; months and postures of a history; N, of the internal forces.
 STIFFNESS, MONTHS, POSTURES, SQUEEZE = (20e6, 200e6), (4, 36), (6, 24), (100.0, 200.0, 400.0)
-HEAD = (
-    "| history | sensors | postures | N/µm | squeeze N | months | alone | update | pool "
-    "| compare | monitor |"
-)
+HEAD = heads("history", "sensors", "postures", "N/µm", "squeeze N", "months", "alone", "update",
+             "pool", "compare", "monitor")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +39,7 @@ class Verdicts:
     alarms : of the chart, by the step with which they were raised.
     """
 
-    what: str
+    what: tuple[object, ...]
     alone: int
     updates: tuple[bool, ...]
     pooled: bool
@@ -56,10 +53,10 @@ class Verdicts:
 
     def __str__(self) -> str:
         counts = sum(self.updates), int(self.pooled), sum(self.compared), len(self.alarms)
-        return f"{self.what} {self.alone} | {' | '.join(map(str, counts))} |"
+        return row(*self.what, self.alone, *counts)
 
 
-def written(seed: int, folder: Path) -> tuple[str, list[Path]]:
+def written(seed: int, folder: Path) -> tuple[tuple[object, ...], list[Path]]:
     """Simulate a history of posture rows; return what it is, and its campaign folders."""
     rng = np.random.default_rng([seed, 28])
     sensors = int(rng.choice([3, 3, 4]))
@@ -77,14 +74,14 @@ def written(seed: int, folder: Path) -> tuple[str, list[Path]]:
     for campaign, place in zip(played.campaigns, places, strict=True):
         write_campaign(campaign, place, format="csv")
     stiff = 1e-6 * float(options.stiffness)
-    what = f"| {seed} | {sensors} | {options.postures} | {stiff:.0f} | {options.squeeze:g} |"
-    return f"{what} {months} |", places
+    how = f"{stiff:.0f}", f"{options.squeeze:g}", months
+    return (seed, sensors, options.postures, *how), places
 
 
 def judged(seed: int) -> Verdicts:
     """Go through a history by all commands."""
-    with tempfile.TemporaryDirectory() as folder:
-        what, places = written(seed, Path(folder))
+    with scratch() as folder:
+        what, places = written(seed, folder)
         each = [tdfscal.calibrate(place, trials=0) for place in places]
         sound = [(own, place) for own, place in zip(each, places, strict=True) if own.accepted]
         alone = [own for own, _ in sound]
@@ -116,11 +113,11 @@ def summary(found: Sequence[Verdicts]) -> str:
         ("monitor", sum(len(each.alarms) for each in found), f"{steps} checks", stated),
         ("compare", sum(sum(e.compared) for e in found), f"{steps} pairs", INCOMPATIBLE * steps),
     )
-    lines = [f"| {name} | {many} | {wrong} | {most:.2f} |" for name, wrong, many, most in rows]
+    lines = [row(name, many, wrong, f"{most:.2f}") for name, wrong, many, most in rows]
     against = sum(each.contradicts for each in found)
     return "\n".join(
         [
-            "\n| verdict | of | that something changed | stated |\n|---|---|---|---|",
+            "\n" + heads("verdict", "of", "that something changed", "stated"),
             *lines,
             f"\nHistories in which update, pool and monitor contradict one another: {against} of "
             f"{len(found)}.",
@@ -130,9 +127,8 @@ def summary(found: Sequence[Verdicts]) -> str:
 
 def main() -> None:
     """Print the tables."""
-    histories = int(sys.argv[1]) if len(sys.argv) > 1 else 40
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    print(f"{HEAD}\n|{'---|' * (HEAD.count('|') - 1)}", flush=True)
+    histories, first = numbers(40, 0)
+    print(HEAD, flush=True)
     found = []
     for seed in range(first, first + histories):
         found.append(judged(seed))

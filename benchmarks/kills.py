@@ -17,13 +17,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.frame import heads, row
+from benchmarks.frame import heads, introduce, numbers, scratch, show
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT")
 #: Command lines; `@` is the number of the campaign, `%` the other; each writes to `out`.
@@ -124,11 +123,9 @@ def trial(home: Path, table: list[Results], rng: random.Random) -> tuple[str, st
 
 def main() -> None:
     """Print the table."""
-    kills = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    kills, seed = numbers(500, 0)
     rng, runs, bad, new = random.Random(seed), Counter[str](), Counter[tuple[str, str]](), 0
-    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
-        home = Path(folder)
+    with scratch() as home:
         for campaign in (0, 1):
             for line in ("simulate C@ --postures 10 --rate 20 --seed @",
                          "calibrate C@ --trials 0 -o c@.yaml"):  # fmt: skip
@@ -142,13 +139,12 @@ def main() -> None:
             runs[f"{line} {name}"] += 1
             bad.update((line, fault) for fault in found)
             new += replaced
-    introduction = __doc__.split("\n\n")[-1] if __doc__ else ""
-    print(f"# Kills\n\n`python -m benchmarks.kills {kills} {seed}`.\n{introduction}")
+    introduce("Kills", f"kills {kills} {seed}", __doc__)
     print(f"The new files lay there after {new} of {kills} trials.\n")
     print(heads("command line", *SIGNALS, "faults"))
     for line in LINES:
         said = "; ".join(f"{n} × {what}" for (of, what), n in sorted(bad.items()) if of == line)
-        print(row(f"`{line}`", *(runs[f"{line} {name}"] for name in SIGNALS), said or "none"))
+        show(f"`{line}`", *(runs[f"{line} {name}"] for name in SIGNALS), said or "none")
 
 
 if __name__ == "__main__":

@@ -27,16 +27,14 @@ file states. WHAT and its CASEs:
 from __future__ import annotations
 
 import argparse
-import tempfile
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 import tdfscal
-from benchmarks.frame import errors, mean, over, rms, row
+from benchmarks.frame import errors, inside, lacking, mean, over, rms, row, scratch
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
 from tdfscal.files.rig.reading import load_rig
@@ -55,7 +53,7 @@ from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import reference_rig, run
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Touch
-from tdfscal.simulation.truth import Truth, make_rig
+from tdfscal.simulation.truth import Truth
 from tdfscal.validation.in_motion import validate_moving
 
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))
@@ -109,50 +107,45 @@ def bound(rig: Rig, campaign: MovingCampaign, slow: Slow) -> FloatArray:
 
 
 def played(
-    case: str, lacking: str | None, seed: int
+    case: str, without: str, seed: int
 ) -> tuple[Rig, MovingCampaign, Slow, MotionCalibration, float]:
     """One run: rig as stated, campaign, streams, result and the seconds that the result took."""
-    n, missing = LACKING[lacking] if lacking else (3, ())
-    real = make_rig(n) if lacking else reference_rig()
+    n, dead = LACKING.get(without, (3, ()))
+    rig = lacking(n, *dead) if dead else reference_rig()
+    real = replace(rig, axes=np.ones_like(rig.axes))
     campaign = simulate_moving(real, CASES[case], np.random.default_rng(seed))
-    axes = real.axes.copy()
-    for support, axis in missing:
-        axes[support, axis] = False
-    rig = replace(real, axes=axes)
     slow = slow_streams([campaign.log], rig.capacity)
-    slow = replace(slow, force=np.where(axes, slow.force, 0.0))
+    slow = replace(slow, force=np.where(rig.axes, slow.force, 0.0))
     began = time.perf_counter()
     result = calibrate_moving(rig, slow, DELAY, rng=np.random.default_rng(seed))
     return rig, campaign, slow, result, time.perf_counter() - began
 
 
-def one_error(case: str, lacking: str | None, seed: int) -> tuple[FloatArray, ...]:
+def one_error(case: str, without: str, seed: int) -> tuple[FloatArray, ...]:
     """Errors, stated std and the bound's (k,) of the angles that are determined; then d²/k, the
     share within the trials' intervals, whether these are refuted, whether a contact is named, s.
     """
-    rig, campaign, slow, result, took = played(case, lacking, seed)
-    known = np.flatnonzero(np.repeat(result.observability.determined, 3))
-    C = result.uncertainty.covariance[np.ix_(known, known)]
-    back = np.swapaxes(result.fit.state.still.rotation, 1, 2)
-    e = so3.log(campaign.truth.rotation @ back).ravel()[known]
+    rig, campaign, slow, result, took = played(case, without, seed)
+    known = np.repeat(result.observability.determined, 3)
+    found, C = result.fit.state.still.rotation, result.uncertainty.covariance
+    e, std, distance = errors(campaign.truth.rotation, found, C, known)
     trials = result.monte_carlo
     assert trials is not None
     rpy = so3.to_rpy(campaign.truth.rotation)
-    inside = np.mean(((trials.low < rpy) & (rpy < trials.high)).ravel()[known])
-    distance = float(e @ np.linalg.solve(C, e)) / len(e)
-    flags = [distance, inside, not trials.validated, bool(result.rejected), took]
+    share = np.mean(((trials.low < rpy) & (rpy < trials.high)).ravel()[known])
+    flags = [distance, share, not trials.validated, bool(result.rejected), took]
     least = np.sqrt(np.diagonal(bound(rig, campaign, slow))[known])
-    return e, np.sqrt(np.diagonal(C)), least, np.array(flags, dtype=np.float64)
+    return e, std, least, np.array(flags, dtype=np.float64)
 
 
-def error_row(case: str, lacking: str | None, seeds: range) -> str:
+def error_row(case: str, without: str, seeds: range) -> str:
     """RMSE, stated, bound, their ratio, d²/k, shares inside, refuted, named, seconds."""
-    found = zip(*over(partial(one_error, case, lacking), seeds), strict=True)
+    found = zip(*over(partial(one_error, case, without), seeds), strict=True)
     e, std, least, flags = (np.array(part) for part in found)
-    name = f"{case}, without {lacking}" if lacking else case
+    name = f"{case}, without {without}" if without else case
     return row(
         name, len(seeds), *(f"{1e3 * rms(x):.3f}" for x in (e, std, least)),
-        f"{rms(e) / rms(least):.2f}", mean(flags[:, 0]), f"{np.mean(np.abs(e) < 1.96 * std):.1%}",
+        f"{rms(e) / rms(least):.2f}", mean(flags[:, 0]), f"{inside(e, std):.1%}",
         mean(flags[:, 1], ".1%"), *flags[:, 2:4].sum(axis=0).astype(int),
         f"{np.median(flags[:, 4]):.1f}",
     )  # fmt: skip
@@ -175,8 +168,8 @@ def one_stop(case: str, seconds: float, seed: int) -> tuple[FloatArray, FloatArr
         (alone.fit.state.rotation, alone.uncertainty.covariance),
         (both.fit.state.still.rotation, turns.covariance),
     ):
-        e, distance = errors(campaign.truth.rotation, rotation, C)
-        scores.append(np.array([*e, *np.sqrt(np.diagonal(C)), distance]))
+        e, std, distance = errors(campaign.truth.rotation, rotation, C)
+        scores.append(np.array([*e, *std, distance]))
     return scores[0], scores[1], bool(np.any(turns.rpy_std > alone.uncertainty.rpy_std))
 
 
@@ -188,9 +181,8 @@ def stop_rows(case: str, seconds: float, seeds: range) -> str:
     for k, name in enumerate(("rests", "all")):
         part = np.array([each[k] for each in good])
         e, s, d = part[:, :9], part[:, 9:18], part[:, 18]
-        inside = f"{np.mean(np.abs(e) < 1.96 * s):.1%}"
         sizes = (f"{1e3 * rms(x):.3f}" for x in (e, s))
-        rows.append(row(f"{case}, {name}", len(part), *sizes, mean(d), inside))
+        rows.append(row(f"{case}, {name}", len(part), *sizes, mean(d), f"{inside(e, s):.1%}"))
     wider = sum(each[2] for each in good)
     return "\n".join(rows) + f"\n\nwider {wider}, refused {len(found) - len(good)}"
 
@@ -262,8 +254,8 @@ def speed_row(rate: float, runs: int) -> str:
     """Seconds at both lengths, read and calibrated, and the ratio of slopes."""
     used: dict[tuple[str, float], list[float]] = {}
     options = replace(CASES["white"], rate=rate, noise=1.75 * float(np.sqrt(rate / 250)))
-    with tempfile.TemporaryDirectory() as place:
-        folders = {length: Path(place) / f"{length:.0f}" for length in LENGTHS}
+    with scratch() as place:
+        folders = {length: place / f"{length:.0f}" for length in LENGTHS}
         for length, folder in folders.items():
             rng = np.random.default_rng(0)
             played = run(reference_rig(), "motion", replace(options, duration=length), rng)
@@ -290,23 +282,21 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("what", choices=("errors", "stops", "alarms", "validation", "speed"))
     parser.add_argument("case")
-    parser.add_argument("--lacking", choices=sorted(LACKING))
+    parser.add_argument("--lacking", choices=sorted(LACKING), default="")
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--first", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=144.0)
     parser.add_argument("--drive", choices=("minute", "approach"), default="minute")
     chosen = parser.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.runs)
-    if chosen.what == "errors":
-        print(error_row(chosen.case, chosen.lacking, seeds))
-    elif chosen.what == "stops":
-        print(stop_rows(chosen.case, chosen.seconds, seeds))
-    elif chosen.what == "alarms":
-        print(alarm_row(chosen.case, seeds))
-    elif chosen.what == "speed":
-        print(speed_row(float(chosen.case), chosen.runs))
-    else:
-        print(validation_row(chosen.case, chosen.drive, seeds))
+    rows = {
+        "errors": lambda: error_row(chosen.case, chosen.lacking, seeds),
+        "stops": lambda: stop_rows(chosen.case, chosen.seconds, seeds),
+        "alarms": lambda: alarm_row(chosen.case, seeds),
+        "validation": lambda: validation_row(chosen.case, chosen.drive, seeds),
+        "speed": lambda: speed_row(float(chosen.case), chosen.runs),
+    }
+    print(rows[chosen.what]())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Self-calibration over a grid of simulated rigs: error against the Cramér–Rao bound.
 
-    python -m benchmarks.selfcal_grid [TRIALS] [PROCESSES] > benchmarks/selfcal_grid.md
+    python -m benchmarks.selfcal_grid [TRIALS] > benchmarks/selfcal_grid.md
 
 Every cell draws its own machines within what its rig file states. The bound is that of the true
 loads and the true state, priors included; RMSE, stated standard uncertainty and coverage are over
@@ -9,21 +9,16 @@ all angles of all campaigns, and coverage also over the joint 95 % region of the
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass, replace
 from itertools import product
-from multiprocessing import Pool
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+from benchmarks.frame import errors, heads, numbers, rms, show, stream
 from tdfscal import simulation
 from tdfscal.estimation.fit import information
-from tdfscal.model.parameters import State
+from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
-from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import at_state
@@ -71,28 +66,28 @@ class Row:
     joint: float
 
 
-def bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
-    """Variances (3n,) of the Cramér–Rao bound at the truth, with noise-free readings."""
+def bound(rig: Rig, batch: simulation.Batch, trial: int, *, hinges: bool = True) -> FloatArray:
+    """Std (3n,) of the Cramér–Rao bound at the truth, with noise-free readings.
+
+    hinges : these and the datums are the true ones, too.
+    """
     truth = batch.truth.trial(trial)
     S = truth.sensitivity
-    state = State(
+    state = replace(
+        nominal(rig),
         rotation=truth.rotation,
         zero=truth.zero,
         sensitivity=S[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
         mass=np.asarray(truth.mass),
         barycentre=truth.barycentre,
-        hinge=truth.hinge,
-        datum=truth.datum,
-        tilt=np.zeros(2),
-        compliance=np.zeros(2),
-        friction=np.zeros(()),
-        drift=np.zeros((0, rig.n, 3)),
     )
+    if hinges:
+        state = replace(state, hinge=truth.hinge, datum=truth.datum)
     seen = postures(rig, batch.dwells(trial))
     sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)
     exact = np.einsum("nab,knb->kna", sensing, batch.true_force[trial]) + truth.zero
     root = information(at_state(rig, replace(seen, force=exact), state, np.ones(len(seen)))).root
-    return np.asarray(np.sum(root[: 3 * rig.n] ** 2, axis=1))
+    return np.asarray(np.linalg.norm(root[: 3 * rig.n], axis=1))
 
 
 def row(job: tuple[int, Cell, int]) -> Row:
@@ -100,26 +95,21 @@ def row(job: tuple[int, Cell, int]) -> Row:
     seed, cell, trials = job
     rig = cell.rig()
     batch = simulation.simulate_dwells(rig, cell.options(), np.random.default_rng(seed), trials)
-    errors, variances, bounds, distances = [], [], [], []
+    found, bounds = [], []
     for i in range(trials):
         result = self_calibrate(rig, batch.dwells(i), rng=np.random.default_rng(0), max_trials=0)
-        R = result.fit.state.rotation
-        d = so3.log(batch.truth.rotation[i] @ np.swapaxes(R, 1, 2)).ravel()
-        C = result.uncertainty.covariance
-        errors.append(d)
-        variances.append(np.diagonal(C))
+        R, C = result.fit.state.rotation, result.uncertainty.covariance
+        found.append(errors(batch.truth.rotation[i], R, C))
         bounds.append(bound(rig, batch, i))
-        distances.append(d @ np.linalg.solve(C, d))
-    e, v = np.array(errors), np.array(variances)
-    size = 3 * rig.n
+    e, std, distance = (np.array(part) for part in zip(*found, strict=True))
     return Row(
         cell,
-        float(np.sqrt(np.mean(e**2))),
-        float(np.sqrt(np.mean(bounds))),
-        float(np.sqrt(np.mean(v))),
-        float(np.mean(distances)) / size,
-        float(np.mean(e**2 < chi2_quantile(0.95, 1) * v)),
-        float(np.mean(np.array(distances) < chi2_quantile(0.95, size))),
+        rms(e),
+        rms(bounds),
+        rms(std),
+        float(np.mean(distance)),
+        float(np.mean(e**2 < chi2_quantile(0.95, 1) * std**2)),
+        float(np.mean(3 * rig.n * distance < chi2_quantile(0.95, 3 * rig.n))),
     )
 
 
@@ -133,32 +123,23 @@ def cells() -> list[Cell]:
 
 def main() -> None:
     """Print the table."""
-    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    processes = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+    (trials,) = numbers(100)
     jobs = [(seed, cell, trials) for seed, cell in enumerate(cells())]
     print("# Self-calibration against the Cramér–Rao bound\n")
     print(
         f"`python -m benchmarks.selfcal_grid {trials}`: {trials} campaigns of 24 postures a row.\n"
     )
-    header = (
-        "n | tilt, ° | internal forces, N | tare, N | bound, mrad | RMSE / bound | stated / RMSE"
-    )
-    print(f"| {header} | d²/3n | angles in 95 % | region in 95 % |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print(heads("n", "tilt, °", "internal forces, N", "tare, N", "bound, mrad", "RMSE / bound",
+                "stated / RMSE", "d²/3n", "angles in 95 %", "region in 95 %"))  # fmt: skip
     rows = []
-    with Pool(processes) as pool:
-        for found in pool.imap(row, jobs):
-            rows.append(found)
-            c = found.cell
-            print(
-                f"| {c.supports} | {c.tilt:g} | {c.kind} {c.load:g} | {c.tare:g} "
-                f"| {1e3 * found.bound:.3f} | {found.rmse / found.bound:.3f} "
-                f"| {found.stated / found.rmse:.3f} | {found.mahalanobis:.3f} "
-                f"| {found.single:.3f} | {found.joint:.3f} |",
-                flush=True,
-            )
-    total = np.sqrt(np.mean([(r.rmse / r.bound) ** 2 for r in rows]))
-    stated = np.sqrt(np.mean([(r.stated / r.rmse) ** 2 for r in rows]))
+    for r in stream(row, jobs):
+        rows.append(r)
+        c = r.cell
+        figures = (1e3 * r.bound, r.rmse / r.bound, r.stated / r.rmse, r.mahalanobis, r.single)
+        show(c.supports, f"{c.tilt:g}", f"{c.kind} {c.load:g}", f"{c.tare:g}",
+             *(f"{figure:.3f}" for figure in (*figures, r.joint)))  # fmt: skip
+    total = rms([r.rmse / r.bound for r in rows])
+    stated = rms([r.stated / r.rmse for r in rows])
     print(
         f"\nAll rows together: RMSE / bound {total:.3f}, stated / RMSE {stated:.3f}, "
         f"d²/3n {np.mean([r.mahalanobis for r in rows]):.3f}, "

@@ -19,16 +19,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.frame import declaring, errors, heads, lacking, numbers, rms, show
+from benchmarks.selfcal_grid import bound
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
-from tdfscal.estimation.fit import information
-from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
-from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import Drift, FloatArray, Rig
-from tdfscal.selfcal.estimator import at_state, estimate, fit
+from tdfscal.records import Drift, Rig
+from tdfscal.selfcal.estimator import estimate, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.selfcal.score_tests import suspicions
@@ -50,33 +48,20 @@ class Case:
     cause: str = ""
 
 
-def _says(doubt: Suspicion, cause: str) -> bool:
-    return any(cause in sentence(finding) for finding in doubt.findings(rejects=False))
-
-
-def _lacking(n: int, *dead: tuple[int, int]) -> Rig:
-    axes = np.ones((n, 3), dtype=np.bool_)
-    for sensor, axis in dead:
-        axes[sensor, axis] = False
-    return replace(simulation.make_rig(n), axes=axes)
-
-
 def _soft(value: float) -> Rig:
-    rig = simulation.make_rig(3)
-    declared = replace(rig.declared, compliance_lateral=value, compliance_vertical=value)
-    return replace(rig, declared=declared)
+    return declaring(simulation.make_rig(3), compliance_lateral=value, compliance_vertical=value)
 
 
 def cases() -> Iterator[Case]:
     """All rows of the table."""
     plain = Options(internal=200.0, recorder=_RECORDER)
     for name, rig in (
-        ("all axes", _lacking(3)),
-        ("one lateral channel dead", _lacking(3, (2, 1))),
-        ("one vertical channel dead", _lacking(3, (2, 2))),
-        ("both lateral channels dead", _lacking(3, (2, 0), (2, 1))),
-        ("one whole sensor of four", _lacking(4, (3, 0), (3, 1), (3, 2))),
-        ("two of four are load cells", _lacking(4, (2, 0), (2, 1), (3, 0), (3, 1))),
+        ("all axes", lacking(3)),
+        ("one lateral channel dead", lacking(3, (2, 1))),
+        ("one vertical channel dead", lacking(3, (2, 2))),
+        ("both lateral channels dead", lacking(3, (2, 0), (2, 1))),
+        ("one whole sensor of four", lacking(4, (3, 0), (3, 1), (3, 2))),
+        ("two of four are load cells", lacking(4, (2, 0), (2, 1), (3, 0), (3, 1))),
     ):
         yield Case(name, rig, rig, plain)
     rig = simulation.make_rig(3)
@@ -109,9 +94,7 @@ def cases() -> Iterator[Case]:
         quiet = Options(
             squeeze=500.0, stiffness=np.array(stiffness), recorder=Recorder(mean_sd=0.03)
         )
-        giving, firm = [
-            replace(r, declared=replace(r.declared, force_noise=0.03)) for r in (_soft(1e-6), rig)
-        ]
+        giving, firm = [declaring(r, force_noise=0.03) for r in (_soft(1e-6), rig)]
         title = f"1 N/µm {name}, 0.03 N, 500 N"
         yield Case(f"{title}, declared", giving, firm, quiet)
         yield Case(f"{title}, not declared", firm, firm, quiet, "give between")
@@ -119,10 +102,10 @@ def cases() -> Iterator[Case]:
     yield Case("a frame turned by 1 mrad", rig, rig, turned, "the positioner of ncp2 is turned")
 
 
-def run(case: Case, runs: int) -> str:
-    """One row."""
+def run(case: Case, runs: int) -> None:
+    """Print one row."""
     batch = simulation.simulate_dwells(case.simulated, case.options, np.random.default_rng(1), runs)
-    error, std, bound, own, inside, named = [], [], [], [], [], []
+    error, std, least, own, inside, named = [], [], [], [], [], []
     far, started = [], time.process_time()
     for trial in range(runs):
         dwells = batch.dwells(trial)
@@ -131,65 +114,38 @@ def run(case: Case, runs: int) -> str:
         known = estimate(result)
         found = known.uncertainty
         truth = batch.truth.rotation[trial]
-        error.append(so3.log(truth @ np.swapaxes(result.state.rotation, 1, 2)).ravel())
-        std.append(np.sqrt(np.diagonal(found.covariance)))
-        bound.append(_bound(replace(case.stated, drift=Drift()), batch, trial))
-        own.append(_bound(case.stated, batch, trial))
-        far.append(error[-1] @ np.linalg.solve(found.covariance, error[-1]))
-        half = np.repeat(found.coverage_factor.max(axis=1), 3) * std[-1]
-        inside.append(np.abs(error[-1]) < half)
+        e, s, distance = errors(truth, result.state.rotation, found.covariance)
+        error.append(e)
+        std.append(s)
+        far.append(len(e) * distance)
+        least.append(bound(replace(case.stated, drift=Drift()), batch, trial, hinges=False))
+        own.append(bound(case.stated, batch, trial, hinges=False))
+        inside.append(np.abs(e) < np.repeat(found.coverage_factor.max(axis=1), 3) * s)
         held = (dwells.start + dwells.end) / 2
         doubts = (*suspicions(known, held, dwells.temperature), *misplaced_hinges(known))
-        named.append(
-            any(
-                case.cause in sentence(f) for doubt in doubts for f in doubt.findings(rejects=False)
-            )
-        )
-    e, s, b, o = np.array(error), np.array(std), np.array(bound), np.array(own)
-    known = (np.median(s, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)
-    rmse, sigma, crb, full = (np.sqrt(np.mean(x[:, known] ** 2)) for x in (e, s, b, o))
+        said = [sentence(f) for doubt in doubts for f in doubt.findings(rejects=False)]
+        named.append(any(case.cause in one for one in said))
+    known = (np.median(std, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)
+    rmse, sigma, crb, full = (rms(np.array(x)[:, known]) for x in (error, std, least, own))
     covered = np.mean(np.array(inside)[:, known])
-    harmed = np.array(far) > chi2_quantile(0.99, e.shape[1])
+    harmed = np.array(far) > chi2_quantile(0.99, len(known))
     there = f"{np.mean(np.array(named)[harmed]):.0%} of {harmed.sum()}" if harmed.any() else "–"
     without = [n for n, k in zip(case.stated.supports, known[::3], strict=True) if not k]
-    return (
-        f"| {case.name} | {1e3 * sigma:.3f} | {rmse / sigma:.2f} | {rmse / crb:.2f} | "
-        f"{full / crb:.3f} | {covered:.1%} | {np.mean(named):.0%} | {there} | "
-        f"{', '.join(without) or '–'} | "
-        f"{(time.process_time() - started) / runs:.2f} |"
-    )
-
-
-def _bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
-    """Standard deviations (3n,) of the Cramér–Rao bound of what the rig declares."""
-    truth = batch.truth.trial(trial)
-    S = truth.sensitivity
-    state = replace(
-        nominal(rig),
-        rotation=truth.rotation,
-        zero=truth.zero,
-        sensitivity=S[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
-        mass=np.asarray(truth.mass),
-        barycentre=truth.barycentre,
-    )
-    sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)
-    exact = np.einsum("nab,knb->kna", sensing, batch.true_force[trial]) + truth.zero
-    seen = replace(postures(rig, batch.dwells(trial)), force=exact)
-    root = information(at_state(rig, seen, state, np.ones(len(seen)))).root
-    return np.asarray(np.linalg.norm(root[: 3 * rig.n], axis=1))
+    show(case.name, f"{1e3 * sigma:.3f}", f"{rmse / sigma:.2f}", f"{rmse / crb:.2f}",
+         f"{full / crb:.3f}", f"{covered:.1%}", f"{np.mean(named):.0%}", there,
+         ", ".join(without) or "–", f"{(time.process_time() - started) / runs:.2f}")  # fmt: skip
 
 
 def main() -> None:
     """Print the table."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    (runs,) = numbers(60)
     print(f"`python -m benchmarks.supports {runs}`: {runs} campaigns per row, level "
           f"{INTERVAL_COVERAGE:.0%}\n")  # fmt: skip
-    print("| campaign | stated σ, mrad | RMSE / σ | RMSE / bound | bound with / without | "
-          "covered | named | named where harmed | undetermined | s per fit |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print(heads("campaign", "stated σ, mrad", "RMSE / σ", "RMSE / bound", "bound with / without",
+                "covered", "named", "named where harmed", "undetermined", "s per fit"))  # fmt: skip
     for case in cases():
         if len(sys.argv) < 3 or sys.argv[2] in case.name:
-            print(run(case, runs), flush=True)
+            run(case, runs)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.frame import lacking, numbers, show, tally
 from tdfscal import simulation
 from tdfscal.dwells import find_dwells
 from tdfscal.records import Drift, Dwells, Rig
@@ -30,13 +31,12 @@ _RECORDER = Recorder(mean_sd=0.1)
 
 def kinds() -> Iterator[tuple[str, Rig, Options]]:
     """Sound campaigns: name, rig as stated and as it is, what is driven."""
-    rig, axes = simulation.make_rig(3), np.ones((3, 3), dtype=np.bool_)
-    axes[2, 1] = False
+    rig = simulation.make_rig(3)
     squeezed = Options(squeeze=200.0, recorder=_RECORDER)
     internal = Options(internal=200.0, recorder=_RECORDER)
     yield "squeezed", rig, squeezed
     yield "internal forces by chance", rig, internal
-    yield "a dead channel", replace(rig, axes=axes), internal
+    yield "a dead channel", lacking(3, (2, 1)), internal
     yield "slopes declared", replace(rig, drift=Drift(time=np.inf)), squeezed
     yield "four supports, 30 postures", simulation.make_rig(4), replace(squeezed, postures=30)
 
@@ -61,8 +61,8 @@ def recordings(campaigns: int, seed: int) -> Iterator[Dwells]:
         yield find_dwells(played.log)
 
 
-def row(name: str, rig: Rig, dwells: Iterable[Dwells]) -> str:
-    """One line: how many campaigns raise what."""
+def line(seed: int, name: str, rig: Rig, dwells: Iterable[Dwells]) -> None:
+    """Print how many campaigns raise what."""
     asked: Counter[str] = Counter()
     campaigns = alarms = rejected = 0
     for each in dwells:
@@ -72,24 +72,20 @@ def row(name: str, rig: Rig, dwells: Iterable[Dwells]) -> str:
         campaigns += 1
         alarms += bool(own)
         rejected += bool(found.reasons)
-    words = ", ".join(f"{kind} {count}" for kind, count in asked.most_common()) or "–"
-    return f"{name} | {campaigns} | {alarms} | {words} | {rejected} |"
+    show(seed, name, campaigns, alarms, tally(asked) or "–", rejected)
 
 
 def main() -> None:
     """Print the rows."""
-    campaigns = int(sys.argv[1]) if len(sys.argv) > 1 else 60
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    campaigns, seed = numbers(60, 1)
     if "logs" in sys.argv:
         rig = replace(simulation.reference_rig(), drift=Drift(time=np.inf))
-        line = row("logs, slopes declared", rig, recordings(campaigns, seed))
-        print(f"| {seed} | {line}", flush=True)
+        line(seed, "logs, slopes declared", rig, recordings(campaigns, seed))
         return
     for index, (name, rig, options) in enumerate(kinds()):
         rng = np.random.default_rng([seed, index])
         batch = simulation.simulate_dwells(rig, options, rng, campaigns)
-        line = row(name, rig, (batch.dwells(trial) for trial in range(campaigns)))
-        print(f"| {seed} | {line}", flush=True)
+        line(seed, name, rig, (batch.dwells(trial) for trial in range(campaigns)))
 
 
 if __name__ == "__main__":
