@@ -10,22 +10,18 @@ that are accepted in the end are held against the truth.
 
 from __future__ import annotations
 
-import os
 import re
-import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from benchmarks.frame import declaring, errors, heads, numbers, scratch, show
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
@@ -97,35 +93,37 @@ def change(document: dict[str, Any], key: str, value: Any) -> None:
 
 
 def faults(**changes: Any) -> World:
-    return World(options=replace(BASE, faults=Faults(**changes)))
+    return driven(faults=Faults(**changes))
 
 
 def really(**changes: Any) -> World:
     return World(real=replace(RIG, **changes))
 
 
-def declared(**changes: float) -> World:
-    return really(declared=replace(RIG.declared, **changes))
+def driven(**changes: Any) -> World:
+    return World(options=replace(BASE, **changes))
 
 
-def scaled(pattern: str, factor: float) -> Table:
+def altered(pattern: str, alter: Callable[[FloatArray], FloatArray]) -> Table:
     def change_table(table: pa.Table) -> pa.Table:
         for i, name in enumerate(table.column_names):
             if re.fullmatch(pattern, name):
-                table = table.set_column(i, name, pa.array(table[name].to_numpy() * factor))
+                table = table.set_column(i, name, pa.array(alter(table[name].to_numpy())))
         return table
 
     return change_table
 
 
-def late_forces(table: pa.Table) -> pa.Table:
-    """Forces stamped 1.5 s late."""
-    for i, name in enumerate(table.column_names):
-        if re.fullmatch(r"ncp\d\.f[xyz]", name):
-            values = np.roll(table[name].to_numpy(), 150)
-            values[:150] = values[150]
-            table = table.set_column(i, name, pa.array(values))
-    return table
+def scaled(pattern: str, factor: float) -> Table:
+    return altered(pattern, lambda values: values * factor)
+
+
+def late(values: FloatArray) -> FloatArray:
+    """Stamped 1.5 s late."""
+    return np.concatenate([np.full(150, values[0]), values[:-150]])
+
+
+LATE_FORCES = altered(r"ncp\d\.f[xyz]", late)
 
 
 def without_temperature(table: pa.Table) -> pa.Table:
@@ -141,6 +139,7 @@ def cases() -> dict[str, World]:
     zero = RIG.zero.value.copy()
     zero[0] += [10.0, -5.0, 15.0]
     off = np.array([2e-2, -2e-2, 1e-2])
+    sticking = declaring(RIG, hinge_moment=0.5).declared
     heavy = UncertainValue(np.array(505.0), RIG.mass.std)
     shifted = UncertainValue(RIG.barycentre.value + off, RIG.barycentre.std)
     capped = replace(RIG, capacity=np.full((3, 3), 1.02 * 500 * 9.80665 / 3))
@@ -158,7 +157,7 @@ def cases() -> dict[str, World]:
         "contact at six postures": faults(contacts=six),
         "mass 1 % wrong": really(mass=heavy),
         "barycentre 30 mm wrong": really(barycentre=shifted),
-        "hinge friction 0.5 N·m": declared(hinge_moment=0.5),
+        "hinge friction 0.5 N·m": really(declared=sticking),
         "gain 2 % wrong": faults(gains=(gain,)),
         "crosstalk 2 %": faults(crosstalk=(cross,)),
         "sensor turns by 7 mrad at half time": faults(slips=(slip,)),
@@ -170,35 +169,26 @@ def cases() -> dict[str, World]:
         "hall warms by 5 K, not recorded": replace(
             faults(warming=warm), recorder=without_temperature, lines={"log.temperature": None}
         ),
-        "sensors 30 times as noisy": World(
-            options=replace(BASE, recorder=Recorder(force_sd=(60.0, 60.0)))
-        ),
-        "three postures": World(options=replace(BASE, postures=3)),
-        "no squeeze": World(options=replace(BASE, squeeze=0.0, stiffness=floating)),
+        "sensors 30 times as noisy": driven(recorder=Recorder(force_sd=(60.0, 60.0))),
+        "three postures": driven(postures=3),
+        "no squeeze": driven(squeeze=0.0, stiffness=floating),
         "sensors swapped": faults(swapped=((0, 1),)),
         "dead axis": faults(dead_axes=(DeadAxis(0, 0, 0),)),
         "axis freezes at posture 9": faults(dead_axes=(DeadAxis(0, 0, 8),)),
-        "saturation": World(
-            real=capped, stated=capped, options=replace(BASE, faults=Faults(saturated=True))
-        ),
+        "saturation": replace(faults(saturated=True), real=capped, stated=capped),
         "positions in mm": World(recorder=scaled(r"ncp\d\.[xyz]", 1e3)),
         "forces in kN": World(recorder=scaled(r"ncp\d\.f[xyz]", 1e-3)),
         "reaction recorded": World(recorder=scaled(r"ncp\d\.f[xyz]", -1.0)),
         "one axis of opposite sign": World(recorder=scaled(r"ncp1\.fy", -1.0)),
-        "forces 1.5 s late": World(recorder=late_forces),
+        "forces 1.5 s late": World(recorder=LATE_FORCES),
         # Two at a time: the cure of one must not hide the other.
         "zero jump and contact": faults(zero_shifts=(jump,), contacts=six[:3]),
-        "mass and crosstalk": World(
-            real=replace(RIG, mass=heavy), options=replace(BASE, faults=Faults(crosstalk=(cross,)))
-        ),
-        "friction and hinge": really(
-            hinge=hinge, declared=replace(RIG.declared, hinge_moment=0.5)
-        ),
+        "mass and crosstalk": replace(faults(crosstalk=(cross,)), real=replace(RIG, mass=heavy)),
+        "friction and hinge": really(hinge=hinge, declared=sticking),
         "drift and gain": faults(drifts=(creep,), gains=(gain,)),
         "tilt and mass": really(gravity_tilt_std=3e-3, mass=heavy),
-        "positions in mm and dead axis": World(
-            options=replace(BASE, faults=Faults(dead_axes=(DeadAxis(0, 0, 0),))),
-            recorder=scaled(r"ncp\d\.[xyz]", 1e3),
+        "positions in mm and dead axis": replace(
+            faults(dead_axes=(DeadAxis(0, 0, 0),)), recorder=scaled(r"ncp\d\.[xyz]", 1e3)
         ),
     }  # fmt: skip
 
@@ -206,19 +196,24 @@ def cases() -> dict[str, World]:
 # What a person does when told so ------------------------------------------------------------------
 
 
+def _driven(world: World, **changes: Any) -> World:
+    return replace(world, options=replace(world.options, **changes))
+
+
 def _without(world: World, **gone: Any) -> World:
-    return replace(
-        world, options=replace(world.options, faults=replace(world.options.faults, **gone))
-    )
+    return _driven(world, faults=replace(world.options.faults, **gone))
 
 
-def _fasten(world: World, found: re.Match[str]) -> World:
-    i, f = RIG.supports.index(found[1]), world.options.faults
+def _mended(world: World, name: str, *kinds: str) -> World:
+    """The world without faults of these kinds at a sensor."""
+    i, f = RIG.supports.index(name), world.options.faults
     return _without(
-        world,
-        slips=tuple(s for s in f.slips if s.sensor != i),
-        zero_shifts=tuple(s for s in f.zero_shifts if s.sensor != i),
+        world, **{kind: tuple(x for x in getattr(f, kind) if x.sensor != i) for kind in kinds}
     )
+
+
+def _written(world: World, key: str, value: Any) -> World:
+    return replace(world, lines={**world.lines, key: value})
 
 
 def _free(world: World, found: re.Match[str]) -> World:
@@ -229,22 +224,14 @@ def _free(world: World, found: re.Match[str]) -> World:
 
 def _look_at(world: World, found: re.Match[str]) -> World:
     """Whatever touched is taken away; where nothing did, the sensor's amplifier is put right."""
-    i, f = RIG.supports.index(found[1]), world.options.faults
-    if f.contacts:
+    if world.options.faults.contacts:
         return _without(world, contacts=())
-    return _without(
-        world,
-        gains=tuple(g for g in f.gains if g.sensor != i),
-        crosstalk=tuple(c for c in f.crosstalk if c.sensor != i),
-    )
+    return _mended(world, found[1], "gains", "crosstalk")
 
 
 def _part_before(world: World, found: re.Match[str]) -> World:
     """The postures before a zero jumped, as a campaign of its own."""
-    i, f = RIG.supports.index(found[1]), world.options.faults
-    kept = tuple(s for s in f.zero_shifts if s.sensor != i)
-    before = replace(world.options, postures=int(found[2]))
-    return _without(replace(world, options=before), zero_shifts=kept)
+    return _mended(_driven(world, postures=int(found[2])), found[1], "zero_shifts")
 
 
 def _repair(world: World, found: re.Match[str]) -> World:
@@ -253,35 +240,10 @@ def _repair(world: World, found: re.Match[str]) -> World:
     return _without(world, dead_axes=tuple(d for d in dead if (d.axis, d.sensor) != (axis, i)))
 
 
-def _squeeze(world: World, found: re.Match[str]) -> World:
-    factor = float(found[1])
-    return replace(world, options=replace(world.options, squeeze=factor * world.options.squeeze))
-
-
-def _squeeze_at_all(world: World, found: re.Match[str]) -> World:
-    return replace(world, options=replace(BASE, faults=world.options.faults))
-
-
-def _hold(world: World, found: re.Match[str]) -> World:
-    return replace(world, options=replace(world.options, postures=8))
-
-
 def _range(world: World, found: re.Match[str]) -> World:
-    wide = np.full((3, 3), np.inf)
-    world = _without(world, saturated=False)
-    return replace(
-        world,
-        real=replace(world.real, capacity=wide),
-        stated=replace(world.stated, capacity=wide),
-    )
-
-
-def _unit(key: str) -> Callable[[World, re.Match[str]], World]:
-    return lambda world, found: replace(world, lines={**world.lines, key: found[1]})
-
-
-def _other_sign(world: World, found: re.Match[str]) -> World:
-    return replace(world, lines={**world.lines, "log.force_on": "sensor"})
+    wide, world = np.full((3, 3), np.inf), _without(world, saturated=False)
+    real, stated = (replace(rig, capacity=wide) for rig in (world.real, world.stated))
+    return replace(world, real=real, stated=stated)
 
 
 def _rename(world: World, found: re.Match[str]) -> World:
@@ -294,7 +256,7 @@ def _rename(world: World, found: re.Match[str]) -> World:
         }
         for name in RIG.supports
     }
-    return replace(world, lines={**world.lines, "log.supports": block})
+    return _written(world, "log.supports", block)
 
 
 def _turn_axis(world: World, found: re.Match[str]) -> World:
@@ -307,32 +269,35 @@ def _measure_hinges(world: World, found: re.Match[str]) -> World:
 
 
 def _one_clock(world: World, found: re.Match[str]) -> World:
-    return replace(world, recorder=None) if world.recorder is late_forces else world
+    return replace(world, recorder=None) if world.recorder is LATE_FORCES else world
 
 
 Act = Callable[[World, re.Match[str]], World]
 ACTS: tuple[tuple[str, Act], ...] = (
     (r"widen the range of sensor and amplifier", _range),
     (r"see that forces and positions share one clock", _one_clock),
-    (
-        r"zero of (ncp\d) jumped by .* between postures (\d+) and .* one of them by --from",
-        _part_before,
-    ),
+    (r"zero of (ncp\d) jumped by .* between postures (\d+) and .* one of them by --from",
+     _part_before),
     (r"ind what touched the terminal or a sensor at .* look at F. of (ncp\d)", _look_at),
-    (r"asten the sensor of (ncp\d)", _fasten),
+    (r"asten the sensor of (ncp\d)", lambda w, m: _mended(w, m[1], "slips", "zero_shifts")),
     (r"ind what touched the terminal at postures ([\d, …]+)", _free),
     (r"ook at the sensor's cable and amplifier: the (.) axis of the sensor of (ncp\d)", _repair),
-    (r"queeze the NCPs ([\d.]+) times as hard", _squeeze),
-    (r"queeze the NCPs against each other so that", _squeeze_at_all),
-    (r"old eight or more postures", _hold),
+    (r"queeze the NCPs ([\d.]+) times as hard",
+     lambda w, m: _driven(w, squeeze=float(m[1]) * w.options.squeeze)),
+    (r"queeze the NCPs against each other so that",
+     lambda w, m: replace(w, options=replace(BASE, faults=w.options.faults))),
+    (r"old eight or more postures", lambda w, m: _driven(w, postures=8)),
     (r"heck the range of the sensor and of its amplifier", _range),
-    (r"positions were in (\w+) where m is declared", _unit("log.length_unit")),
-    (r"as if they were in (\w+) where N is declared", _unit("log.force_unit")),
-    (r"et log.force_on in rig.yaml to the other value", _other_sign),
+    (r"positions were in (\w+) where m is declared",
+     lambda w, m: _written(w, "log.length_unit", m[1])),
+    (r"as if they were in (\w+) where N is declared",
+     lambda w, m: _written(w, "log.force_unit", m[1])),
+    (r"et log.force_on in rig.yaml to the other value",
+     lambda w, m: _written(w, "log.force_on", "sensor")),
     (r"the opposite sign of F(.) of (ncp\d)", _turn_axis),
     (r"the sensors of ncp.*, and not as they are named.* Correct the force fields", _rename),
     (r"easure the hinges again", _measure_hinges),
-)
+)  # fmt: skip
 LINE = re.compile(r"`([a-z_.]+): ([^`]+)`(?: for (ncp\d))?")
 
 
@@ -340,7 +305,7 @@ def follow(world: World, advice: str) -> World | None:
     """Do what an advice says; None where it says nothing that can be done."""
     if line := LINE.search(advice):
         key = f"{line[3]}/{line[1]}" if line[3] else line[1]
-        return replace(world, lines={**world.lines, key: yaml.safe_load(line[2])})
+        return _written(world, key, yaml.safe_load(line[2]))
     for pattern, act in ACTS:
         if found := re.search(pattern, advice):
             return act(world, found)
@@ -364,22 +329,18 @@ class Outcome:
 
 def calibrated(world: World, seed: int) -> Outcome:
     """Calibrate the world's campaign and read what is said first."""
-    with tempfile.TemporaryDirectory() as place:
-        truth = world.write(Path(place) / "c", seed)
+    with scratch() as place:
+        truth = world.write(place / "c", seed)
         try:
-            result = calibrate(Path(place) / "c", trials=0)
+            result = calibrate(place / "c", trials=0)
         except TdfscalError as error:
             return Outcome(f"refused ({error.exit_status})", str(error))
     first, *further = advise(result)
     if not result.accepted:
         return Outcome("rejected", first, tuple(further))
-    known = result.determined
-    keep = np.repeat(known, 3)
-    d = so3.log(truth @ np.swapaxes(result.rotation, 1, 2)).ravel()[keep]
-    C = result.rotation_covariance[np.ix_(keep, keep)]
-    worst = float(np.abs(d / np.sqrt(np.diagonal(C))).max())
-    mean = float(d @ np.linalg.solve(C, d) / len(d))
-    return Outcome("accepted", first, (), mean, worst, len(d))
+    known = np.repeat(result.determined, 3)
+    d, std, mean = errors(truth, result.rotation, result.rotation_covariance, known)
+    return Outcome("accepted", first, (), mean, float(np.abs(d / std).max()), len(d))
 
 
 def led(world: World, seed: int) -> list[Outcome]:
@@ -402,25 +363,22 @@ def led(world: World, seed: int) -> list[Outcome]:
 
 def main() -> None:
     """Print the table."""
-    seed = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    (seed,) = numbers(3)
     print(
         "# Faults, the advice given, and the verdict after\n\n"
         f"`python -m benchmarks.advice {seed}`; reference rig, 24 postures, squeeze 100 N. The "
         "first advice\nis followed to the letter, round by round, the next one where it was in "
         "vain. d²/m and the largest error,\nin standard uncertainties, hold the accepted angles "
-        "against the truth; m is their number.\n\n"
-        "| fault | verdict | first advice of each round | rounds | verdict after | d²/m "
-        "| largest |\n|---|---|---|---|---|---|---|"
+        "against the truth; m is their number.\n"
     )
+    print(heads("fault", "verdict", "first advice of each round", "rounds", "verdict after", "d²/m",
+                "largest"))  # fmt: skip
     for name, world in cases().items():
         outcomes = led(world, seed)
         first, last = outcomes[0], outcomes[-1]
         said = "<br>".join(o.advice for o in outcomes[:-1]) or "–"
-        print(
-            f"| {name} | {first.verdict} | {said} | {len(outcomes) - 1} | {last.verdict} "
-            f"| {last.distance:.2f} | {last.worst:.1f} |",
-            flush=True,
-        )
+        figures = f"{last.distance:.2f}", f"{last.worst:.1f}"
+        show(name, first.verdict, said, len(outcomes) - 1, last.verdict, *figures)
 
 
 if __name__ == "__main__":

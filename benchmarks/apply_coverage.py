@@ -10,8 +10,6 @@ are of unknown age.
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import tdfscal
+from benchmarks.frame import declaring, heads, inside, numbers, row, scratch
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Drift as DeclaredDrift
@@ -109,12 +108,13 @@ class Case:
     clock: bool = True
 
 
-def declared(**changes: float) -> Rig:
-    return replace(RIG, declared=replace(RIG.declared, **changes))
-
-
 def slopes(size: float, rng: np.random.Generator) -> tuple[Drift, ...]:
     return tuple(Drift(i, tuple(rng.normal(0.0, size, 3).tolist())) for i in range(3))
+
+
+def quiet(rng: np.random.Generator, count: int) -> FloatArray:
+    """(N, 3, 3), 0.2 N."""
+    return 0.1 * white(rng, count)
 
 
 CASES = (
@@ -131,20 +131,18 @@ CASES = (
     Case("hum of 3 N near 50 Hz", hum(49.2)),
     Case("hum of 3 N near 50 Hz, smooth", hum(49.2), filter="smooth"),
     Case("resolution 0.5 N, noise 0.05 N", lambda r, n: 0.025 * white(r, n), step=0.5),
-    Case("quiet, friction 3 N·m at random", lambda r, n: 0.1 * white(r, n),
-         declared(hinge_moment=3.0)),
-    Case("quiet, hysteresis of 3 N·m a hinge", lambda r, n: 0.1 * white(r, n),
-         declared(hinge_moment=float(3.0 * np.sqrt(3.0))), RIG, Faults(hysteresis=3.0)),
-    Case("quiet, positioner 50 µm", lambda r, n: 0.1 * white(r, n), declared(positioner=5e-5)),
-    Case("quiet, force noise 1 N a posture", lambda r, n: 0.1 * white(r, n),
-         declared(force_noise=1.0)),
-    Case("quiet, gain 0.2 %", lambda r, n: 0.1 * white(r, n), declared(force_sensitivity=2e-3)),
-    Case("quiet, zeros drift by 3 N", lambda r, n: 0.1 * white(r, n), drift=3.0),
-    Case("the same, no clock", lambda r, n: 0.1 * white(r, n), drift=3.0, clock=False),
+    Case("quiet, friction 3 N·m at random", quiet, declaring(RIG, hinge_moment=3.0)),
+    Case("quiet, hysteresis of 3 N·m a hinge", quiet,
+         declaring(RIG, hinge_moment=float(3.0 * np.sqrt(3.0))), RIG, Faults(hysteresis=3.0)),
+    Case("quiet, positioner 50 µm", quiet, declaring(RIG, positioner=5e-5)),
+    Case("quiet, force noise 1 N a posture", quiet, declaring(RIG, force_noise=1.0)),
+    Case("quiet, gain 0.2 %", quiet, declaring(RIG, force_sensitivity=2e-3)),
+    Case("quiet, zeros drift by 3 N", quiet, drift=3.0),
+    Case("the same, no clock", quiet, drift=3.0, clock=False),
 )  # fmt: skip
 
 
-def campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, Rig]:
+def campaign(case: Case, rng: np.random.Generator) -> Campaign:
     """A campaign with its noise, and the rig as its file states it."""
     rig, faults = case.rig, replace(case.faults, contacts=CONTACTS)
     if case.drift:
@@ -161,7 +159,7 @@ def campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, Rig]:
         if case.step:
             value = case.step * np.round(value / case.step)
         force.append(Series(series.time, value))
-    return replace(plain, rig=rig, log=replace(plain.log, force=tuple(force))), rig
+    return replace(plain, rig=rig, log=replace(plain.log, force=tuple(force)))
 
 
 def cut(log: Log, start: float, end: float) -> Log:
@@ -182,7 +180,7 @@ def moved(log: Log, by: float) -> Log:
 
 def run(case: Case, seed: int, home: Path) -> dict[str, Any]:
     """Errors (N, 6) and standard uncertainties of the samples at rest, contact-free and not."""
-    c, _ = campaign(case, np.random.default_rng(seed))
+    c = campaign(case, np.random.default_rng(seed))
     middle = 0.5 * (c.end[USED - 1] + c.start[USED])
     used, log = cut(c.log, 0.0, middle), cut(c.log, middle, np.inf)
     for part, place in ((used, "used"), (log, "held")):
@@ -210,7 +208,7 @@ def run(case: Case, seed: int, home: Path) -> dict[str, Any]:
 
 def main() -> None:
     """Print the table."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 12
+    (runs,) = numbers(12)
     print(
         "# Coverage of the contact wrench's uncertainty\n\n"
         f"`python -m benchmarks.apply_coverage {runs}`: {runs} campaigns a row; share of the "
@@ -218,21 +216,20 @@ def main() -> None:
         "rms u; share of the variance u² that\nis u_cal²; for filters what is stated to be left of "
         "the noise, and what is, both within dwells.\n"
     )
-    print("| noise | contact-free | known contact | rms error / u | u_cal² / u² | left |")
-    print("|---|---|---|---|---|---|")
+    print(heads("noise", "contact-free", "known contact", "rms error / u", "u_cal² / u²", "left"))
     for case in CASES:
         shares: dict[str, list[float]] = {"free": [], "touched": []}
         squares, left, stated, refused = [], [], [], 0
         for seed in range(runs):
             try:
-                with tempfile.TemporaryDirectory() as name:
-                    got = run(case, 100 + seed, Path(name))
+                with scratch() as home:
+                    got = run(case, 100 + seed, home)
             except TdfscalError:
                 refused += 1
                 continue
-            for kind, inside in shares.items():
+            for kind, share in shares.items():
                 for error, std, common, scatter in got[kind]:
-                    inside.append(float(np.mean(np.abs(error) < 1.96 * std)))
+                    share.append(inside(error, std))
                     squares.append([np.mean((error / std) ** 2), np.mean((common / std) ** 2)])
                     left.append(scatter)
             if got["filter"] is not None:
@@ -242,12 +239,9 @@ def main() -> None:
         if stated:
             real = np.sqrt(np.mean(np.square(left), axis=0)[:3].mean() / 3)
             words = f"{np.mean(stated):.2f} N, {real:.2f} N"
-        print(
-            f"| {case.name} | {np.mean(shares['free']):.1%} | {np.mean(shares['touched']):.1%} "
-            f"| {np.sqrt(ratio):.2f} | {part:.2f} | {words} |"
-            + (f" {refused} refused" if refused else ""),
-            flush=True,
-        )
+        covered = [f"{np.mean(share):.1%}" for share in shares.values()]
+        line = row(case.name, *covered, f"{np.sqrt(ratio):.2f}", f"{part:.2f}", words)
+        print(line + (f" {refused} refused" if refused else ""), flush=True)
 
 
 if __name__ == "__main__":

@@ -11,16 +11,14 @@ too.
 
 from __future__ import annotations
 
-import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
 
+from benchmarks.frame import declaring, heads, numbers, show, tally
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
@@ -76,7 +74,7 @@ class Fault:
 
 
 def moved(**changes: FloatArray) -> Rig:
-    """The rig whose mass or barycentre is another."""
+    """The rig whose zeros, mass or barycentre are others."""
     return replace(
         RIG,
         **{  # type: ignore[arg-type]
@@ -85,27 +83,20 @@ def moved(**changes: FloatArray) -> Rig:
     )
 
 
-def really(**changes: float) -> Rig:
-    return replace(RIG, declared=replace(RIG.declared, **changes))
-
-
 def both() -> Iterator[Fault]:
     """Faults of a whole log, for either command."""
     for size in (1e-3, 2e-3, 3e-3, 1e-2):
         gain = Faults(gains=(Gain(0, (size,) * 3),))
         yield Fault(f"gain of ncp1 +{100 * size:g} %", ("gain ncp1",), gain)
-    yield Fault(
-        "gain of ncp1 along z +0.3 %", ("gain ncp1",), Faults(gains=(Gain(0, (0, 0, 3e-3)),))
-    )
-    yield Fault(
-        "crosstalk of ncp1 0.5 %", ("gain ncp1",), Faults(crosstalk=(Crosstalk(0, (5e-3,) * 3),))
-    )
-    yield Fault("forces scatter by 0.5 N", ("force noise",), real=really(force_noise=0.5))
+    upward, cross = Gain(0, (0, 0, 3e-3)), Crosstalk(0, (5e-3,) * 3)
+    yield Fault("gain of ncp1 along z +0.3 %", ("gain ncp1",), Faults(gains=(upward,)))
+    yield Fault("crosstalk of ncp1 0.5 %", ("gain ncp1",), Faults(crosstalk=(cross,)))
+    scatter = declaring(RIG, force_noise=0.5)
+    yield Fault("forces scatter by 0.5 N", ("force noise",), real=scatter)
     yield Fault("ncp1 scatters by 0.6 N", ("noise of ncp1",), noise=one_sensor)
     yield Fault("1/f noise of 0.5 N", ("force noise", "drift", "walk"), noise=flicker)
-    yield Fault("one posture in contact, 30 N", ("contact",),
-                Faults(contacts=(Contact(USED - 2, (10.0, -15.0, 25.0)),
-                                 Contact(USED + 2, (10.0, -15.0, 25.0)))))  # fmt: skip
+    touched = tuple(Contact(k, (10.0, -15.0, 25.0)) for k in (USED - 2, USED + 2))
+    yield Fault("one posture in contact, 30 N", ("contact",), Faults(contacts=touched))
     yield Fault("mass +1 kg", ("load",), real=moved(mass=RIG.mass.value + 1.0))
     off = RIG.barycentre.value + np.array([6e-3, -5e-3, 0.0])
     yield Fault("barycentre 8 mm off", ("load", "barycentre"), real=moved(barycentre=off))
@@ -113,20 +104,29 @@ def both() -> Iterator[Fault]:
 
 def in_course(middle: int) -> Iterator[Fault]:
     """Faults that come or grow within a log, whose middle is at a posture."""
-    yield Fault(
-        "zero of ncp1 drifts by 4 N",
-        ("drift ncp1", "drift"),
-        Faults(drifts=(Drift(0, (4, -4, 4)),)),
-    )
-    yield Fault("zero of ncp1 jumps by 4 N", ("jump ncp1", "refused: zero-tared"),
-                Faults(zero_shifts=(ZeroShift(0, middle, (4, -4, 4)),)))  # fmt: skip
-    yield Fault(
-        "ncp1 slips by 4 mrad", ("slip ncp1",), Faults(slips=(Slip(0, middle, (4e-3, 0, 0)),))
-    )
+    drift, jump = Drift(0, (4, -4, 4)), ZeroShift(0, middle, (4, -4, 4))
+    yield Fault("zero of ncp1 drifts by 4 N", ("drift ncp1", "drift"), Faults(drifts=(drift,)))
+    jumped = ("jump ncp1", "refused: zero-tared")
+    yield Fault("zero of ncp1 jumps by 4 N", jumped, Faults(zero_shifts=(jump,)))
+    slip = Slip(0, middle, (4e-3, 0, 0))
+    yield Fault("ncp1 slips by 4 mrad", ("slip ncp1",), Faults(slips=(slip,)))
     yield Fault("zeros walk by 1 N", ("walk",), Faults(walks=tuple(Walk(i, 1.0) for i in range(3))))
-    slope = tuple((0.5 * s, -0.4 * s, 0.6 * s) for s in (1.0, -1.0, 0.5))
-    yield Fault("zeros follow 8 K", ("temperature", "drift"),
-                Faults(warming=Warming(8.0, slope)))  # fmt: skip
+    warming = Warming(8.0, tuple((0.5 * s, -0.4 * s, 0.6 * s) for s in (1.0, -1.0, 0.5)))
+    yield Fault("zeros follow 8 K", ("temperature", "drift"), Faults(warming=warming))
+
+
+def turned(size: float) -> Iterator[Fault]:
+    """A sensor that was turned after the calibration, about each axis."""
+    for axis, turn in zip("xyz", size * np.eye(3), strict=True):
+        slip = Slip(0, USED, (turn[0], turn[1], turn[2]))
+        name = f"ncp1 turned by {1e3 * size:g} mrad about {axis}"
+        yield Fault(name, ("turned ncp1",), Faults(slips=(slip,)))
+
+
+TILTED = Fault("base 1.5 mrad (std) off level", ("tilt",),
+               real=replace(RIG, gravity_tilt_std=1.5e-3))  # fmt: skip
+STICKING = Fault("hinge friction 1.5 N·m at random", ("hinge friction",),
+                 real=declaring(RIG, hinge_moment=1.5))  # fmt: skip
 
 
 def of_calibrate() -> Iterator[Fault]:
@@ -134,47 +134,33 @@ def of_calibrate() -> Iterator[Fault]:
     yield from both()
     zero = RIG.zero.value.copy()
     zero[0] = (4.0, -3.0, 5.0)
-    yield Fault("zero of ncp1 7 N off", ("zero ncp1",),
-                real=replace(RIG, zero=UncertainValue(zero, RIG.zero.std)))  # fmt: skip
-    yield Fault(
-        "base 1.5 mrad (std) off level", ("tilt",), real=replace(RIG, gravity_tilt_std=1.5e-3)
-    )
-    yield Fault(
-        "hinge friction 1.5 N·m at random", ("hinge friction",), real=really(hinge_moment=1.5)
-    )
+    yield Fault("zero of ncp1 7 N off", ("zero ncp1",), real=moved(zero=zero))
+    yield TILTED
+    yield STICKING
     yield Fault("hysteresis of 1 N·m a hinge", ("friction",), Faults(hysteresis=1.0))
-    yield Fault("NCPs repeat 100 µm", ("position noise",), real=really(positioner=1e-4))
+    far = declaring(RIG, positioner=1e-4)
+    yield Fault("NCPs repeat 100 µm", ("position noise",), real=far)
     yield from in_course(12)
 
 
 def of_validate() -> Iterator[Fault]:
     """Faults that `validate` meets: the rig was sound when it was calibrated."""
     yield from both()
-    for axis in range(3):
-        turn = tuple(2e-3 * (a == axis) for a in range(3))
-        yield Fault(f"ncp1 turned by 2 mrad about {'xyz'[axis]}", ("turned ncp1",),
-                    Faults(slips=(Slip(0, USED, turn),)))  # type: ignore[arg-type]  # fmt: skip
-    yield Fault("zero of ncp1 3.7 N off", ("zero ncp1",),
-                Faults(zero_shifts=(ZeroShift(0, USED, (2.0, -1.0, 3.0)),)))  # fmt: skip
+    yield from turned(2e-3)
+    shift = ZeroShift(0, USED, (2.0, -1.0, 3.0))
+    yield Fault("zero of ncp1 3.7 N off", ("zero ncp1",), Faults(zero_shifts=(shift,)))
     touched = tuple(Contact(USED + k, (10.0, -20.0, 15.0)) for k in (1, 4))
     yield Fault("two postures in contact", ("contact",), Faults(contacts=touched))
-    yield Fault("hinge friction 1.5 N·m at random", ("hinge friction",),
-                real=really(hinge_moment=1.5))  # fmt: skip
-    yield Fault(
-        "base 1.5 mrad (std) off level", ("tilt",), real=replace(RIG, gravity_tilt_std=1.5e-3)
-    )
+    yield STICKING
+    yield TILTED
     yield from in_course(USED + HELD // 2)
 
 
 def of_tared() -> Iterator[Fault]:
     """Faults after which the sensors are tared."""
-    for axis in range(3):
-        turn = tuple(4e-3 * (a == axis) for a in range(3))
-        yield Fault(f"ncp1 turned by 4 mrad about {'xyz'[axis]}", ("turned ncp1",),
-                    Faults(slips=(Slip(0, USED, turn),)), tared=True)  # type: ignore[arg-type]  # fmt: skip
-    for fault in both():
-        if "1 %" in fault.name or "mass" in fault.name or "contact" in fault.name:
-            yield replace(fault, tared=True)
+    kept = (f for f in both() if any(word in f.name for word in ("1 %", "mass", "contact")))
+    for fault in (*turned(4e-3), *kept):
+        yield replace(fault, tared=True)
 
 
 _OF_CALIBRATE = {
@@ -235,6 +221,16 @@ def rows_of(dwells: Dwells, rows: slice) -> Dwells:
     return replace(dwells, temperature=temperature, **changes)
 
 
+def said(command: str, fault: Fault, sound: Dwells, dwells: Dwells) -> list[str]:
+    """What the command names of a sound campaign's faulty twin, the likeliest first."""
+    if command == "calibrate":
+        return said_by_calibrate(fault, dwells)
+    try:
+        return said_by_validate(sound_calibration(sound), dwells)
+    except TdfscalError as error:
+        return [f"refused: {error.what[:10]}"]
+
+
 def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
     """Names of the suspected causes, the likeliest first."""
     try:
@@ -243,13 +239,9 @@ def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
         return [f"refused: {error.what[:30]}"]
     said = [named(s.kind, s.support, _OF_CALIBRATE) for s in result.suspicions]
     if result.channels is not None and not said:
-        worst = np.argwhere(result.channels > 1.3)
-        sensors = {int(i) for i, _ in worst}
-        said = (
-            [f"noise of {RIG.supports[i]}" for i in sensors]
-            if len(sensors) < 3
-            else ["force noise"]
-        )
+        sensors = {int(i) for i, _ in np.argwhere(result.channels > 1.3)}
+        said = [f"noise of {RIG.supports[i]}" for i in sensors]
+        said = said if len(sensors) < 3 else ["force noise"]
     if result.rejected and not said:
         said = ["contact"]
     return said
@@ -276,37 +268,23 @@ def said_by_validate(given: Calibrated, dwells: Dwells) -> list[str]:
 def table(command: str, faults: list[Fault], runs: int) -> None:
     """Print one table, a row per fault."""
     print(f"\n## {command}\n")
-    print(
-        "| fault | said at all | right first | right or tied | causes said | what else came first |"
-    )
-    print("|---|---|---|---|---|---|", flush=True)
+    print(heads("fault", "said at all", "right first", "right or tied", "causes said",
+                "what else came first"), flush=True)  # fmt: skip
     total = Counter[str]()
     for seed, fault in enumerate(faults):
         count, wrong, length = Counter[str](), Counter[str](), 0
         for sound, faulty in campaigns(fault, runs, seed):
-            try:
-                if command == "calibrate":
-                    said = said_by_calibrate(fault, faulty)
-                else:
-                    said = said_by_validate(sound_calibration(sound), faulty)
-            except TdfscalError as error:
-                said = [f"refused: {error.what[:10]}"]
-            if not said:
+            found = said(command, fault, sound, faulty)
+            if not found:
                 continue
-            length += len(said)
-            count["said"] += 1
-            count["first"] += matches(said[0], fault.right)
-            count["right"] += any(matches(name, fault.right) for name in said)
-            if not matches(said[0], fault.right):
-                wrong[said[0]] += 1
+            right = [matches(name, fault.right) for name in found]
+            length += len(found)
+            count.update(said=1, first=int(right[0]), right=int(any(right)))
+            wrong.update([] if right[0] else found[:1])
         total += count
         share = [f"{count[k]} of {count['said']}" for k in ("first", "right")]
-        others = ", ".join(f"{name} {times}" for name, times in wrong.most_common(3))
-        print(
-            f"| {fault.name} | {count['said']} of {runs} | {share[0]} | {share[1]} "
-            f"| {length / max(count['said'], 1):.1f} | {others} |",
-            flush=True,
-        )
+        each = f"{length / max(count['said'], 1):.1f}"
+        show(fault.name, f"{count['said']} of {runs}", *share, each, tally(wrong, 3))
     if total["said"]:
         print(
             f"\nRight first in {total['first'] / total['said']:.1%}, right or tied in "
@@ -316,17 +294,11 @@ def table(command: str, faults: list[Fault], runs: int) -> None:
 
 def false_alarms(command: str, runs: int) -> None:
     """Sound campaigns in which a cause is named."""
-    said: Counter[str] = Counter()
-    fault = Fault("none", (), tared=command == "tared")
+    fault, wrong = Fault("none", (), tared=command == "tared"), Counter[str]()
     for sound, _ in campaigns(fault, runs, 777):
-        if command == "calibrate":
-            found = said_by_calibrate(fault, sound)
-        else:
-            found = said_by_validate(sound_calibration(sound), sound)
-        if found:
-            said[found[0]] += 1
-    share = sum(said.values())
-    print(f"\nFalse alarms: {share} of {runs} sound ones ({share / runs:.1%}). {dict(said) or ''}")
+        wrong.update(said(command, fault, sound, sound)[:1])
+    share = wrong.total()
+    print(f"\nFalse alarms: {share} of {runs} sound ones ({share / runs:.1%}). {dict(wrong) or ''}")
 
 
 FAULTS = {"calibrate": of_calibrate, "validate": of_validate, "tared": of_tared}
@@ -334,10 +306,9 @@ FAULTS = {"calibrate": of_calibrate, "validate": of_validate, "tared": of_tared}
 
 def main() -> None:
     """Print the tables."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 60
-    commands = sys.argv[2:] or list(FAULTS)
+    (runs,) = numbers(60)
     print(f"# Causes named right\n\n`python -m benchmarks.causes {runs}`: {runs} campaigns a row.")
-    for command in commands:
+    for command in sys.argv[2:] or FAULTS:
         table(command, list(FAULTS[command]()), runs)
         false_alarms(command, 10 * runs)
 

@@ -17,7 +17,6 @@ angles beyond 99 % of χ², and the largest error of an angle over its standard 
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -26,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, ncx2
 
+from benchmarks.frame import errors, heads, numbers, show, tally
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
 from tdfscal.checks.geometry import CODES, stated_errors
@@ -33,7 +33,6 @@ from tdfscal.checks.hinge_distances import equations
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
-from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -42,8 +41,6 @@ from tdfscal.significance import GEOMETRY_MISFIT
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.moving_campaign import draw_field, simulate_moving
 from tdfscal.simulation.options import MovingOptions
-
-from .frame import heads
 
 _DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 _SUPPORTS = DeclaredUncertainty(positioner=1e-5, hinge=2e-5, force_noise=0.1)
@@ -171,9 +168,8 @@ def _errors(result: SelfCalibration | MotionCalibration, truth: FloatArray) -> t
     else:
         rotation = result.fit.state.still.rotation
         covariance = result.uncertainty.covariance
-    d = so3.log(truth @ np.swapaxes(rotation, 1, 2)).ravel()
-    beyond = d @ np.linalg.solve(covariance, d) > chi2_quantile(0.99, d.size)
-    return float(np.max(np.abs(d) / np.sqrt(np.diagonal(covariance)))), bool(beyond)
+    d, std, distance = errors(truth, rotation, covariance)
+    return float(np.max(np.abs(d) / std)), bool(len(d) * distance > chi2_quantile(0.99, len(d)))
 
 
 def rows() -> Iterator[Case]:
@@ -204,8 +200,8 @@ def sound(rng: np.random.Generator, *, moving: bool) -> Case:
     return Case("", 0.0, radius, n, declared, moving=moving)
 
 
-def line(case: Case, runs: int) -> str:
-    """One row of the table of faults."""
+def line(case: Case, runs: int) -> None:
+    """Print one row of the table of faults."""
     rng = np.random.default_rng([28, int(1e6 * case.size), int(10 * case.radius), case.n])
     started = time.process_time()
     found = [run(case, rng) for _ in range(runs)]
@@ -213,14 +209,16 @@ def line(case: Case, runs: int) -> str:
     count = np.mean([len(each.said) for each in found if each.right] or [0])
     where = "along z" if case.way else "any way"
     size = f"{1e3 * case.size:g} mm at {case.radius:g} m, {case.n} supports, {where}"
-    return (
-        f"| {'in motion' if case.moving else 'at rest'} | {case.kind} {size} | "
-        f"{', '.join(f'{kind} {k}' for kind, k in verdicts.most_common())} | "
-        f"{sum(each.right for each in found)} of {runs} | "
-        f"{' / '.join(f'{p:.1f}' for p in np.sum([o.visible for o in found], axis=0))} | "
-        f"{count:.1f} | "
-        f"{_harmed(found, 'warned', 'silent')} | {_harmed(found, 'silent')} | "
-        f"{(time.process_time() - started) / runs:.1f} |"
+    show(
+        "in motion" if case.moving else "at rest",
+        f"{case.kind} {size}",
+        tally(verdicts),
+        f"{sum(each.right for each in found)} of {runs}",
+        " / ".join(f"{p:.1f}" for p in np.sum([o.visible for o in found], axis=0)),
+        f"{count:.1f}",
+        _harmed(found, "warned", "silent"),
+        _harmed(found, "silent"),
+        f"{(time.process_time() - started) / runs:.1f}",
     )
 
 
@@ -231,32 +229,26 @@ def _harmed(found: list[Outcome], *verdicts: str) -> str:
     return f"{sum(each.beyond for each in these)} of {len(these)}, {worst:.1f}" if these else "–"
 
 
-def alarms(runs: int, *, moving: bool) -> str:
-    """One row of the table of sound rigs."""
+def alarms(runs: int, *, moving: bool) -> None:
+    """Print one row of the table of sound rigs."""
     rng = np.random.default_rng([29, int(moving)])
     found = [run(sound(rng, moving=moving), rng) for _ in range(runs)]
     verdicts = Counter(each.verdict for each in found)
     questioned = sum(bool(each.said) for each in found)
-    return (
-        f"| {'in motion' if moving else 'at rest'} | {runs} | {questioned} | "
-        f"{', '.join(f'{kind} {k}' for kind, k in verdicts.most_common())} |"
-    )
+    show("in motion" if moving else "at rest", runs, questioned, tally(verdicts))
 
 
 def main() -> None:
     """Print the tables."""
-    runs, still, moving = (
-        int(v) for v in (*sys.argv[1:], *("20", "500", "100")[len(sys.argv) - 1 :])
-    )
+    runs, still, moving = numbers(20, 500, 100)
     last = "d² beyond 99 % where not rejected, worst error / σ"
     names = ("how", "off", "verdict", "right", "visible", "causes named", last, "where silent", "s")
     print(heads(*names))
     for case in rows():
-        print(line(case, runs), flush=True)
-    print("\n| sound rigs | campaigns | geometry questioned | verdicts |")
-    print("|---|---|---|---|")
-    for count, how in ((still, False), (moving, True)):
-        print(alarms(count, moving=how), flush=True)
+        line(case, runs)
+    print("\n" + heads("sound rigs", "campaigns", "geometry questioned", "verdicts"))
+    alarms(still, moving=False)
+    alarms(moving, moving=True)
 
 
 if __name__ == "__main__":

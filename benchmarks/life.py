@@ -9,19 +9,18 @@ information of such campaigns, linear and Gaussian, since the rates asked for ar
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
+from benchmarks.frame import declaring, errors, heads, inside, numbers, rms, row, scratch
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.several_campaigns import read_campaigns, recorded
 from tdfscal.comparison.control_chart import Check, Watch, Watching
-from tdfscal.comparison.pooling import Recorded, pool
+from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, stated
 from tdfscal.files.writers.campaign import simulate_to_folder
@@ -45,34 +44,31 @@ History = list[Check]
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 
 
+def last_errors(result: Pool, at: int, truth: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Of a pool's state at its campaign `at`: errors (9,), their std, and d²/9."""
+    state = result.posterior(at)
+    X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
+    return errors(truth, X, state.covariance[:9, :9])
+
+
 def pooled(walk: float, histories: int) -> str:
     """Twelve campaigns of five postures: the last state against the truth."""
     rig = replace(RIG, drift=Drift(angle=walk))
     rng = np.random.default_rng(11)
-    errors, variances, misfits = [], [], 0
+    found, misfits = [], 0
     for _ in range(histories):
         campaigns, truth = history(rig, rng, months=12, walk=walk)
         result = pool(campaigns)
         misfits += bool(result.misfits)
-        state = result.posterior(11)
-        covariance = state.covariance[:9, :9]
-        X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
-        errors.append(so3.log(truth[-1] @ np.swapaxes(X, 1, 2)).ravel())
-        variances.append(covariance)
-    e, C = np.array(errors), np.array(variances)
-    var = np.diagonal(C, axis1=1, axis2=2)
-    d2 = np.einsum("ka,kab,kb->k", e, np.linalg.inv(C), e)
-    inside = np.mean(np.abs(e) < 1.96 * np.sqrt(var))
-    return (
-        f"| {1e3 * walk:.2f} | {histories} | {1e3 * np.sqrt(np.mean(e**2)):.4f} | "
-        f"{np.sqrt(np.mean(e**2) / np.mean(var)):.3f} | {np.mean(d2) / 9:.2f} | {inside:.1%} | "
-        f"{misfits} |"
-    )
+        found.append(last_errors(result, 11, truth[-1]))
+    e, std, d2 = (np.array(part) for part in zip(*found, strict=True))
+    return row(f"{1e3 * walk:.2f}", histories, f"{1e3 * rms(e):.4f}", f"{rms(e) / rms(std):.3f}",
+               f"{np.mean(d2):.2f}", f"{inside(e, std):.1%}", misfits)  # fmt: skip
 
 
 def moving(histories: int, first: int = 5000) -> Iterator[str]:
     """Two logs of 30 s in motion, and a check of five postures, of one rig with known hinges."""
-    rig = replace(RIG, declared=replace(RIG.declared, hinge=0.0))
+    rig = declaring(RIG, hinge=0.0)
     found: dict[str, list[tuple[float, float]]] = {}
     for seed in range(first, first + histories):
         rng = np.random.default_rng(seed)
@@ -89,17 +85,13 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
             ("one in motion", logs[:1]), ("two in motion", logs),
             ("and one at rest", [*logs, still]),
         ):  # fmt: skip
-            result = pool(campaigns)
-            state = result.posterior(len(campaigns) - 1)
-            C = state.covariance[:9, :9]
-            X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
-            e = so3.log(batch.truth.rotation[0] @ np.swapaxes(X, 1, 2)).ravel()
-            inside = float(np.mean(np.abs(e) < 1.96 * np.sqrt(np.diagonal(C))))
-            found.setdefault(name, []).append((float(e @ np.linalg.solve(C, e)) / 9, inside))
+            truth = batch.truth.rotation[0]
+            e, std, d2 = last_errors(pool(campaigns), len(campaigns) - 1, truth)
+            found.setdefault(name, []).append((d2, inside(e, std)))
+    spread = np.sqrt(2 / 9 / histories)
     for name, pairs in found.items():
-        d2, inside = np.mean(pairs, axis=0)
-        spread = np.sqrt(2 / 9 / histories)
-        yield f"| {name} | {histories} | {d2:.2f} ± {spread:.2f} | {inside:.1%} |"
+        d2, share = np.mean(pairs, axis=0)
+        yield row(name, histories, f"{d2:.2f} ± {spread:.2f}", f"{share:.1%}")
 
 
 class Drawn:
@@ -219,13 +211,9 @@ def steps(zero: float, histories: int, finer: float = 1.0) -> Iterator[str]:
             found = np.mean(
                 [drawn.stepped(size, at, checks, which) for which in range(histories)], axis=0
             )
-            shares = " | ".join(
-                f"{share:.1%}" for share in (*found, *bound(drawn, size, at, checks))
-            )
-            yield (
-                f"| {zero:g} | {1e3 * drawn.single:.2f} | {1e3 * size:g} mrad after {at} | "
-                f"{histories} | {checks} | {shares} |"
-            )
+            shares = (f"{share:.1%}" for share in (*found, *bound(drawn, size, at, checks)))
+            step = f"{1e3 * size:g} mrad after {at}"
+            yield row(f"{zero:g}", f"{1e3 * drawn.single:.2f}", step, histories, checks, *shares)
 
 
 def creeping(pace: float, histories: int) -> str:
@@ -238,10 +226,8 @@ def creeping(pace: float, histories: int) -> str:
         seen += np.flatnonzero(found.smallest[:, sensor] <= found.level)[:1].tolist()
         named += any(a.kind == "creep" and a.sensor == sensor for a in found.alarms)
     after = np.median(seen) - 5
-    return (
-        f"| {1e3 * pace:g} | {histories} | {len(seen) / histories:.0%} | {after:.0f} | "
-        f"{named / histories:.0%} |"
-    )
+    return row(f"{1e3 * pace:g}", histories, f"{len(seen) / histories:.0%}", f"{after:.0f}",
+               f"{named / histories:.0%}")  # fmt: skip
 
 
 #: What an unchanged rig is checked like: postures, sensors, zeros, months of the checks, rate.
@@ -273,17 +259,15 @@ def calm(name: str, histories: int, seed: int = 13) -> str:
     years = histories * (months[-1] - months[0]) / 12
     stated = 1 - np.exp(-rate * years / histories)
     share = wrong / histories / stated
-    return (
-        f"| {name} | {histories} | {years:.0f} | {wrong} | {wrong / histories:.2%} | "
-        f"{stated:.2%} | "
-        f"{share:.2f} ± {share / np.sqrt(max(wrong, 1)):.2f} |"
-    )
+    ratio = f"{share:.2f} ± {share / np.sqrt(max(wrong, 1)):.2f}"
+    return row(name, histories, f"{years:.0f}", wrong, f"{wrong / histories:.2%}", f"{stated:.2%}",
+               ratio)  # fmt: skip
 
 
 def hundred() -> str:
     """A hundred campaigns of twelve dwells: reading, and all the rest."""
-    with tempfile.TemporaryDirectory() as folder:
-        months = Path(folder) / "months"
+    with scratch() as folder:
+        months = folder / "months"
         simulate_to_folder(
             months, scenario="months", postures=12, months=100, format="parquet",
             recorder=Recorder(),
@@ -295,20 +279,22 @@ def hundred() -> str:
         start = time.perf_counter()
         pool([recorded(item) for item in reads])
         rest = time.perf_counter() - start
-    ratio = (read + rest) / read
-    return f"| 100 × 12 dwells, 100 Hz, Parquet | {read:.1f} | {rest:.1f} | {ratio:.2f} |"
+    figures = f"{read:.1f}", f"{rest:.1f}", f"{(read + rest) / read:.2f}"
+    return row("100 × 12 dwells, 100 Hz, Parquet", *figures)
 
 
 HEADS = {
-    "pooled": "| walk, mrad/√month | histories | RMSE, mrad | / bound | d²/9 | in 95 % | misfits |",
-    "moving": "| campaigns of one rig | histories | d²/9 | in 95 % |",
-    "steps": "| zeros, N | one check, mrad | step | histories | within checks | sensor named | and "
-    "dated | dated a year later | within one check | best test | sensor and axis known |",
-    "calm": "| checks of an unchanged rig | histories | rig-years | that alarm | share | stated | "
-    "share / stated |",
-    "creep": "| mrad a month | histories | raised | after checks, median | named creep |",
-    "hundred": "| campaigns | reading, s | pooling, s | all / reading |",
-}
+    "pooled": ("walk, mrad/√month", "histories", "RMSE, mrad", "/ bound", "d²/9", "in 95 %",
+               "misfits"),
+    "moving": ("campaigns of one rig", "histories", "d²/9", "in 95 %"),
+    "steps": ("zeros, N", "one check, mrad", "step", "histories", "within checks", "sensor named",
+              "and dated", "dated a year later", "within one check", "best test",
+              "sensor and axis known"),
+    "calm": ("checks of an unchanged rig", "histories", "rig-years", "that alarm", "share",
+             "stated", "share / stated"),
+    "creep": ("mrad a month", "histories", "raised", "after checks, median", "named creep"),
+    "hundred": ("campaigns", "reading, s", "pooling, s", "all / reading"),
+}  # fmt: skip
 
 
 def rows(part: str, histories: int) -> Iterator[str]:
@@ -330,11 +316,11 @@ def rows(part: str, histories: int) -> Iterator[str]:
 
 def main() -> None:
     """Print the tables."""
-    histories = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    (histories,) = numbers(200)
     for part in sys.argv[2:] or list(HEADS):
-        print(f"\n{HEADS[part]}\n|{'---|' * (HEADS[part].count('|') - 1)}")
-        for row in rows(part, histories):
-            print(row, flush=True)
+        print("\n" + heads(*HEADS[part]))
+        for line in rows(part, histories):
+            print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.frame import heads, publish, row
 from tdfscal.catalogue import sentence
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.numerics import so3
@@ -23,7 +23,10 @@ from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, make_rig, simulate_dwells
 
-Draw = Callable[[FloatArray, np.random.Generator], tuple[FloatArray, tuple[str, ...]]]
+Random = np.random.Generator
+#: Forces with a mistake in them, and the words by which it is named.
+Misread = tuple[FloatArray, tuple[str, ...]]
+Draw = Callable[[FloatArray, Random], Misread]
 #: What an error says of a mistake, whichever it is.
 CLAIMS = ("exchanged", "opposite sign", "taken from", "reads", "jumped by")
 FARTHEST = 0.3  # rad, of a mounting from the nominal one
@@ -43,7 +46,7 @@ def channel(a: int, i: int) -> str:
 
 
 def scaled(factors: tuple[float, ...], axes: tuple[int, ...]) -> Draw:
-    def draw(force: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, tuple[str, ...]]:
+    def draw(force: FloatArray, rng: Random) -> Misread:
         i, a, by = int(rng.integers(force.shape[1])), int(rng.choice(axes)), rng.choice(factors)
         force[:, i, a] *= by
         said = f"opposite sign of {channel(a, i)}" if by == -1 else f"{channel(a, i)} reads"
@@ -52,47 +55,44 @@ def scaled(factors: tuple[float, ...], axes: tuple[int, ...]) -> Draw:
     return draw
 
 
-def sensor_in_kgf(
-    force: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, tuple[str, ...]]:
+def sensor_in_kgf(force: FloatArray, rng: Random) -> Misread:
     i = int(rng.integers(force.shape[1]))
     force[:, i] /= 9.80665
     return force, (f"every axis of ncp{i + 1} reads", "in kgf")
 
 
-def channels_exchanged(
-    force: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, tuple[str, ...]]:
+def channels_exchanged(force: FloatArray, rng: Random) -> Misread:
     i, j = sorted(rng.choice(force.shape[1], 2, replace=False))
     a, b = rng.integers(2, size=2)
     force[:, [i, j], [a, b]] = force[:, [j, i], [b, a]]
     return force, (f"{channel(a, i)} and {channel(b, j)} exchanged",)
 
 
-def axes_exchanged(
-    force: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, tuple[str, ...]]:
+def axes_exchanged(force: FloatArray, rng: Random) -> Misread:
     i = int(rng.integers(force.shape[1]))
     force[:, i] = force[:, i][:, [1, 0, 2]]
     return force, (f"Fx and Fy of ncp{i + 1} exchanged",)
 
 
-def sensors_exchanged(
-    force: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, tuple[str, ...]]:
+def sensors_exchanged(force: FloatArray, rng: Random) -> Misread:
     i, j = sorted(rng.choice(force.shape[1], 2, replace=False))
     force[:, [i, j]] = force[:, [j, i]]
     return force, (f"ncp{i + 1} taken from ncp{j + 1} and ncp{j + 1} taken from ncp{i + 1}",)
 
 
-def tared(force: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, tuple[str, ...]]:
-    i, k = int(rng.integers(force.shape[1])), int(rng.integers(3, len(force) - 3))
+def place(force: FloatArray, rng: Random) -> tuple[int, int]:
+    """A sensor, and a posture amid the campaign."""
+    return int(rng.integers(force.shape[1])), int(rng.integers(3, len(force) - 3))
+
+
+def tared(force: FloatArray, rng: Random) -> Misread:
+    i, k = place(force, rng)
     force[k:, i] -= force[k - 1, i]
     return force, (f"zero of ncp{i + 1} jumped", f"between postures {k} and {k + 1} ", "as a tare")
 
 
-def jumped(force: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, tuple[str, ...]]:
-    i, k = int(rng.integers(force.shape[1])), int(rng.integers(3, len(force) - 3))
+def jumped(force: FloatArray, rng: Random) -> Misread:
+    i, k = place(force, rng)
     by = rng.standard_normal(3)
     force[k:, i] += 300.0 * by / np.linalg.norm(by)
     return force, (f"zero of ncp{i + 1} jumped", f"before posture {k + 1}|{k} and {k + 1} ")
@@ -113,7 +113,7 @@ MISTAKES: dict[str, Draw] = {
 }
 
 
-def drawn(rng: np.random.Generator) -> tuple[Rig, Dwells]:
+def drawn(rng: Random) -> tuple[Rig, Dwells]:
     """A campaign; mountings are up to `FARTHEST` from the nominal ones that the rig states."""
     rig = make_rig(int(rng.integers(3, 7)))
     turn = rng.standard_normal((rig.n, 3))
@@ -126,7 +126,7 @@ def drawn(rng: np.random.Generator) -> tuple[Rig, Dwells]:
     return rig, simulate_dwells(rig, options, rng, 1).dwells(0)
 
 
-def poor(rng: np.random.Generator) -> tuple[Rig, Dwells]:
+def poor(rng: Random) -> tuple[Rig, Dwells]:
     """Too few postures, or postures too alike, on carriages that build up no force."""
     rig, few = make_rig(int(rng.integers(3, 7))), bool(rng.integers(2))
     options = Options(
@@ -158,10 +158,8 @@ def run(rig: Rig, dwells: Dwells, right: tuple[str, ...]) -> Run:
         if error.exit_status == 4:
             verdict = "not identifiable"
     else:
-        said, verdict = (
-            " | ".join(map(sentence, result.reasons)),
-            "rejected" if result.reasons else "accepted",
-        )
+        said = " | ".join(map(sentence, result.reasons))
+        verdict = "rejected" if result.reasons else "accepted"
     if right and all(any(one in said for one in words.split("|")) for words in right):
         verdict = "named"
     return Run(verdict, said, time.process_time() - start)
@@ -189,8 +187,6 @@ Made by `python -m benchmarks.misreadings --campaigns {campaigns}`. Rigs of 3 to
 is stated. Named: sensor, channel and kind (of a jump: sensor and posture; of a tare: that it is
 one). Misnamed: another mistake. Poor postures: 2 to 5, or tilted by less than half a degree.
 
-| mistake | campaigns | {verdicts} | CPU s, median | largest |
-|---|{rules}---|---|---|
 """
 
 
@@ -204,16 +200,12 @@ def main() -> None:
         rows.setdefault(name, []).append(one)
         if one.verdict in ("misnamed", "refused", "not identifiable"):
             print(name, seed, one.verdict, f"{one.seconds:.1f} s", one.said[:200], flush=True)
-    text = HEAD.format(
-        campaigns=campaigns, verdicts=" | ".join(VERDICTS), rules="---|" * len(VERDICTS)
-    )
+    lines = [heads("mistake", "campaigns", *VERDICTS, "CPU s, median", "largest")]
     for name, each in rows.items():
-        count = Counter(one.verdict for one in each)
-        cells = " | ".join(str(count[verdict]) for verdict in VERDICTS)
-        cpu = [one.seconds for one in each]
-        text += f"| {name} | {len(each)} | {cells} | {np.median(cpu):.1f} | {max(cpu):.1f} |\n"
-    Path(__file__).with_suffix(".md").write_text(text, encoding="utf-8")
-    print(text)
+        count, cpu = Counter(one.verdict for one in each), [one.seconds for one in each]
+        cells = (count[verdict] for verdict in VERDICTS)
+        lines.append(row(name, len(each), *cells, f"{np.median(cpu):.1f}", f"{max(cpu):.1f}"))
+    publish(__file__, HEAD.format(campaigns=campaigns) + "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

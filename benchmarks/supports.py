@@ -125,12 +125,12 @@ def run(case: Case, runs: int) -> None:
         doubts = (*suspicions(known, held, dwells.temperature), *misplaced_hinges(known))
         said = [sentence(f) for doubt in doubts for f in doubt.findings(rejects=False)]
         named.append(any(case.cause in one for one in said))
-    known = (np.median(std, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)
-    rmse, sigma, crb, full = (rms(np.array(x)[:, known]) for x in (error, std, least, own))
-    covered = np.mean(np.array(inside)[:, known])
-    harmed = np.array(far) > chi2_quantile(0.99, len(known))
+    sure = (np.median(std, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)
+    rmse, sigma, crb, full = (rms(np.array(x)[:, sure]) for x in (error, std, least, own))
+    covered = np.mean(np.array(inside)[:, sure])
+    harmed = np.array(far) > chi2_quantile(0.99, len(sure))
     there = f"{np.mean(np.array(named)[harmed]):.0%} of {harmed.sum()}" if harmed.any() else "–"
-    without = [n for n, k in zip(case.stated.supports, known[::3], strict=True) if not k]
+    without = [n for n, k in zip(case.stated.supports, sure[::3], strict=True) if not k]
     show(case.name, f"{1e3 * sigma:.3f}", f"{rmse / sigma:.2f}", f"{rmse / crb:.2f}",
          f"{full / crb:.3f}", f"{covered:.1%}", f"{np.mean(named):.0%}", there,
          ", ".join(without) or "–", f"{(time.process_time() - started) / runs:.2f}")  # fmt: skip
