@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import argparse
 import io
-import subprocess
-import sys
-import tempfile
+import multiprocessing
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from mcap.writer import CompressionType
 
+from benchmarks.frame import heads, row, scratch
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tests.files.logs.log_making import (
@@ -96,8 +95,8 @@ def places(content: bytes, tries: int, seed: int) -> list[tuple[int, int]]:
 def attempt(kind: Kind, chosen: list[tuple[int, int]], tell: Callable[[str], object]) -> None:
     """Flip one bit at a time and tell what comes of it."""
     mapping = MAPPING if kind.suffix == ".mcap" else None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"log{kind.suffix}"
+    with scratch() as folder:
+        path = folder / f"log{kind.suffix}"
         content = kind.make()
         path.write_bytes(content)
         sound = read_log([path], mapping, SUPPORTS)
@@ -115,22 +114,33 @@ def attempt(kind: Kind, chosen: list[tuple[int, int]], tell: Callable[[str], obj
                 tell(SAME if same_numbers(log, sound) else DIFFERENT)
 
 
+def part(name: str, tries: int, seed: int, portion: slice, told: Path) -> None:
+    """Some of the tries of a kind; what comes of them is written to a file."""
+    kind = next(k for k in KINDS if k.name == name)
+    chosen = places(kind.make(), tries, seed)[portion]
+    with told.open("w", encoding="ascii") as file:
+        attempt(kind, chosen, lambda what: print(what, file=file, flush=True))
+
+
 def count(kind: Kind, tries: int, seed: int) -> Counter[str]:
     """What became of so many tries, in processes of their own."""
     found: Counter[str] = Counter()
     done = 0
-    while done < tries:
-        batch = min(BATCH, tries - done)
-        command = [sys.executable, "-m", "benchmarks.bitflips", "--worker", kind.name]
-        command += ["--tries", str(tries), "--seed", str(seed), "--from", str(done), str(batch)]
-        ran = subprocess.run(command, capture_output=True, text=True, check=False)
-        told = ran.stdout.split()
-        found.update(told)
-        if len(told) < batch:
-            if ran.returncode >= 0:  # not by a signal: it has not even begun
-                raise RuntimeError(ran.stderr)
-            found[DIED] += 1
-        done += len(told) + (len(told) < batch)
+    with scratch() as folder:
+        while done < tries:
+            batch, path = min(BATCH, tries - done), folder / "told"
+            path.write_text("")
+            asked = (kind.name, tries, seed, slice(done, done + batch), path)
+            process = multiprocessing.get_context("spawn").Process(target=part, args=asked)
+            process.start()
+            process.join()
+            told = path.read_text(encoding="ascii").split()
+            found.update(told)
+            if len(told) < batch:
+                if (process.exitcode or 0) >= 0:  # not by a signal: it has not even begun
+                    raise RuntimeError(f"the tries of {kind.name} ended early")
+                found[DIED] += 1
+            done += len(told) + (len(told) < batch)
     return found
 
 
@@ -138,30 +148,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--tries", type=int, default=10_000, help="per format")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--worker", help=argparse.SUPPRESS)
-    parser.add_argument("--from", dest="portion", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.worker:
-        kind = next(k for k in KINDS if k.name == options.worker)
-        begin, size = options.portion
-        chosen = places(kind.make(), options.tries, options.seed)[begin : begin + size]
-        attempt(kind, chosen, lambda what: print(what, flush=True))
-        return
     rows = []
     for kind in KINDS:
         share = options.tries // sum(k.suffix == kind.suffix for k in KINDS)
         found = count(kind, share, options.seed)
-        cells = [kind.suffix[1:], kind.name, len(kind.make()), share]
-        cells += [found[REFUSED], found[SAME], found[DIFFERENT], found[FAILED] + found[DIED]]
-        rows.append(f"| {' | '.join(map(str, cells))} |")
+        ends = found[REFUSED], found[SAME], found[DIFFERENT], found[FAILED] + found[DIED]
+        rows.append(row(kind.suffix[1:], kind.name, len(kind.make()), share, *ends))
         print(rows[-1], flush=True)
     place = Path(__file__).with_suffix(".md")
     written = place.read_text(encoding="utf-8") if place.is_file() else ""
     sections = {part.split("\n")[0]: part for part in written.split("\n## ")[1:]}
     title = f"pyarrow {pa.__version__}"
-    sections[title] = "\n".join(
-        [title, "", f"| {' | '.join(HEADS)} |", f"|{'---|' * len(HEADS)}", *rows, ""]
-    )
+    sections[title] = "\n".join([title, "", heads(*HEADS), *rows, ""])
     tables = [f"## {sections[key].rstrip()}\n" for key in sorted(sections, key=_release)]
     place.write_text("\n".join([INTRODUCTION.format(options=options), *tables]), encoding="utf-8")
 

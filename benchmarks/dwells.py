@@ -12,12 +12,11 @@ import resource
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.dwell_stops import HEADS, KINDS, SLOW, scored, together
-from benchmarks.frame import heads, over, row
+from benchmarks.frame import heads, over, publish, row
 from benchmarks.logs import NAMES, RATE, blocks
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.records import Log, Series
@@ -50,16 +49,46 @@ def moments(logs: list[Log]) -> None:
                 column.std()
 
 
+PAGE = """\
+# Dwells
+
+Made by `python -m benchmarks.dwells --seeds {seeds}`. Logs of known stops,
+{seeds} of each kind, made by `tests/dwells/rig_log.py` with parameters drawn at
+random from the ranges in `benchmarks/dwell_stops.py`. Bias: what settling leaves in
+a mean force without its noise, over the stated standard error.
+
+{found}
+
+Noise that is alike over much of a stop, {slow_seeds} logs of 16 stops of each kind:
+
+{slow}
+
+1/f noise over eight logs moves the zeros of one log too, which is no posture's error
+and stands in the last column.
+
+## Speed
+
+Three supports, 19 columns, 1 kHz, arrays in memory. Ratios are to numpy's mean and
+standard deviation of the same columns.
+
+{speed}
+
+Dwells of the hour read as a stream: {streamed}. Peak memory of the whole run, \
+with the hour's arrays held: {peak:.0f} MB.
+"""
+
+
 def main() -> None:
     """Measure and write the tables."""
     parser = argparse.ArgumentParser(description="dwells: what is found, and how fast")
     parser.add_argument("--seeds", type=int, default=8, help="logs of each kind")
     seeds = parser.parse_args().seeds
     scores = dict(zip(KINDS, over(partial(scored, seeds=range(seeds)), KINDS), strict=True))
-    found = [one.row(what) for what, one in scores.items()]
+    found = [heads(*HEADS), *(one.row(what) for what, one in scores.items())]
     found.append(together(list(scores.values())).row("all"))
-    slow = [scored(what, range(5 * seeds)).row(what) for what in SLOW]
-    rows = []
+    slow = [heads(*HEADS), *(scored(what, range(5 * seeds)).row(what) for what in SLOW)]
+    rows = [heads("minutes", "rows", "bins", "dwells", "mean, std s", "reduce s",
+                  "reduce + find s", "ratio, reduce", "ratio, all")]  # fmt: skip
     for minutes in (10, 60):
         logs = list(pieces(60.0 * minutes))
         plain = timed(lambda logs=logs: moments(logs))  # type: ignore[misc]
@@ -72,51 +101,10 @@ def main() -> None:
         del logs
     streamed = len(find_dwells(pieces(3600.0)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    text = "\n".join(
-        [
-            "# Dwells",
-            "",
-            f"Made by `python -m benchmarks.dwells --seeds {seeds}`. Logs of known stops,",
-            f"{seeds} of each kind, made by `tests/dwells/rig_log.py` with parameters drawn at",
-            "random from the ranges in `benchmarks/dwell_stops.py`. Bias: what settling leaves in",
-            "a mean force without its noise, over the stated standard error.",
-            "",
-            heads(*HEADS),
-            *found,
-            "",
-            f"Noise that is alike over much of a stop, {5 * seeds} logs of 16 stops of each kind:",
-            "",
-            heads(*HEADS),
-            *slow,
-            "",
-            "1/f noise over eight logs moves the zeros of one log too, which is no posture's error",
-            "and stands in the last column.",
-            "",
-            "## Speed",
-            "",
-            "Three supports, 19 columns, 1 kHz, arrays in memory. Ratios are to numpy's mean and",
-            "standard deviation of the same columns.",
-            "",
-            heads(
-                "minutes",
-                "rows",
-                "bins",
-                "dwells",
-                "mean, std s",
-                "reduce s",
-                "reduce + find s",
-                "ratio, reduce",
-                "ratio, all",
-            ),
-            *rows,
-            "",
-            f"Dwells of the hour read as a stream: {streamed}. Peak memory of the whole run, "
-            f"with the hour's arrays held: {peak:.0f} MB.",
-            "",
-        ]
-    )
-    Path(__file__).with_suffix(".md").write_text(text, encoding="utf-8")
-    print(text)
+    tables = {"found": found, "slow": slow, "speed": rows}
+    joined = {name: "\n".join(lines) for name, lines in tables.items()}
+    page = PAGE.format(seeds=seeds, slow_seeds=5 * seeds, streamed=streamed, peak=peak, **joined)
+    publish(__file__, page)
 
 
 if __name__ == "__main__":

@@ -40,28 +40,12 @@ TOPICS = LogMapping(
     tuple((f"/{n}/wrench.wrench.force",) for n in NAMES),
     time_source="header",
 )
-POINT = """std_msgs/Header header
-geometry_msgs/Point point
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-"""
-WRENCH = POINT.replace("geometry_msgs/Point point", "geometry_msgs/Wrench wrench").replace(
-    "MSG: geometry_msgs/Point\n", "MSG: geometry_msgs/Vector3\n"
-) + (
-    "=" * 80 + "\nMSG: geometry_msgs/Wrench\n"
-    "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
-)
+#: What the reading of each format is held against, and the goal.
+PLAIN = {
+    "csv": ("pyarrow.csv.read_csv", "at most 1.5×"),
+    "parquet": ("pyarrow.parquet.read_table", "at most 2×"),
+    "mcap": ("mcap-ros2-support", "at least 15×"),
+}
 
 
 def blocks(seconds: float) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -94,16 +78,16 @@ def write_tables(folder: Path, seconds: float) -> None:
             columns.write(table)
 
 
-def write_mcap(path: Path, seconds: float) -> None:
+def write_mcap(folder: Path, seconds: float) -> None:
     """Six topics, half of the samples each: as many messages as 3/6 of the table's cells."""
+    from tests.files.logs.log_making import definition
+
     point, wrench = struct.Struct("<4xiII5s3x4x3d"), struct.Struct("<4xiII5s3x4x6d")
-    with path.open("wb") as file:
+    with (folder / "log.mcap").open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="tdfscal benchmark")
-        kinds = [
-            writer.register_schema("geometry_msgs/msg/PointStamped", "ros2msg", POINT.encode()),
-            writer.register_schema("geometry_msgs/msg/WrenchStamped", "ros2msg", WRENCH.encode()),
-        ]
+        names = [f"geometry_msgs/msg/{kind}Stamped" for kind in ("Point", "Wrench")]
+        kinds = [writer.register_schema(name, "ros2msg", definition(name)) for name in names]
         channels = [
             writer.register_channel(f"/{name}/{topic}", "cdr", kind)
             for topic, kind in zip(("position", "wrench"), kinds, strict=True)
@@ -173,13 +157,10 @@ def peak_of(suffix: str, folder: Path) -> float:
 def made(folder: Path, seconds: float) -> Path:
     """The logs, written where they are not there yet."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("log.csv", "log.mcap"):
+    for name, write in (("log.csv", write_tables), ("log.mcap", write_mcap)):
         if not (folder / name).exists():
             start = time.perf_counter()
-            if name == "log.csv":
-                write_tables(folder, seconds)
-            else:
-                write_mcap(folder / name, seconds)
+            write(folder, seconds)
             print(f"wrote {folder / name} in {time.perf_counter() - start:.0f} s", file=sys.stderr)
     return folder
 
@@ -187,11 +168,7 @@ def made(folder: Path, seconds: float) -> Path:
 def table(folder: Path) -> list[str]:
     """Rows of the table."""
     rows = []
-    for suffix, plain in (
-        ("csv", "pyarrow.csv.read_csv"),
-        ("parquet", "pyarrow.parquet.read_table"),
-        ("mcap", "mcap-ros2-support"),
-    ):
+    for suffix, (plain, limit) in PLAIN.items():
         slow = suffix == "mcap"
         rounds = [
             (measured(plain, folder), measured(f"tdfscal {suffix}", folder))
@@ -201,7 +178,6 @@ def table(folder: Path) -> list[str]:
         ratio, of_cpu = (reference[k] / ours[k] if slow else ours[k] / reference[k] for k in (0, 1))
         each = sorted(b[0] / a[0] for a, b in rounds)
         spread = "" if slow else f"{each[0]:.2f} to {each[-1]:.2f}"
-        limit = "at least 15×" if slow else ("at most 1.5×" if suffix == "csv" else "at most 2×")
         size = (folder / f"log.{suffix}").stat().st_size / 1e6
         rows.append(
             f"| {suffix} | {size:.0f} | {plain} | {reference[0]:.2f} | {ours[0]:.2f} "
@@ -209,6 +185,25 @@ def table(folder: Path) -> list[str]:
             f"| {reference[2]:.0f} | {ours[2]:.0f} | {ours[3]} |"
         )
     return rows
+
+
+PAGE = """\
+# From a log file to dwells
+
+Made by `python benchmarks/logs.py {flags}` with Python {python}.
+Three supports at 1 kHz, 19 columns; MCAP in six topics of 83 Hz.
+The plain reader reads all columns (its message loop: all messages) and does nothing
+else; tdfscal's time goes from the file to the dwells, checks and SHA-256 included.
+The ratio is of the fastest of five rounds (MCAP: of one), for both apart. The plain
+reader takes up to 1.7 GB, which the machine hands out now fast, now slowly.
+{cores} cores, under a load of {load:.1f} when this began.
+
+| format | MB | plain reader | its s | tdfscal s | ratio | in single rounds \
+| ratio of CPU | goal | its peak MB | peak MB | dwells |
+|---|---|---|---|---|---|---|---|---|---|---|---|
+{rows}
+
+{notes}"""
 
 
 def main() -> None:
@@ -228,33 +223,17 @@ def main() -> None:
             folder = made(base / f"{long:g}", long)
             shown = ", ".join(
                 f"{s} {peak:.0f} MB, {peak / peak_of(s, base / f'{arguments.seconds:g}'):.2f}×"
-                for s, peak in ((s, peak_of(s, folder)) for s in ("csv", "parquet", "mcap"))
+                for s, peak in ((s, peak_of(s, folder)) for s in PLAIN)
             )
             notes = (
                 f"Peak memory on logs ten times as long ({long:g} s), medians of three runs: "
                 f"{shown}; goal: 1.2×.\n"
             )
     flags = f"--seconds {arguments.seconds:g}" + (" --ten-fold" if arguments.ten_fold else "")
-    text = "\n".join(
-        [
-            "# From a log file to dwells",
-            "",
-            f"Made by `python benchmarks/logs.py {flags}` with Python {platform.python_version()}.",
-            "Three supports at 1 kHz, 19 columns; MCAP in six topics of 83 Hz.",
-            "The plain reader reads all columns (its message loop: all messages) and does nothing",
-            "else; tdfscal's time goes from the file to the dwells, checks and SHA-256 included.",
-            "The ratio is of the fastest of five rounds (MCAP: of one), for both apart. The plain",
-            "reader takes up to 1.7 GB, which the machine hands out now fast, now slowly.",
-            f"{os.cpu_count()} cores, under a load of {load:.1f} when this began.",
-            "",
-            "| format | MB | plain reader | its s | tdfscal s | ratio | in single rounds "
-            "| ratio of CPU | goal | its peak MB | peak MB | dwells |",
-            "|---|---|---|---|---|---|---|---|---|---|---|---|",
-            *rows,
-            "",
-            notes,
-        ]
-    )
+    text = PAGE.format(
+        flags=flags, python=platform.python_version(), cores=os.cpu_count(), load=load,
+        rows="\n".join(rows), notes=notes,
+    )  # fmt: skip
     Path(__file__).with_suffix(".md").write_text(text.rstrip("\n") + "\n", encoding="utf-8")
     print(text)
 

@@ -17,16 +17,14 @@ from __future__ import annotations
 import argparse
 import resource
 import subprocess
-import tempfile
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.frame import heads, over, row
+from benchmarks.frame import errors, heads, inside, over, rms, row, scratch, show
 from tdfscal import calibrate
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
@@ -112,8 +110,7 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
     assert recorded is not None
     exact = ClockPrior(UncertainValue.exact(0.0), 0.0)
     same = replace(how, offset=0.0, rate=0.0)
-    found = []
-    spent = []
+    found, spent = [], []
     for recorders, prior in ((same, exact), (how, ClockPrior())):
         parts = recorded_apart(recorded.log, recorders, np.random.default_rng(seed))
         begin = time.process_time()
@@ -123,11 +120,9 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
             return {"seed": seed, "how": how, "failed": f"{len(found) + 1}: {error}"}
         spent.append(time.process_time() - begin)
     (one, _), (two, clock) = found
-    cov = two.uncertainty.covariance
-    std = np.sqrt(np.diag(cov))
     first, second = rotations(one), rotations(two)
-    e = so3.log(of.truth.rotation @ np.swapaxes(second, 1, 2)).ravel()
-    e1 = so3.log(of.truth.rotation @ np.swapaxes(first, 1, 2)).ravel()
+    e, std, distance = errors(of.truth.rotation, second, two.uncertainty.covariance)
+    e1, std1, _ = errors(of.truth.rotation, first, one.uncertainty.covariance)
     offset, offset_std, rate, rate_std = clock.offset, clock.offset_std, clock.rate, clock.rate_std
     if isinstance(two, MotionCalibration):
         moving, moving_std = two.fit.state.moving, two.estimate.moving_std
@@ -143,30 +138,30 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
         "offset std": offset_std,
         "rate": (rate - how.rate) / rate_std,
         "z": (e / std).tolist(),
-        "z one": (e1 / np.sqrt(np.diag(one.uncertainty.covariance))).tolist(),
-        "d2": float(e @ np.linalg.solve(cov, e)) / len(e),
+        "z one": (e1 / std1).tolist(),
+        "d2": distance,
         "cost": spent[1] / spent[0],
     }
 
 
 def table(results: list[dict[str, Any]]) -> str:
     good = [r for r in results if "failed" not in r]
-    z = np.concatenate([r["z"] for r in good])
-    z1 = np.concatenate([r["z one"] for r in good])
-    within = [abs(r["offset"]) <= 3.0 for r in good]
-    cells: list[object] = [
+    z, z1 = (np.concatenate([r[key] for r in good]) for key in ("z", "z one"))
+    within, in_rate = (
+        100 * np.mean([abs(r[key]) <= 3.0 for r in good]) for key in ("offset", "rate")
+    )
+    return row(
         len(results),
         f"{sum(r['accepted'][1] for r in good)} ({sum(r['accepted'][0] for r in good)})",
         f"{np.median([r['change'] for r in good]):.3f}, {max(r['change'] for r in good):.2f}",
-        f"{100 * np.mean(within):.0f} %",
+        f"{within:.0f} %",
         f"{1e3 * np.median([r['offset std'] for r in good]):.1f}",
-        f"{100 * np.mean([abs(r['rate']) <= 3.0 for r in good]):.0f} %",
-        f"{np.sqrt(np.mean(z**2)):.2f} ({np.sqrt(np.mean(z1**2)):.2f})",
+        f"{in_rate:.0f} %",
+        f"{rms(z):.2f} ({rms(z1):.2f})",
         f"{np.mean([r['d2'] for r in good]):.2f}",
-        f"{100 * np.mean(np.abs(z) <= 1.96):.1f} %",
+        f"{100 * inside(z, np.ones_like(z)):.1f} %",
         f"{np.median([r['cost'] for r in good]):.2f}",
-    ]
-    return row(*cells)
+    )
 
 
 HEAD = heads(
@@ -189,10 +184,10 @@ def wrong(seed: int, what: str) -> str:
         force = (force[1], force[0], *force[2:])
     if what == "reversed time":
         force = tuple(Series(s.time, np.ascontiguousarray(s.value[::-1])) for s in force)
-    with tempfile.TemporaryDirectory() as place:
-        write_apart(Path(place), of.rig, moves, replace(loads, force=force))
+    with scratch() as place:
+        write_apart(place, of.rig, moves, replace(loads, force=force))
         try:
-            found = calibrate([Path(place)], trials=0)
+            found = calibrate([place], trials=0)
         except TdfscalError as error:
             return f"exit {error.exit_status}"
     return "accepted" if found.accepted else "rejected"
@@ -202,14 +197,11 @@ def cost(seed: int, postures: int) -> tuple[float, float]:
     """Processor time of the command on one file with all samples, and on two recorders', s."""
     of = played("self", seed, 250.0, postures)
     assert of.campaign is not None
-    with tempfile.TemporaryDirectory() as place:
-        folders = Path(place) / "one", Path(place) / "two"
+    apart = recorded_apart(of.campaign.log, Apart(3.7, 20e-6), np.random.default_rng(seed))
+    with scratch() as place:
+        folders = place / "one", place / "two"
         write_run(of, folders[0], format="csv")
-        write_apart(
-            folders[1],
-            of.rig,
-            *recorded_apart(of.campaign.log, Apart(3.7, 20e-6), np.random.default_rng(seed)),
-        )
+        write_apart(folders[1], of.rig, *apart)
         spent = []
         for folder in folders:
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -238,13 +230,13 @@ def main() -> None:
         for what in ("other campaign", "swapped columns", "reversed time"):
             ends = over(partial(wrong, what=what), seeds)
             told = ", ".join(f"{ends.count(end)} {end}" for end in sorted(set(ends)))
-            print(row(what, len(ends), told))
+            show(what, len(ends), told)
     else:
         print(heads("postures", "run", "one file, s", "two recorders, s", "ratio"))
         for postures in (12, 60):
             for seed in seeds:
                 one, two = cost(seed, postures)
-                print(row(postures, seed, f"{one:.2f}", f"{two:.2f}", f"{two / one:.2f}"))
+                show(postures, seed, *(f"{figure:.2f}" for figure in (one, two, two / one)))
 
 
 if __name__ == "__main__":
