@@ -31,6 +31,8 @@ EXPANDED_COVERAGE: Final = erf(COVERAGE_FACTOR / sqrt(2.0))
 QUESTIONED: Final = 8e-3
 #: Of it: that a faultless campaign loses a posture as an outlier.
 OUTLYING_POSTURE: Final = 0.125 * QUESTIONED
+#: Trials whose quantiles stand for an interval: 25 lie beyond either end of one of 95 %.
+FEWEST_TRIALS: Final = 1000
 #: That score tests raise any suspicion of an undeclared error.
 UNDECLARED_ERROR: Final = 0.375 * QUESTIONED
 #: That a sensor is said to have turned on the way, or a zero to have jumped. Divided among all

@@ -68,7 +68,7 @@ def certificate(c: Calibration) -> str:
         condition = ("influenceCondition", [_name("Ambient temperature"), data])
         result.append(("influenceConditions", [condition]))
     # The standard uncertainties tell the intervals: k = 2 then covers what it says.
-    linear = c.monte_carlo is None or c.monte_carlo.linear_interval_validated
+    linear = c.monte_carlo is None or not c.monte_carlo.decides
     each = zip(c.supports, _gain_std(c), strict=True)
     results = [_sensor(support, gain_std, linear=linear) for support, gain_std in each]
     result.append(("results", results))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import special
 
 from tdfscal.records import FloatArray
-from tdfscal.significance import INTERVAL_COVERAGE
+from tdfscal.significance import FEWEST_TRIALS, INTERVAL_COVERAGE
 
 _THREE = 0.9973  # coverage of three standard deviations
 
@@ -97,6 +97,11 @@ class MonteCarlo:
     sample: FloatArray
     validated: bool = False
     unsettled: int = 0
+
+    @property
+    def decides(self) -> bool:
+        """Whether the trials' own interval is to be stated: they are many, and it is another."""
+        return not self.validated and self.trials >= FEWEST_TRIALS
 
     def validates(self, low: FloatArray, high: FloatArray) -> bool:
         """Both ends of another interval agree with this one within δ (clause 8)."""

@@ -201,8 +201,7 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     facts.append(("Coverage", _coverage(c)))
     if c.monte_carlo is not None:
         m = c.monte_carlo
-        said = "confirm" if m.linear_interval_validated else "do not confirm"
-        facts.append(("Monte Carlo", f"{m.trials} trials {said} the linear 95 % intervals"))
+        facts.append(("Monte Carlo", f"{m.trials} trials {m.verdict} the linear 95 % intervals"))
     std = np.sqrt(np.diagonal(np.array(c.covariance.matrix)))
     if np.all(std > 0):
         off = np.array(c.covariance.matrix) / np.outer(std, std) - np.eye(len(std))
@@ -233,7 +232,7 @@ def _coverage(c: Calibration) -> str:
         return f"expanded uncertainties with k = {COVERAGE_FACTOR:g}"
     ends = (min(factors), max(factors))
     said = f"{100 * INTERVAL_COVERAGE:g} % intervals, k = {_span(ends, '.2f')}"
-    if c.monte_carlo is not None and not c.monte_carlo.linear_interval_validated:
+    if c.monte_carlo is not None and c.monte_carlo.decides:
         return f"{said}, by the trials"
     dof = sorted(float(n) for n in student_dof(INTERVAL_COVERAGE, ends) if math.isfinite(n))
     return f"{said} for {_span(dof, '.0f')} degrees of freedom" if dof else said

@@ -129,7 +129,7 @@ def caveats(
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
         found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))
-    if trials is not None and not trials.validated:
+    if trials is not None and trials.decides:
         found.append(Finding("intervals-by-trials"))
     if of.estimator == "ml":
         found += exact_caveats(of.fit, of.uncertainty)

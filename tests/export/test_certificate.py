@@ -208,7 +208,7 @@ def test_an_interval_shorter_than_a_standard_uncertainty(tmp_path: Path) -> None
     """D-SI knows no coverage factor below 1: the uncertainty stated is then the larger one."""
     document = C.model_dump()
     rpy = [support["rpy"] for support in document["supports"]]
-    document["monte_carlo"] = {"trials": 1, "rpy_std": rpy, "low": rpy, "high": rpy}
+    document["monte_carlo"] = {"trials": 5000, "rpy_std": rpy, "low": rpy, "high": rpy}
     document["monte_carlo"] |= {"tolerance": 0.0, "linear_interval_validated": False}
     for support in document["supports"]:
         support["rpy_interval"] = {"coverage": 0.95, "low": support["rpy"], "high": support["rpy"]}

@@ -313,7 +313,7 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
     R, std, known = angles.rotation, angles.std(), angles.determined[:, None]
     rpy = so3.to_rpy(R)
     ends = rpy - angles.factor * std, rpy + angles.factor * std
-    if angles.trials is not None and not angles.trials.validated:
+    if angles.trials is not None and angles.trials.decides:
         ends = angles.trials.low, angles.trials.high
     separable = known & ~so3.locked(R)[:, None]
     low, high, stated_std = (np.where(separable, v, np.inf) for v in (*ends, std))

@@ -48,6 +48,7 @@ from tdfscal.files.field_types import (
     key,
 )
 from tdfscal.records import FloatArray, InputFile, Integrity, Measured
+from tdfscal.significance import FEWEST_TRIALS
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -342,6 +343,18 @@ class MonteCarloResult(Strict):
         "per support and angle: trials by (angle − estimate) / rpy_std, from −4 to 4 by quarters",
         None,
     )
+
+    @property
+    def decides(self) -> bool:
+        """Whether the intervals stated are those of the trials."""
+        return not self.linear_interval_validated and self.trials >= FEWEST_TRIALS
+
+    @property
+    def verdict(self) -> str:
+        """What the trials say of the linear intervals."""
+        if self.linear_interval_validated:
+            return "confirm"
+        return "do not confirm" if self.decides else "are too few to judge"
 
 
 class ResidualWrench(Strict):

@@ -274,11 +274,10 @@ def trials(c: Calibration) -> Drawing | None:
         return None
     counts = np.array(m.histogram, dtype=float)[c.determined]
     ratio = (np.array(m.rpy_std) / c.rpy_std)[c.determined]
-    confirm = "confirm" if m.linear_interval_validated else "do not confirm"
     return Drawing(
         "trials",
         "Monte Carlo over the linear prediction",
-        f"{m.trials} trials {confirm} the linear 95 % intervals; their standard deviations are "
+        f"{m.trials} trials {m.verdict} the linear 95 % intervals; their standard deviations are "
         f"{ratio.min():.2f} to {ratio.max():.2f} times the linear ones.",
         lambda: _paint_trials(c, m, counts),
     )
