@@ -39,8 +39,9 @@ def in_process(command: str, monkeypatch: pytest.MonkeyPatch) -> int:
 
 @pytest.fixture
 def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are painted, and not rendered in every format, which has tests of its own."""
+    """Figures are painted for files alone, and not rendered, which has tests of its own."""
     sketch(monkeypatch)
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
 
 
 @pytest.fixture(scope="module")
