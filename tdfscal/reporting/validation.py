@@ -43,6 +43,9 @@ _KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
+_MORE = ("Too few postures to call it still valid: record six or more, with squeezes.",)
+#: Fewer postures than these show no more than a gross change.
+_FEW = 3
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
@@ -173,9 +176,10 @@ def validation_report(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
     zeros = _zero_table(v)
+    few = isinstance(v, Validation) and len(v.used) < _FEW
     report = Report(
         title=v.rig.name,
-        verdict="STILL VALID" if v.holds else "RECALIBRATE",
+        verdict=("NOT CONTRADICTED" if few else "STILL VALID") if v.holds else "RECALIBRATE",
         accepted=v.holds,
         claim=" ".join(reasons(v)),
         reasons=_causes(v),
@@ -192,7 +196,7 @@ def validation_report(
             Section("Left out", layout.listed("Left out", left_out)),
         ),
         warnings=tuple(map(told, findings)),
-        advice=_KEEP if v.holds else _RENEW,
+        advice=(_MORE if few else _KEEP) if v.holds else _RENEW,
     )  # fmt: skip
     if origin is None:
         return report

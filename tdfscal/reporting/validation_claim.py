@@ -126,7 +126,7 @@ def extent(v: Tested) -> str:
     if isinstance(v, MovingValidation):
         return f"{v.seconds:.0f} s of motion"
     whole = f" of {len(v.dwells)}" if v.left_out else ""
-    return f"{len(v.used)}{whole} postures"
+    return f"{len(v.used)}{whole} posture{'s' * (len(v.dwells) > 1)}"
 
 
 def reasons(v: Tested) -> list[str]:
