@@ -225,7 +225,7 @@ def surveyed(
         campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
     )
     inputs = [
-        input_file(path, "verified", note_outside(path, rig.parent, rig.name))
+        input_file(path, "unverified", note_outside(path, rig.parent, rig.name))
         for path in files.paths
     ]
     return result, inputs, found

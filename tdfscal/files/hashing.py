@@ -44,11 +44,17 @@ def printable(text: str) -> str:
 def content_sha256(content: Mapping[str, Any]) -> str:
     """SHA-256 of a document's values, whatever their order and notation.
 
-    It is that of the document as Python's JSON in UTF-8, its keys sorted. content : plain JSON
-    values.
+    It is that of the document as Python's JSON in UTF-8, its keys sorted, those that are null left
+    out at any depth. content : plain JSON values.
     """
-    text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(_without_nulls(content), sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _without_nulls(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nulls(each) for key, each in value.items() if each is not None}
+    return [_without_nulls(each) for each in value] if isinstance(value, list) else value
 
 
 @contextmanager

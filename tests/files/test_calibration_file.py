@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
 import os
 import stat
@@ -207,9 +208,9 @@ BROKEN = [
     (drop("supports", 1, "quaternion_xyzw"), "quaternion_xyzw", "supports[1]"),
     (reflect, "det", "supports[0].rotation"),
     (nudge(2e-9, "supports", 2, "rotation", 0, 0), "rotation", "supports[2].rotation"),
-    (nudge(4e-9, "supports", 1, "rpy", 1), "elsewhere", "supports[1].rpy"),
-    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "elsewhere", "supports[1].quaternion_xyzw"),
-    (nudge(1e-8, "supports", 0, "rpy_std", 2), "elsewhere", "supports[0].rpy_std"),
+    (nudge(4e-9, "supports", 1, "rpy", 1), "supports[1].rotation", "supports[1].rpy"),
+    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "supports[1].rotation", "quaternion_xyzw"),
+    (nudge(1e-8, "supports", 0, "rpy_std", 2), "covariance.matrix", "supports[0].rpy_std"),
     (put("supports", 0, "rpy_interval", "coverage", 95.0), "less than 1", "coverage"),
     (put("supports", 0, "rpy_interval", "low", [9.0, 9.0, 9.0]), "above", "rpy_interval"),
     (put("supports", 0, "name", "ncp9"), "must name ncp1, ncp2, ncp3,", "supports"),
@@ -232,7 +233,11 @@ BROKEN = [
     (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "3 rows", "monte_carlo.low"),
     (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
     (put("findings", [REJECTING | {"severity": "notes"}]), "less", "findings[0].severity"),
-    (put("supports", 0, "rpy_interval", "coverage", 0.96), "elsewhere", "supports[0].rpy_interval"),
+    (
+        put("supports", 0, "rpy_interval", "coverage", 0.96),
+        "supports[0].rpy_interval: disagrees with supports[0].rpy_std",
+        "supports[0].rpy_interval",
+    ),
     (put("rig", "acceptance", "angle_std", 1e-6), "acceptance.angle_std", "status"),
     (put("rig", "acceptance", "birge_max", 1e-3), "acceptance.birge_max", "status"),
     (put("conformity", conformity(force=6.0)), "rig.acceptance", "conformity.force"),
@@ -336,16 +341,56 @@ def test_a_written_file_keeps_mode_and_link_and_a_pipe_stays_one(tmp_path: Path)
 
 
 def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> None:
-    """Each is refused with the cure, or the file reads to the same content."""
+    """Each is refused as an edit, or the file reads to the same content."""
     whole = parse_calibration(json.dumps(made).encode(), "c.json")
     for k, edit in enumerate(edits(made, 16, seed=1)):
         yaml_too = k % 8 == 0
         for text in [json.dumps(edit.document)] + yaml_too * [to_yaml(edit.document)]:
+            said = ""
             try:
                 read = parse_calibration(text.encode(), "c")
-            except DataError:
-                continue
-            assert read == whole, edit.place
+            except DataError as error:
+                said = str(error)
+            if said:
+                assert "content_sha256 does not match" in said or edit.place == ("format",)
+            else:
+                assert read == whole, edit.place
+
+
+@pytest.mark.parametrize(
+    ("change", "look"),
+    [
+        (nudge(1e-6, "supports", 0, "rpy", 1), "rpy: disagrees with supports[0].rotation"),
+        (drop("covariance"), "the top: lacks `covariance`"),
+        (put("terminal", "mass", "std", -1.0), "terminal.mass.std: must be"),
+        (put("seed", 99), None),
+    ],
+)
+def test_an_edited_file_is_called_so_first(
+    made: dict[str, Any], change: Change, look: str | None
+) -> None:
+    edited = copy.deepcopy(made)
+    change(edited)
+    said = "c: the file was changed after tdfscal wrote it (its content_sha256 does not match)"
+    for text in (json.dumps(edited), to_yaml(edited)):
+        with pytest.raises(DataError) as refused:
+            parse_calibration(text.encode(), "c")
+        assert str(refused.value).startswith(said + ("; look at " if look else "."))
+        assert (look or "tdfscal update") in str(refused.value)
+
+
+def test_the_digest_is_that_of_the_documented_recipe(found: Calibration) -> None:
+    """By the json module alone; letters beyond ASCII, nulls of keys and in lists are there."""
+    named = found.model_copy(update={"command": "tdfscal calibrate Prüfstand"})
+    rest = json.loads(dump_calibration(named, "json"), object_hook=_without_null)
+    stated = rest.pop("content_sha256")
+    assert rest["supports"][0]["zero_std"][1] is None
+    text = json.dumps(rest, sort_keys=True, ensure_ascii=False)
+    assert hashlib.sha256(text.encode()).hexdigest() == stated
+
+
+def _without_null(keys: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in keys.items() if value is not None}
 
 
 def test_another_notation_is_no_edit(made: dict[str, Any]) -> None:
@@ -385,4 +430,6 @@ def test_a_joint_file_states_the_contact_wrench_of_both_methods(tmp_path: Path) 
         force = float(np.sqrt(stated[0].force.expanded * stated[1].force.expanded))
     assert "contact-uncertain" in {finding.code for finding in found["self"].reasons}
     assert found["joint"].accepted
+    assert len(found["joint"].inputs) == 5
+    assert {file.integrity for file in found["joint"].inputs} == {"unverified"}  # all is plain text
     assert stated[1].force.conforms

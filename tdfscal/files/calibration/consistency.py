@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 Status = Literal["accepted", "provisional", "rejected"]
 Place = tuple[str | int, ...]
 Statement = tuple[Place, Any, Any]
-"""What stands at a place of a file, and what follows from the rest of it."""
+"""What stands at a place of a file, and what it must be."""
+Repeated = tuple[Place, str, Any, Any]
+"""What stands at a place of a file, from which others it follows too, and what follows."""
 
 UNCONFIRMED = "draft-unconfirmed"
 """Code of the finding that makes an accepted result provisional."""
@@ -39,6 +41,7 @@ SAME = 1e-9
 """Two statements of one value agree within this, relative or in its unit."""
 SAME_STD = 1e-6
 """Two statements of one standard uncertainty agree within this, relative."""
+_COVARIANCE, _VALUES, _VARIANCES = "covariance.matrix", "parameters.value", "parameters.matrix"
 #: Names that a message gives of a list as it should be.
 _NAMED = 6
 ALTERED = (
@@ -46,6 +49,8 @@ ALTERED = (
     "the file as it was written, with all digits, or calibrate again"
 )
 """What to do with a calibration file that was edited."""
+CHANGED = "the file was changed after tdfscal wrote it (its content_sha256 does not match)"
+"""What is said of one that has a digest."""
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -65,12 +70,12 @@ def check(c: Calibration) -> None:
         _check_parameters(c, c.parameters, matrix)
     for index in np.flatnonzero(c.determined).tolist():
         check_rotation(c.rotation[index], "supports", index, "rotation")
-    for place, stated, other in said_twice(c):
+    for place, source, stated, other in said_twice(c):
         std = str(place[-1]).endswith(("std", "variance"))
         rtol, atol = (SAME_STD, 0.0) if std else (SAME, SAME)
         values = np.array(stated, dtype=np.float64)  # None, which stands for nothing, is NaN
         if not np.all(np.isnan(values) | np.isclose(values, other, rtol=rtol, atol=atol)):
-            raise fault("does not follow from what the file says elsewhere", *place, hint=ALTERED)
+            raise fault(f"disagrees with {source}", *place, hint=ALTERED)
     _check_limits(c)
 
 
@@ -151,63 +156,68 @@ def _rows(place: Place, holder: Strict | None, names: Iterable[str], count: int)
     return [((*place, name), len(rows), count) for name, rows in tables if rows is not None]
 
 
-def said_twice(c: Calibration) -> Iterator[Statement]:
+def said_twice(c: Calibration) -> Iterator[Repeated]:
     """Yield what follows from rotations, covariances, parameters and χ², where it stands too."""
     variance = so3.rpy_variance(c.rotation, c.rotation_covariance)
     turns = turn_std(c.rotation_covariance)
     for i in np.flatnonzero(c.determined).tolist():
         support, R, place = c.supports[i], c.rotation[i], ("supports", i)
-        yield (*place, "rpy"), so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
+        source = f"supports[{i}].rotation"
+        yield (*place, "rpy"), source, so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
         quaternion, stated = so3.to_quaternion(R), np.array(support.quaternion_xyzw)
-        yield (*place, "quaternion_xyzw"), stated * np.sign(stated @ quaternion), quaternion
+        signed = stated * np.sign(stated @ quaternion)
+        yield (*place, "quaternion_xyzw"), source, signed, quaternion
         if support.turn_std is not None:
-            yield (*place, "turn_std"), support.turn_std, turns[i]
+            yield (*place, "turn_std"), _COVARIANCE, support.turn_std, turns[i]
         if not so3.locked(R):
-            yield (*place, "rpy_std"), support.rpy_std, np.sqrt(np.maximum(variance[i], 0.0))
+            std = np.sqrt(np.maximum(variance[i], 0.0))
+            yield (*place, "rpy_std"), _COVARIANCE, support.rpy_std, std
             yield from _interval(c, i)
     if c.parameters is not None:
         yield from _zeros_and_load(c, c.parameters)
     for k, entry in enumerate(c.budget.angles if c.budget is not None else ()):
         i, j = c.support_names.index(entry.support), ANGLES.index(entry.angle)
         if not so3.locked(c.rotation[i]):
-            std = np.sqrt(sum(entry.variance.values()))
-            yield ("budget", "angles", k, "variance"), std, np.sqrt(variance[i, j])
+            place, total = ("budget", "angles", k, "variance"), sum(entry.variance.values())
+            yield place, _COVARIANCE, np.sqrt(total), np.sqrt(variance[i, j])
     if c.fit is not None and c.fit.dof:
-        yield ("fit", "p_value"), c.fit.p_value, chi2_sf(c.fit.chi2, c.fit.dof)
-        yield ("fit", "birge"), c.fit.birge, np.sqrt(c.fit.chi2 / c.fit.dof)
+        source, p = "fit.chi2 and fit.dof", chi2_sf(c.fit.chi2, c.fit.dof)
+        yield ("fit", "p_value"), source, c.fit.p_value, p
+        yield ("fit", "birge"), source, c.fit.birge, np.sqrt(c.fit.chi2 / c.fit.dof)
 
 
-def _interval(c: Calibration, i: int) -> Iterator[Statement]:
+def _interval(c: Calibration, i: int) -> Iterator[Repeated]:
     """Yield the middle and the half of a support's interval, unless they are the Monte Carlo's.
 
     No k is smaller than that of a normal distribution.
     """
-    interval, trials, place = c.supports[i].rpy_interval, c.monte_carlo, ("supports", i)
+    place = "supports", i, "rpy_interval"
+    interval, trials = c.supports[i].rpy_interval, c.monte_carlo
     if interval is not None:
         low, high = (np.array(ends, dtype=np.float64) for ends in (interval.low, interval.high))
         drawn = None if trials is None else [trials.low[i], trials.high[i]]
         if drawn is None or not np.allclose([low, high], drawn, rtol=0, atol=SAME):
-            yield (*place, "rpy_interval"), (low + high) / 2, c.rpy[i]
+            yield place, f"supports[{i}].rpy", (low + high) / 2, c.rpy[i]
             half, k = (high - low) / 2, 0.999 * coverage_factor(interval.coverage)
-            yield (*place, "rpy_interval", "coverage"), half, np.maximum(half, k * c.rpy_std[i])
+            yield place, f"supports[{i}].rpy_std", half, np.maximum(half, k * c.rpy_std[i])
 
 
-def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Statement]:
+def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Repeated]:
     """Yield zeros, sensitivities and load by the block of all parameters."""
     given, n = calibrated_from(block, c.loaded_rig().rig, c.rotation), len(c.supports)
     state, std, at = given.state, np.sqrt(np.diagonal(given.covariance)), layout(n)
     zero_std, scale = std[at["zero"]].reshape(n, 3), np.eye(3) + symmetric(state.sensitivity)
     for i, support in enumerate(c.supports):
-        yield ("supports", i, "zero"), support.zero, state.zero[i]
-        yield ("supports", i, "zero_std"), support.zero_std, zero_std[i]
-        yield ("supports", i, "sensitivity"), c.sensitivity[i], scale[i]
+        yield ("supports", i, "zero"), _VALUES, support.zero, state.zero[i]
+        yield ("supports", i, "zero_std"), _VARIANCES, support.zero_std, zero_std[i]
+        yield ("supports", i, "sensitivity"), _VALUES, c.sensitivity[i], scale[i]
     for name, value, group in (
         ("mass", state.mass, "mass"),
         ("barycenter", state.barycentre, "barycentre"),
     ):
         stated = getattr(c.terminal, name)
-        yield ("terminal", name, "value"), stated.value, value
-        yield ("terminal", name, "std"), stated.std, std[at[group]]
+        yield ("terminal", name, "value"), _VALUES, stated.value, value
+        yield ("terminal", name, "std"), _VARIANCES, stated.std, std[at[group]]
 
 
 def check_rotation(R: FloatArray, *place: str | int) -> None:
@@ -251,7 +261,7 @@ def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) 
     rows = np.searchsorted(place, turns)
     own = matrix[np.ix_(rows, rows)]
     if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
-        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
+        raise fault(f"disagrees with {_COVARIANCE}", "parameters", "matrix", hint=ALTERED)
 
 
 def _check_limits(c: Calibration) -> None:

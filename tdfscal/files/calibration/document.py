@@ -8,7 +8,7 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import parts
-from tdfscal.files.calibration.consistency import ALTERED, check
+from tdfscal.files.calibration.consistency import ALTERED, CHANGED, check
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
 from tdfscal.files.hashing import content_sha256
@@ -74,8 +74,9 @@ class Calibration(Strict):
     history: tuple[parts.HistoryEntry, ...] = key("what an update stands on", ())
     findings: tuple[parts.FindingResult, ...] = key("all that was found", ())
     content_sha256: Sha256 | None = key(
-        "SHA-256 of all other keys (as Python's JSON, keys sorted, without nulls), by which an "
-        "edited file is refused whatever its order and notation; other programs' files need none",
+        "by which an edited file is refused: SHA-256 of Python's `json.dumps(rest, "
+        "sort_keys=True, ensure_ascii=False)` in UTF-8, rest being all other keys, at any depth "
+        "without those that are null; other programs' files need none",
         None,
         exclude=True,
     )
@@ -89,7 +90,7 @@ class Calibration(Strict):
             # Without defaults that a later version may add: the file does not state them.
             own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
             if self.content_sha256 != content_sha256(own):
-                raise fault("was altered after it was written", hint=ALTERED)
+                raise fault(CHANGED, hint=ALTERED)
         return self
 
     def __eq__(self, other: object) -> bool:
@@ -253,6 +254,15 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
 def _from_document(document: Document) -> Calibration:
     require_format(document, parts.CALIBRATION_FORMAT, DataError)
-    calibration = checked(Calibration, document, DataError)
+    try:
+        calibration = checked(Calibration, document, DataError)
+    except DataError as error:
+        content = dict(document.content)
+        seal = content.pop("content_sha256", None)
+        if seal in (None, content_sha256(content)) or error.what == CHANGED:
+            raise
+        place = str(error.where).removeprefix(document.source).lstrip(", ") or "the top"
+        what = f"{CHANGED}; look at {place}: {error.what}"
+        raise error.restated(what=what, where=document.source, hint=ALTERED) from None
     calibration._read = True
     return calibration
