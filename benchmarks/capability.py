@@ -12,24 +12,20 @@ rigs would stop on each axis; a contact of the smallest size is put on at every 
 
 from __future__ import annotations
 
-import sys
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
 import tdfscal
-from benchmarks.frame import heads, over, row
+from benchmarks.frame import heads, mean, numbers, over, scratch, show
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.detection.capability import Capability, Request, assess
 from tdfscal.detection.noise import MeasuredNoise, measured_noise
-from tdfscal.detection.path import Path as Places
-from tdfscal.detection.path import ZeroChange, errors
+from tdfscal.detection.path import Path, ZeroChange, errors
 from tdfscal.detection.threshold import Noise
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.model.calibrated import Calibrated
@@ -45,7 +41,6 @@ DRIFT = Drift(time=0.5 / 3600.0, walk=0.3 / 60.0)
 #: What the noise is measured on, s.
 HEAD = 300.0
 WHITE, SLOW, RELAXATION = 1.0, 0.3, 2.0
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 @dataclass(frozen=True)
@@ -248,7 +243,7 @@ def judged(case: Case, given: Calibrated, path: Way, noise: MeasuredNoise) -> Ca
     )  # fmt: skip
     time: FloatArray = np.arange(len(position)) * np.float64(BLOCK)
     zeros = ZeroChange(DRIFT, ZeroAge(AGE), None, None) if case.drifts else None
-    stand = errors(given, Places(time, position, reading, averaged=False), zeros, np.zeros(6))
+    stand = errors(given, Path(time, position, reading, averaged=False), zeros, np.zeros(6))
     request = Request(-np.log1p(-STATED) * 3600.0 / LENGTH, 0.95, case.cutoff)
     return assess(given, stand, noise, time, LENGTH, request)
 
@@ -267,9 +262,9 @@ def calibration(supports: int) -> Calibrated:
     recorder = Recorder(dwell=(2.5, 3.0), move=(1.0, 1.5), force_rate=50.0, position_rate=50.0)
     options = Options(postures=14, squeeze=300.0, recorder=recorder)
     campaign = simulate_campaign(make_rig(supports), options, rng)
-    with tempfile.TemporaryDirectory() as folder:
-        write_campaign(campaign, Path(folder) / "c", format="parquet")
-        return calibrated(tdfscal.calibrate(Path(folder) / "c", trials=0))
+    with scratch() as folder:
+        write_campaign(campaign, folder / "c", format="parquet")
+        return calibrated(tdfscal.calibrate(folder / "c", trials=0))
 
 
 def one(case: Case) -> FloatArray:
@@ -285,32 +280,31 @@ def one(case: Case) -> FloatArray:
         high = low
     wrench = wrench[:, low] * (1.0 - share) + wrench[:, high] * share
     wrench += noise_of(case, rng, given, RIGS, LENGTH)
-    plain = replace(case)
     head = noise_of(Case(case.seed % 32), rng, given, 1, HEAD)[0]
     time = np.arange(len(head)) / RATE
     rest = [] if case.moving else [slice(k, k + 1500) for k in range(0, len(head), 1500)]
     measured = measured_noise(time, head, rest, case.cutoff, window=60.0, degree=0)
     return np.stack(
-        [rates(judged(plain, given, path, n), wrench) for n in (stated(case, given), measured)]
+        [rates(judged(case, given, path, n), wrench) for n in (stated(case, given), measured)]
     )
 
 
-def groups(cases: list[Case]) -> Iterator[tuple[str, list[int]]]:
-    """Rows of the table."""
-    kinds: dict[str, list[bool]] = {
-        "all": [True for _ in cases],
-        **{f"{n} supports": [c.supports == n for c in cases] for n in (3, 4, 5, 6)},
-        "at rest": [not c.moving for c in cases],
-        "in motion": [c.moving for c in cases],
-        "white noise": [not c.slow for c in cases],
-        "slow noise too": [c.slow for c in cases],
-        "zeros stay": [not c.drifts for c in cases],
-        "zeros drift": [c.drifts for c in cases],
-        "no filter": [c.cutoff is None for c in cases],
-        "filter 5 Hz": [c.cutoff is not None for c in cases],
-    }
-    for name, holds in kinds.items():
-        yield name, [k for k, one_of_it in enumerate(holds) if one_of_it]
+#: Rows of the table.
+GROUPS: dict[str, Callable[[Case], bool]] = {
+    "all": lambda case: True,
+    "3 supports": lambda case: case.supports == 3,
+    "4 supports": lambda case: case.supports == 4,
+    "5 supports": lambda case: case.supports == 5,
+    "6 supports": lambda case: case.supports == 6,
+    "at rest": lambda case: not case.moving,
+    "in motion": lambda case: case.moving,
+    "white noise": lambda case: not case.slow,
+    "slow noise too": lambda case: case.slow,
+    "zeros stay": lambda case: not case.drifts,
+    "zeros drift": lambda case: case.drifts,
+    "no filter": lambda case: case.cutoff is None,
+    "filter 5 Hz": lambda case: case.cutoff is not None,
+}
 
 
 def docking() -> None:
@@ -331,20 +325,19 @@ def docking() -> None:
         parts = [systematic(case, given, path, rng) for _ in range(4)]
         wrench = np.repeat(np.concatenate(parts), each, axis=1)
         wrench = (wrench + noise_of(case, rng, given, len(wrench), LENGTH))[:, :, :3]
-        for name, limit in (
-            ("paper", np.array([20.0, 20.0, 40.0])),
-            ("ours", found.threshold[:3]),
-        ):
+        limits = {"paper": np.array([20.0, 20.0, 40.0]), "ours": found.threshold[:3]}
+        for name, limit in limits.items():
             stopped = np.mean((np.abs(wrench).max(axis=1) > limit).any(axis=1))
             seen_there = np.mean(np.abs(wrench[:, 25::50, 2] + 12.1) > limit[2])
             least = [np.quantile(limit[k] - wrench[:, 25::50, k], 0.95) for k in range(3)]
-            print(row(name, case.cutoff or "none", ", ".join(f"{v:.3g}" for v in limit),
-                      f"{100 * stopped:.1f}", f"{100 * seen_there:.1f}",
-                      ", ".join(f"{v:.3g}" for v in least)))  # fmt: skip
+            show(name, case.cutoff or "none", ", ".join(f"{v:.3g}" for v in limit),
+                 f"{100 * stopped:.1f}", f"{100 * seen_there:.1f}",
+                 ", ".join(f"{v:.3g}" for v in least))  # fmt: skip
 
 
-def main(count: int) -> None:
-    """Print the table."""
+def main() -> None:
+    """Print the tables."""
+    (count,) = numbers(64)
     np.seterr(all="ignore")
     cases = [Case(seed) for seed in range(count)]
     found = np.stack(over(one, cases))
@@ -355,14 +348,12 @@ def main(count: int) -> None:
     )
     print(heads("", "paths", "false stops, %", "seen, %", "noise measured: false stops, %",
                 "seen, %"))  # fmt: skip
-    for name, rows in groups(cases):
-        part = found[rows].mean(axis=3).reshape(len(rows), 4)
-        error = part.std(axis=0) / np.sqrt(max(len(rows), 1))
-        cells = [f"{100 * m:.2f} ± {100 * e:.2f}" for m, e in zip(part.mean(axis=0), error,
-                                                                  strict=True)]  # fmt: skip
-        print(row(name, len(rows), *cells))
+    for name, holds in GROUPS.items():
+        rows = [k for k, case in enumerate(cases) if holds(case)]
+        show(name, len(rows), *(mean(100 * found[rows, way, rate].mean(axis=1))
+                                for way in (0, 1) for rate in (0, 1)))  # fmt: skip
+    docking()
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 64)
-    docking()
+    main()
