@@ -24,16 +24,8 @@ from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Drift as DeclaredDrift
 from tdfscal.records import FloatArray, Log, Rig, Series
-from tdfscal.simulation import (
-    Campaign,
-    Contact,
-    Drift,
-    Faults,
-    Options,
-    Recorder,
-    reference_rig,
-    simulate_campaign,
-)
+from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
+from tdfscal.simulation.faults import Contact, Drift, Faults
 
 USED, HELD = 16, 8
 RATE = 100.0
@@ -162,35 +154,29 @@ def campaign(case: Case, rng: np.random.Generator) -> Campaign:
     return replace(plain, rig=rig, log=replace(plain.log, force=tuple(force)))
 
 
-def cut(log: Log, start: float, end: float) -> Log:
+def cut(log: Log, start: float, end: float, by: float = 0.0) -> Log:
+    """A part of a log, and its clock set forward by so much."""
+
     def part(s: Series) -> Series:
         keep = (s.time >= start) & (s.time < end)
-        return Series(s.time[keep], s.value[keep])
+        return Series(s.time[keep] + by, s.value[keep])
 
     return replace(log, position=tuple(map(part, log.position)), force=tuple(map(part, log.force)))
-
-
-def moved(log: Log, by: float) -> Log:
-    position, force = (
-        tuple(Series(s.time + by, s.value) for s in streams)
-        for streams in (log.position, log.force)
-    )
-    return replace(log, position=position, force=force)
 
 
 def run(case: Case, seed: int, home: Path) -> dict[str, Any]:
     """Errors (N, 6) and standard uncertainties of the samples at rest, contact-free and not."""
     c = campaign(case, np.random.default_rng(seed))
     middle = 0.5 * (c.end[USED - 1] + c.start[USED])
-    used, log = cut(c.log, 0.0, middle), cut(c.log, middle, np.inf)
-    for part, place in ((used, "used"), (log, "held")):
-        stamped = moved(part, CLOCK) if case.clock else part
-        write_campaign(replace(c, log=stamped), home / place, format="parquet")
+    for place, span in (("used", (0.0, middle)), ("held", (middle, np.inf))):
+        log = cut(c.log, *span, CLOCK if case.clock else 0.0)
+        write_campaign(replace(c, log=log), home / place, format="parquet")
     found = tdfscal.calibrate([home / "used"], trials=0)
     result = tdfscal.apply(found, [home / "held"], filter=case.filter)  # type: ignore[arg-type]
     columns = result.columns
     assert columns is not None
-    time = columns["time"] - columns["time"][0] + log.force[0].time[0]
+    begun = c.log.force[0].time
+    time = columns["time"] - columns["time"][0] + begun[begun >= middle][0]
     value, std, common = (
         np.stack([columns[f"{prefix}{name}"] for name in COMPONENTS], axis=1)
         for prefix in ("", "u_", "u_cal_")

@@ -25,19 +25,17 @@ from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import (
+from tdfscal.simulation import Faults, Options, reference_rig, simulate_dwells
+from tdfscal.simulation.faults import (
     Contact,
     Crosstalk,
     Drift,
-    Faults,
     Gain,
-    Options,
     Slip,
+    Walk,
+    Warming,
     ZeroShift,
-    reference_rig,
-    simulate_dwells,
 )
-from tdfscal.simulation.faults import Walk, Warming
 from tdfscal.validation.residual_wrench import validate
 
 USED, HELD, FEW = 24, 8, 6
@@ -210,15 +208,7 @@ def tared(dwells: Dwells, shift: FloatArray) -> Dwells:
     """Dwells whose zeros are others after the calibration, and fewer of them."""
     force = dwells.force.copy()
     force[USED:] += shift
-    return rows_of(replace(dwells, force=force), slice(0, USED + FEW))
-
-
-def rows_of(dwells: Dwells, rows: slice) -> Dwells:
-    per_dwell = ("start", "end", "position", "position_cov", "force", "force_cov", "force_min",
-                 "force_max", "count", "effective")  # fmt: skip
-    changes = {name: getattr(dwells, name)[rows] for name in per_dwell}
-    temperature = None if dwells.temperature is None else dwells.temperature[rows]
-    return replace(dwells, temperature=temperature, **changes)
+    return replace(dwells, force=force).take(range(USED + FEW))
 
 
 def said(command: str, fault: Fault, sound: Dwells, dwells: Dwells) -> list[str]:
@@ -234,7 +224,7 @@ def said(command: str, fault: Fault, sound: Dwells, dwells: Dwells) -> list[str]
 def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
     """Names of the suspected causes, the likeliest first."""
     try:
-        result = calibrated(fault.stated, rows_of(dwells, slice(0, USED)))
+        result = calibrated(fault.stated, dwells.take(range(USED)))
     except TdfscalError as error:
         return [f"refused: {error.what[:30]}"]
     said = [named(s.kind, s.support, _OF_CALIBRATE) for s in result.suspicions]
@@ -252,17 +242,16 @@ def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
 
 
 def sound_calibration(dwells: Dwells) -> Calibrated:
-    result = calibrated(RIG, rows_of(dwells, slice(0, USED)))
+    result = calibrated(RIG, dwells.take(range(USED)))
     return joint_posterior(result.fit, result.uncertainty.covariance)
 
 
 def said_by_validate(given: Calibrated, dwells: Dwells) -> list[str]:
-    verdict = validate(given, rows_of(dwells, slice(USED, None)))
+    verdict = validate(given, dwells.take(range(USED, len(dwells))))
     if verdict.holds:
         return []
-    return [named(c.kind, c.support, _OF_VALIDATE) for c in verdict.suspected] or [
-        "no single cause"
-    ]
+    found = [named(c.kind, c.support, _OF_VALIDATE) for c in verdict.suspected]
+    return found or ["no single cause"]
 
 
 def table(command: str, faults: list[Fault], runs: int) -> None:

@@ -97,14 +97,8 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
 class Drawn:
     """Histories drawn from the information of simulated campaigns."""
 
-    def __init__(
-        self,
-        rng: np.random.Generator,
-        zero: float,
-        rig: Rig = RIG,
-        postures: int = 5,
-        finer: float = 1.0,
-    ) -> None:
+    def __init__(self, rng: np.random.Generator, zero: float, rig: Rig = RIG, postures: int = 5,
+                 finer: float = 1.0) -> None:  # fmt: skip
         """finer : by so much all readings and positions of a check are better than the rig's."""
         self.rng, self.turns = rng, 3 * rig.n
         std = np.where(np.isinf(rig.zero.std), np.inf, zero)
