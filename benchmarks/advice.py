@@ -28,17 +28,8 @@ from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.reporting.advice import advise
-from tdfscal.simulation import Faults, Options, Recorder, reference_rig, simulate_campaign
-from tdfscal.simulation.faults import (
-    Contact,
-    Crosstalk,
-    DeadAxis,
-    Drift,
-    Gain,
-    Slip,
-    Warming,
-    ZeroShift,
-)
+from tdfscal.simulation import Faults, Options, Recorder, Slip, reference_rig, simulate_campaign
+from tdfscal.simulation.faults import Contact, Crosstalk, DeadAxis, Drift, Gain, Warming, ZeroShift
 
 RIG = reference_rig()
 BASE = Options(squeeze=100.0)

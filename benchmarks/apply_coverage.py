@@ -168,8 +168,8 @@ def run(case: Case, seed: int, home: Path) -> dict[str, Any]:
     """Errors (N, 6) and standard uncertainties of the samples at rest, contact-free and not."""
     c = campaign(case, np.random.default_rng(seed))
     middle = 0.5 * (c.end[USED - 1] + c.start[USED])
-    for place, span in (("used", (0.0, middle)), ("held", (middle, np.inf))):
-        log = cut(c.log, *span, CLOCK if case.clock else 0.0)
+    for place, start, end in (("used", 0.0, middle), ("held", middle, np.inf)):
+        log = cut(c.log, start, end, CLOCK if case.clock else 0.0)
         write_campaign(replace(c, log=log), home / place, format="parquet")
     found = tdfscal.calibrate([home / "used"], trials=0)
     result = tdfscal.apply(found, [home / "held"], filter=case.filter)  # type: ignore[arg-type]

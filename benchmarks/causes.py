@@ -25,17 +25,8 @@ from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Faults, Options, reference_rig, simulate_dwells
-from tdfscal.simulation.faults import (
-    Contact,
-    Crosstalk,
-    Drift,
-    Gain,
-    Slip,
-    Walk,
-    Warming,
-    ZeroShift,
-)
+from tdfscal.simulation import Faults, Options, ZeroShift, reference_rig, simulate_dwells
+from tdfscal.simulation.faults import Contact, Crosstalk, Drift, Gain, Slip, Walk, Warming
 from tdfscal.validation.residual_wrench import validate
 
 USED, HELD, FEW = 24, 8, 6
@@ -208,7 +199,15 @@ def tared(dwells: Dwells, shift: FloatArray) -> Dwells:
     """Dwells whose zeros are others after the calibration, and fewer of them."""
     force = dwells.force.copy()
     force[USED:] += shift
-    return replace(dwells, force=force).take(range(USED + FEW))
+    return rows_of(replace(dwells, force=force), slice(0, USED + FEW))
+
+
+def rows_of(dwells: Dwells, rows: slice) -> Dwells:
+    per_dwell = ("start", "end", "position", "position_cov", "force", "force_cov", "force_min",
+                 "force_max", "count", "effective")  # fmt: skip
+    changes = {name: getattr(dwells, name)[rows] for name in per_dwell}
+    temperature = None if dwells.temperature is None else dwells.temperature[rows]
+    return replace(dwells, temperature=temperature, **changes)
 
 
 def said(command: str, fault: Fault, sound: Dwells, dwells: Dwells) -> list[str]:
@@ -224,7 +223,7 @@ def said(command: str, fault: Fault, sound: Dwells, dwells: Dwells) -> list[str]
 def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
     """Names of the suspected causes, the likeliest first."""
     try:
-        result = calibrated(fault.stated, dwells.take(range(USED)))
+        result = calibrated(fault.stated, rows_of(dwells, slice(0, USED)))
     except TdfscalError as error:
         return [f"refused: {error.what[:30]}"]
     said = [named(s.kind, s.support, _OF_CALIBRATE) for s in result.suspicions]
@@ -242,12 +241,12 @@ def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
 
 
 def sound_calibration(dwells: Dwells) -> Calibrated:
-    result = calibrated(RIG, dwells.take(range(USED)))
+    result = calibrated(RIG, rows_of(dwells, slice(0, USED)))
     return joint_posterior(result.fit, result.uncertainty.covariance)
 
 
 def said_by_validate(given: Calibrated, dwells: Dwells) -> list[str]:
-    verdict = validate(given, dwells.take(range(USED, len(dwells))))
+    verdict = validate(given, rows_of(dwells, slice(USED, None)))
     if verdict.holds:
         return []
     found = [named(c.kind, c.support, _OF_VALIDATE) for c in verdict.suspected]
