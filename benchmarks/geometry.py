@@ -209,17 +209,11 @@ def line(case: Case, runs: int) -> None:
     count = np.mean([len(each.said) for each in found if each.right] or [0])
     where = "along z" if case.way else "any way"
     size = f"{1e3 * case.size:g} mm at {case.radius:g} m, {case.n} supports, {where}"
-    show(
-        "in motion" if case.moving else "at rest",
-        f"{case.kind} {size}",
-        tally(verdicts),
-        f"{sum(each.right for each in found)} of {runs}",
-        " / ".join(f"{p:.1f}" for p in np.sum([o.visible for o in found], axis=0)),
-        f"{count:.1f}",
-        _harmed(found, "warned", "silent"),
-        _harmed(found, "silent"),
-        f"{(time.process_time() - started) / runs:.1f}",
-    )
+    right, seconds = sum(each.right for each in found), (time.process_time() - started) / runs
+    visible = " / ".join(f"{p:.1f}" for p in np.sum([o.visible for o in found], axis=0))
+    harmed = _harmed(found, "warned", "silent"), _harmed(found, "silent")
+    show("in motion" if case.moving else "at rest", f"{case.kind} {size}", tally(verdicts),
+         f"{right} of {runs}", visible, f"{count:.1f}", *harmed, f"{seconds:.1f}")  # fmt: skip
 
 
 def _harmed(found: list[Outcome], *verdicts: str) -> str:

@@ -1,6 +1,6 @@
 """Time and memory from a log file to dwells, beside the plain readers of each format.
 
-    python benchmarks/logs.py [--seconds 3600] [--keep DIR] [--ten-fold]
+    python -m benchmarks.logs [--seconds 3600] [--keep DIR] [--ten-fold]
 
 Writes its own logs: three supports, 1 kHz, 19 columns (CSV, Parquet), and as MCAP (CDR, zstd)
 positions and forces at half that rate each in six topics. Rewrites `benchmarks/logs.md`.
@@ -190,7 +190,7 @@ def table(folder: Path) -> list[str]:
 PAGE = """\
 # From a log file to dwells
 
-Made by `python benchmarks/logs.py {flags}` with Python {python}.
+Made by `python -m benchmarks.logs {flags}` with Python {python}.
 Three supports at 1 kHz, 19 columns; MCAP in six topics of 83 Hz.
 The plain reader reads all columns (its message loop: all messages) and does nothing
 else; tdfscal's time goes from the file to the dwells, checks and SHA-256 included.

@@ -150,18 +150,16 @@ def table(results: list[dict[str, Any]]) -> str:
     within, in_rate = (
         100 * np.mean([abs(r[key]) <= 3.0 for r in good]) for key in ("offset", "rate")
     )
+    one, apart = (sum(r["accepted"][k] for r in good) for k in (0, 1))
+    change = [r["change"] for r in good]
     return row(
-        len(results),
-        f"{sum(r['accepted'][1] for r in good)} ({sum(r['accepted'][0] for r in good)})",
-        f"{np.median([r['change'] for r in good]):.3f}, {max(r['change'] for r in good):.2f}",
-        f"{within:.0f} %",
-        f"{1e3 * np.median([r['offset std'] for r in good]):.1f}",
-        f"{in_rate:.0f} %",
-        f"{rms(z):.2f} ({rms(z1):.2f})",
+        len(results), f"{apart} ({one})", f"{np.median(change):.3f}, {max(change):.2f}",
+        f"{within:.0f} %", f"{1e3 * np.median([r['offset std'] for r in good]):.1f}",
+        f"{in_rate:.0f} %", f"{rms(z):.2f} ({rms(z1):.2f})",
         f"{np.mean([r['d2'] for r in good]):.2f}",
         f"{100 * inside(z, np.ones_like(z)):.1f} %",
         f"{np.median([r['cost'] for r in good]):.2f}",
-    )
+    )  # fmt: skip
 
 
 HEAD = heads(

@@ -103,14 +103,10 @@ def row(job: tuple[int, Cell, int]) -> Row:
         bounds.append(bound(rig, batch, i))
     e, std, distance = (np.array(part) for part in zip(*found, strict=True))
     return Row(
-        cell,
-        rms(e),
-        rms(bounds),
-        rms(std),
-        float(np.mean(distance)),
+        cell, rms(e), rms(bounds), rms(std), float(np.mean(distance)),
         float(np.mean(e**2 < chi2_quantile(0.95, 1) * std**2)),
         float(np.mean(3 * rig.n * distance < chi2_quantile(0.95, 3 * rig.n))),
-    )
+    )  # fmt: skip
 
 
 def cells() -> list[Cell]:
