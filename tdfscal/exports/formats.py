@@ -30,7 +30,7 @@ _URDF = """\
 _JOINT = """\
   <link name="{sensor}"/>
   <!-- zero of {name}: {zero} N; {said} -->
-  <joint name="{sensor}_joint" type="fixed">
+{gain}  <joint name="{sensor}_joint" type="fixed">
     <parent link="{base}"/>
     <child link="{sensor}"/>
     <origin xyz="0 0 0" rpy="{rpy}"/>
@@ -144,6 +144,12 @@ def uncertain(support: SupportResult) -> str:
     return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
 
 
+def _gain(support: SupportResult) -> str:
+    """The sensor's sensitivity, by rows, in words; empty where none was estimated."""
+    rows = [list(map(float, row)) for row in support.sensitivity or ()]
+    return f"{support.name}: sensitivity {rows}" if rows else ""
+
+
 def number(value: float | None) -> str:
     """Return the shortest text that reads back as the same double; none of what is not known."""
     return "" if value is None else repr(float(value))
@@ -171,12 +177,14 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
         *origin(c),
         "An NCP only translates, so its link has the BCS's axes: paste each joint under that link. "
         "xyz is not calibrated; set it from the drawing.",
-        "A rotation alone does not correct a reading: subtract the zero, given with each joint.",
+        "A rotation alone does not correct a reading: first subtract the zero, given with each "
+        "joint, and multiply by the inverse of the sensitivity where one is given.",
     ]
     joints = [
         _JOINT.format(
             sensor=sensor_frame(support.name),
             name=support.name,
+            gain=f"  <!-- {gain}, not applied by URDF -->\n" if (gain := _gain(support)) else "",
             zero=" ".join(map(number, support.offset)),
             said=xml_comment(uncertain(support)),
             base=base,
@@ -210,9 +218,8 @@ def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | Non
     for support in determined(c):
         name, sensor = support.name, sensor_frame(support.name)
         notes.append(f"{name}: {uncertain(support)}")
-        if support.sensitivity is not None:
-            rows = [list(map(float, row)) for row in support.sensitivity]
-            notes.append(f"{name}: sensitivity {rows}, not applied by a broadcaster")
+        if gain := _gain(support):
+            notes.append(f"{gain}, not applied by a broadcaster")
         turn = map(number, support.quaternion_xyzw or ())
         notes.append(_TRANSFORM.format(*turn, base=base, sensor=sensor))
         offset = {axis: -zero + 0.0 for axis, zero in zip("xyz", support.offset, strict=True)}

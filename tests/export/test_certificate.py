@@ -177,6 +177,17 @@ def test_dates_serials_and_conditions_are_those_of_the_measurement(tmp_path: Pat
     check(text, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("source", "said"), [("log", "by the log's own clock"), ("file", "by the file's date")]
+)
+def test_it_says_by_what_it_is_dated(source: str, said: str) -> None:
+    measured = {"begin": "2026-11-20T08:00:00Z", "end": "2026-11-20T08:00:00Z", "source": source}
+    root = ET.fromstring(certificate(by_hand({**C.model_dump(), "measured": measured})))
+    lines = [str(e.text) for e in root.iterfind(".//dcc:description/dcc:content", NAMES)]
+    (told,) = (line for line in lines if line.startswith("Measured: "))
+    assert told == f"Measured: 2026-11-20 08:00:00 UTC, {said}"
+
+
 def test_it_says_that_it_is_a_draft() -> None:
     text = certificate(C)
     root = ET.fromstring(text)
