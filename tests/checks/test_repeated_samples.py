@@ -104,19 +104,18 @@ def test_a_stale_sensor_alone_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "force_tau"),
     [
-        lambda value: value,
-        lambda value: np.round(value),
-        lambda value: np.round(value / 5) * 5,
-        lambda value: np.round(value / 50) * 50,
-        lambda value: 0.0 * value,
-        held,
-        hum,
+        (lambda value: value, 0.05),
+        (lambda value: np.round(value), 0.05),
+        (lambda value: np.round(value / 5) * 5, 0.0),
+        (lambda value: np.round(value / 50) * 50, 0.0),
+        (lambda value: 0.0 * value, 0.0),
+        (held, 0.05),
+        (hum, 0.0),
     ],
     ids=["full", "noise", "five times the noise", "fifty times", "dead", "held", "hum"],
 )
-@pytest.mark.parametrize("force_tau", [0.0, 0.05])
 def test_a_sound_log_repeats_nothing(
     change: Callable[[FloatArray], FloatArray], force_tau: float
 ) -> None:

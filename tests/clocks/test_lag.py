@@ -151,7 +151,7 @@ def until(log: Log, end: float) -> Log:
     )
 
 
-@pytest.mark.parametrize(("seed", "which"), [(4, 0), (5, 1), (9, 1), (12, 0)])
+@pytest.mark.parametrize(("seed", "which"), [(4, 0), (5, 1)])
 def test_one_recorder_that_ended_early_is_found_by_half_of_the_moves(seed: int, which: int) -> None:
     both = list(recorded_apart(campaign("self", seed), Apart(3.7), np.random.default_rng(1)))
     series = (both[0].position, both[1].force)[which][0]
@@ -184,8 +184,10 @@ def stated(offset: float, std: float, rate_std: float = 1e-4) -> ClockPrior:
     return ClockPrior(UncertainValue(np.array(offset), np.array(std)), rate_std)
 
 
-@pytest.mark.parametrize("rate_std", [0.0, 1e-4])
-@pytest.mark.parametrize(("off", "std"), [(2 * 81234.5, 0.0), (1e3, 0.5), (-1e3, 0.0), (1e9, 0.5)])
+@pytest.mark.parametrize(
+    ("off", "std", "rate_std"),
+    [(2 * 81234.5, 0.0, 1e-4), (1e3, 0.5, 0.0), (-1e3, 0.0, 1e-4), (1e9, 0.5, 0.0)],
+)
 def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
     pair: tuple[Tracks, Tracks], off: float, std: float, rate_std: float
 ) -> None:

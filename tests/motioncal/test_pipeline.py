@@ -88,7 +88,11 @@ def test_held_out_stretches_and_halves_agree_with_the_noise() -> None:
     ("options", "error", "word"),
     [
         (replace(MINUTE, quantum=1e-4), DataError, "steps of 100 µm"),
-        (replace(MINUTE, travel=0.0, tilt=0.0, squeeze=0.0), NotIdentifiableError, "yaw"),
+        (
+            replace(MINUTE, duration=30.0, travel=0.0, tilt=0.0, squeeze=0.0),
+            NotIdentifiableError,
+            "yaw",
+        ),
         (replace(MINUTE, duration=3.0), DataError, "no stretch"),
         (replace(MINUTE, rate=1.0, frequency=0.4), DataError, "faster"),
     ],

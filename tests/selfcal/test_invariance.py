@@ -75,10 +75,9 @@ def test_origin_of_the_bcs() -> None:
     assert np.abs(angles(RIG, moved) - REFERENCE).max() < CLOSE
 
 
-@pytest.mark.parametrize("turn", [0.4, -2.5])
-def test_the_bcs_turned_about_gravity(turn: float) -> None:
+def test_the_bcs_turned_about_gravity() -> None:
     """Positions turn, readings do not: every X_i turns with the BCS."""
-    Q = so3.from_rpy(np.array([0.0, 0.0, turn]))
+    Q = so3.from_rpy(np.array([0.0, 0.0, -2.5]))
     turned = replace(
         DWELLS,
         position=DWELLS.position @ Q.T,
@@ -128,9 +127,7 @@ def test_units_of_length() -> None:
     assert np.abs(angles(rig, dwells) - REFERENCE).max() < CLOSE
 
 
-@pytest.mark.parametrize(
-    "mounting", [[0, 0, np.pi / 2], [0, 0, np.pi], [np.pi, 0, 0], [0.0, 0.0, -np.pi / 2]]
-)
+@pytest.mark.parametrize("mounting", [[0, 0, np.pi / 2], [np.pi, 0, 0]])
 def test_an_unstated_mounting_is_found(mounting: list[float]) -> None:
     """The second sensor stands a quarter or half turn off, and rig.yaml does not say so."""
     rpy = np.random.default_rng(3).normal(scale=0.02, size=(3, 3))
@@ -144,16 +141,15 @@ def test_an_unstated_mounting_is_found(mounting: list[float]) -> None:
     assert not result.reasons
 
 
-@pytest.mark.parametrize("pitch", [-np.pi / 2])
-def test_a_pitch_of_a_right_angle_is_as_good_as_any(pitch: float) -> None:
+def test_a_pitch_of_a_right_angle_is_as_good_as_any() -> None:
     """Roll and yaw are one turn there; the gate judges turns about the axes of the BCS."""
-    rig = simulation.reference_rig()
+    rig, pitch = simulation.reference_rig(), -np.pi / 2
     rig = replace(rig, nominal_rpy=np.array([[0.3, pitch, 0.2], [0, 0, 0], [0.1, pitch, 0]]))
     batch = simulation.simulate_dwells(
-        replace(rig, rpy_std=np.full((3, 3), 1e-3)), SQUEEZED, np.random.default_rng(8), 4
+        replace(rig, rpy_std=np.full((3, 3), 1e-3)), SQUEEZED, np.random.default_rng(8), 2
     )
     total = 0.0
-    for i in range(4):
+    for i in range(2):
         result = self_calibrate(rig, batch.dwells(i), rng=np.random.default_rng(0), max_trials=500)
         assert not result.reasons
         off = so3.log(batch.truth.rotation[i] @ np.swapaxes(result.fit.state.rotation, 1, 2))
@@ -162,4 +158,4 @@ def test_a_pitch_of_a_right_angle_is_as_good_as_any(pitch: float) -> None:
         # A finite scatter also where the angles themselves run over the whole circle.
         ratio = result.monte_carlo.std / result.uncertainty.rpy_std
         assert np.abs(ratio - 1).max() < 5 / np.sqrt(2 * 500)
-    assert stats.chi2.ppf(1e-4, 36) < total < stats.chi2.ppf(1 - 1e-4, 36)
+    assert stats.chi2.ppf(1e-4, 18) < total < stats.chi2.ppf(1 - 1e-4, 18)

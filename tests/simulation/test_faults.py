@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from tdfscal.simulation import (
     Gain,
     Jolt,
     Options,
+    Run,
     ZeroShift,
     make_rig,
     reference_rig,
@@ -146,11 +149,15 @@ def test_saturation_clips_at_the_stated_capacity() -> None:
     np.testing.assert_array_equal(clipped, np.clip(whole, -capacity, capacity))
 
 
+@cache
+def squeezed(scenario: str) -> Run:
+    options = Options(postures=K, squeeze=100.0)
+    return run(reference_rig(), scenario, options, np.random.default_rng(0))
+
+
 @pytest.mark.parametrize("name", [n for n in SCENARIOS if n not in ("self", "tracker")])
 def test_every_scenario_is_the_same_machine_with_one_fault(name: str) -> None:
-    options = Options(postures=K, squeeze=100.0)
-    plain = run(reference_rig(), "self", options, np.random.default_rng(0))
-    faulty = run(reference_rig(), name, options, np.random.default_rng(0))
+    plain, faulty = squeezed("self"), squeezed(name)
     np.testing.assert_array_equal(plain.truth.rotation, faulty.truth.rotation)
     assert plain.survey is not None
     assert faulty.survey is not None

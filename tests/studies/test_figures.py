@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -36,7 +34,7 @@ def dockings(largest: float) -> docking.Dockings:
     return docking.Dockings(docking.Setup(loose_rig(), Controller(), GearPair()), arms, result)
 
 
-def test_scales_are_shared_and_their_numbers_plain(tmp_path: Path) -> None:
+def test_scales_are_shared_and_their_numbers_plain() -> None:
     """A layout that has no room warns, which is an error here."""
     for largest in (0.5, 3.0e4):
         one = dockings(largest)
@@ -44,7 +42,7 @@ def test_scales_are_shared_and_their_numbers_plain(tmp_path: Path) -> None:
         assert [d.name for d in run] == ["fig-17-docking", "fig-18-docking"]
         for drawing, which in zip(run, "yx", strict=True):
             if (largest, which) == (3.0e4, "x"):  # the longest numbers, side by side
-                style.save(drawing, tmp_path)
+                style.to_svg(drawing)
             panels = np.array(style.to_figure(drawing).axes).reshape(2, 3)
             for row in panels:
                 limits = [getattr(ax, f"get_{which}lim")() for ax in row]
