@@ -447,3 +447,9 @@ def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
         assert place.read_bytes() == before
     assert run(capsys, *line, "--rig", "other.yaml", "-o", place).status == 0
     assert "Other rig" in place.read_text()
+
+
+def test_an_option_in_a_name_s_place_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    ended = run(capsys, "calibrate", "--html", "-q", SAMPLES / "csv")
+    assert ended.status == 2
+    assert "a file's name is missing before -q" in ended.err
