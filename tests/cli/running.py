@@ -38,6 +38,11 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
     return Run(status, captured.out, captured.err)
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
 def rows(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file by its header."""
     with path.open(encoding="utf-8", newline="") as stream:

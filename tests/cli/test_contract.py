@@ -14,7 +14,7 @@ import pytest
 
 from tdfscal.cli import app
 from tdfscal.cli.app import made
-from tests.cli.running import Run, run
+from tests.cli.running import Run, contents, run
 
 ERRORS = (2, 3, 4)
 #: A stage of the work with the seconds since its start.
@@ -166,10 +166,6 @@ def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in the folder; leave out drawing figures, which takes seconds too."""
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def messages(seen: Run) -> list[str]:

@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from tdfscal.files.saving import write_text
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, contents, run
 
 FAST = "--postures 4"
 #: Every output that is one file: the command with its place, and the suffix of that place.
@@ -54,10 +54,6 @@ def home(made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(made)
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
     return made
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def routes(target: Path, suffix: str) -> Iterator[Path]:

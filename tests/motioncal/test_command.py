@@ -100,7 +100,7 @@ def test_supports_too_soft_to_squeeze_show_no_angle(tmp_path: Path) -> None:
 
 def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
     folder = tmp_path / "stops"
-    tdfscal.simulate(folder, scenario="stops", format="parquet", rate=100.0, seed=2)
+    tdfscal.simulate(folder, scenario="stops", format="parquet", rate=50.0, seed=2)
     dwells = tdfscal.calibrate(folder, trials=0)
     both = tdfscal.calibrate(folder, samples="all", trials=0)
     assert dwells.motion is None

@@ -16,7 +16,10 @@ from tests.cli.running import rows
 RIG = Path(__file__).parents[2] / "studies" / "rig.yaml"
 
 
-def test_sensitivity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sensitivity(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
     out = tmp_path / "out"
     assert main(["sensitivity", str(RIG), "-o", str(out), "--json"]) == 0
     document = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
