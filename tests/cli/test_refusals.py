@@ -72,9 +72,7 @@ FAULTS: dict[str, tuple[Break, int, str]] = {
     "missing rig": (lambda f: (f / "rig.yaml").unlink(), 2, "rig"),
     "empty rig": (lambda f: (f / "rig.yaml").write_text(""), 2, "rig.yaml"),
     "NaN": (edit_log(with_nan), 3, "ncp2.fx"),
-    "mm read as m": (edit_log(scaled("", "xyz", 1e3)), 3, "in mm"),
     "kN read as N": (edit_log(scaled("f", "xyz", 1e-3)), 3, "force_unit"),
-    "reaction read as force": (edit_log(scaled("f", "xyz", -1.0)), 3, "force_on"),
     "swapped sensors": (edit_log(renamed(swap("f"))), 3, "ncp1 taken from ncp2"),
     "swapped axes": (
         edit_log(renamed({"ncp2.fx": "ncp2.fy", "ncp2.fy": "ncp2.fx"})),

@@ -129,10 +129,6 @@ def campaign(tmp_path: Path) -> Path:
     ("fault", "said"),
     [
         (declared(length_unit="m"), "in mm where m is declared"),
-        (declared(length_unit="um"), "in mm where um is declared"),
-        pytest.param(
-            declared(force_unit="kN"), "in N where kN is declared", marks=pytest.mark.slow
-        ),
         (declared(force_on="sensor"), "set log.force_on"),
     ],
 )
