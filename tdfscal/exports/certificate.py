@@ -1,12 +1,12 @@
 """A draft of a Digital Calibration Certificate (PTB DCC over D-SI).
 
-It is a starting point for a laboratory, not a certificate: laboratory, customer and responsible
-person stand as blanks, and every place that a reader looks at first says that it is a draft.
+A starting point, no certificate: laboratory and customer are blanks, and its head says so.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping
 from math import floor, log10
 from typing import Any
 
@@ -18,15 +18,9 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.saving import xml_text
 from tdfscal.numerics.distributions import coverage, student_dof
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES
+from tdfscal.reporting import traceability
 from tdfscal.reporting.calibration import statistics
-from tdfscal.reporting.traceability import (
-    assumptions,
-    campaign_facts,
-    exact_tables,
-    report_digest,
-    warnings,
-)
 from tdfscal.significance import COVERAGE_FACTOR
 
 SPACES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -38,12 +32,8 @@ DRAFT = (
 )
 #: Significant digits of an uncertainty, two of them to guard; of a number that has none.
 _DIGITS, _BARE = 4, 9
-#: Entries of a symmetric matrix by row and column.
-_ENTRY = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
-#: What a quantity in no uncertainty might do.
-_TYPICAL = "Taken as exact, but a typical error"
-Part = tuple[str, Any]
-"""Name of an element and its text, or its parts; of D-SI behind `si:`."""
+Part = tuple[str, Any]  # name of an element and its text, or its parts; of D-SI behind `si:`
+Expanded = tuple[float, float, float]  # half an interval, its factor, its coverage
 
 
 def certificate(c: Calibration) -> str:
@@ -52,60 +42,62 @@ def certificate(c: Calibration) -> str:
         ET.register_namespace(prefix, space)
     root = ET.Element(f"{{{SPACES['dcc']}}}digitalCalibrationCertificate", schemaVersion=VERSION)
     root.append(ET.Comment(f" {DRAFT} "))
-    software = ("software", [_name(c.software.name), ("release", c.software.version)])
+    software = "software", [_name(c.software.name), ("release", c.software.version)]
     mark = "" if c.status == "accepted" else f"{c.status.upper()}: "
-    result = [_name(f"{mark}Installation rotations of force sensors (DRAFT)")]
-    temperature = c.dwells.temperature if c.dwells is not None else None
-    unknown = () if temperature else (f"Ambient temperature: {BLANK}",)
-    lines = (DRAFT, *origin(c), *_told(c), *unknown)
-    result.append(("description", [("content", line) for line in lines]))
-    command = ("description", [("content", f"Command: {c.command}")])
-    method = ("usedMethod", [_name(f"{c.method} calibration"), command])
+    name = _name(f"{mark}Installation rotations of force sensors (DRAFT)")
+    result = [name, _description(DRAFT, *origin(c), *_told(c))]
+    files = [f"Input: {file.path}, SHA-256 {file.sha256}, {file.integrity}" for file in c.inputs]
+    used = _description(f"Command: {c.command}", f"Rig file: SHA-256 {c.rig.sha256}", *files)
+    method = "usedMethod", [_name(f"{c.method} calibration"), used]
     result += [("usedMethods", [method]), ("usedSoftware", [software])]
-    if temperature:
-        ends = (("lowest temperature", min(temperature)), ("highest temperature", max(temperature)))
-        data = ("data", [_quantity(name, value, "\\degreecelsius") for name, value in ends])
-        condition = ("influenceCondition", [_name("Ambient temperature"), data])
+    if warm := c.dwells and c.dwells.temperature:
+        ends = (("lowest temperature", min(warm)), ("highest temperature", max(warm)))
+        data = "data", [_quantity(which, value, "\\degreecelsius") for which, value in ends]
+        condition = "influenceCondition", [_name("Ambient temperature"), data]
         result.append(("influenceConditions", [condition]))
     # The standard uncertainties tell the intervals: k = 2 then covers what it says.
     linear = c.monte_carlo is None or not c.monte_carlo.decides
-    each = zip(c.supports, _gain_std(c), strict=True)
-    results = [_sensor(support, gain_std, linear=linear) for support, gain_std in each]
+    all_std = {}
+    if c.parameters is not None:
+        variance = np.diagonal(np.array(c.parameters.matrix))
+        all_std = dict(zip(c.parameters.parameters, np.sqrt(variance).tolist(), strict=True))
+    results = [_sensor(support, all_std, linear=linear) for support in c.supports]
+    of = f"covariance of {', '.join(c.covariance.parameters)}"
+    data = "data", [_matrix(of, c.covariance.matrix, "\\radian\\tothe{2}")]
+    together = [_name("All rotations together"), _description(c.covariance.definition), data]
+    results.append(("result", together))
     result.append(("results", results))
-    administration = [("dccSoftware", [software]), *_administration(c)]
-    _grow(root, ("administrativeData", administration))
-    _grow(root, ("measurementResults", [("measurementResult", result)]))
+    _grow(root, "administrativeData", [("dccSoftware", [software]), *_administration(c)])
+    _grow(root, "measurementResults", [("measurementResult", result)])
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
 def _told(c: Calibration) -> list[str]:
     """What a reader must know of the numbers: warnings first, then the report's own facts."""
-    digest = report_digest(c)
+    digest = traceability.report_digest(c)
     facts = [("Report", f"{digest[:8]}, content SHA-256 {digest}")]
     facts += [("Unconfirmed", f.told) for f in c.found(UNCONFIRMED)]
     facts += [("REJECTED", f.told) for f in c.reasons]
-    facts += [("Warning", text) for text in warnings(c)]
+    facts += [("Warning", text) for text in traceability.warnings(c)]
     if c.measured is None:
         facts.append(("Measured", "not known when; the dates are those of the computation"))
-    facts += [*campaign_facts(c), *statistics(c), *assumptions(c)]
-    for table in exact_tables(c):
+    facts += [*traceability.campaign_facts(c), *statistics(c), *traceability.assumptions(c)]
+    for table in traceability.exact_tables(c):
         for what, *effects in table.rows:
-            turns = ", ".join(map(" ".join, zip(table.header[1:], effects, strict=True)))
-            facts.append((_TYPICAL, f"{what}, moves roll/pitch/yaw, mrad: {turns}"))
+            by = ", ".join(map(" ".join, zip(table.header[1:], effects, strict=True)))
+            said = f"{what}, moves roll/pitch/yaw, mrad: {by}"
+            facts.append(("Taken as exact, but a typical error", said))
     return [f"{name}: {text}" for name, text in facts]
 
 
 def _administration(c: Calibration) -> list[Part]:
     """Whose certificate, of what, when; the days are the computation's where none are told."""
-    begin, end = (
-        (c.created, c.created) if c.measured is None else (c.measured.begin, c.measured.end)
-    )
+    begin, end = (m.begin, m.end) if (m := c.measured) else (c.created, c.created)
+    codes = ("countryCodeISO3166_1", "usedLangCodeISO639_1", "mandatoryLangCodeISO639_1")
     core = [
-        ("countryCodeISO3166_1", "XX"),
-        ("usedLangCodeISO639_1", "en"),
-        ("mandatoryLangCodeISO639_1", "en"),
-        ("uniqueIdentifier", f"DRAFT-{c.created}-{report_digest(c)[:8]}"),
+        *zip(codes, ("XX", "en", "en"), strict=True),
+        ("uniqueIdentifier", f"DRAFT-{c.created}-{traceability.report_digest(c)[:8]}"),
         ("beginPerformanceDate", begin[:10]),
         ("endPerformanceDate", end[:10]),
         ("performanceLocation", "other"),
@@ -113,107 +105,90 @@ def _administration(c: Calibration) -> list[Part]:
     items = [_name(c.rig.name)]
     for support, stated in zip(c.supports, c.rig.supports, strict=True):
         papers = stated.sensor
-        known = [
+        known = (
             ("owner", support.name, "place on the rig"),
             ("manufacturer", papers and papers.serial, "serial number"),
             ("calibrationLaboratory", papers and papers.certificate, "certificate"),
             ("owner", c.rig.serial, "serial number of the rig"),
-        ]
-        identifications = [
-            ("identification", [("issuer", issuer), ("value", value), _name(name)])
-            for issuer, value, name in known
-            if value
-        ]
-        maker = ("manufacturer", [_name(BLANK)])
-        name = _name(f"Force sensor of {support.name}")
-        items.append(("item", [name, maker, ("identifications", identifications)]))
+        )
+        names = [(issuer, value, _name(name)) for issuer, value, name in known if value]
+        each = [("identification", [("issuer", a), ("value", b), name]) for a, b, name in names]
+        item = [_name(f"Force sensor of {support.name}"), ("manufacturer", [_name(BLANK)])]
+        items.append(("item", [*item, ("identifications", each)]))
     blank = [_name(BLANK), ("eMail", BLANK), ("location", [("city", BLANK)])]
+    operator = c.rig.campaign and c.rig.campaign.operator
+    role = [("role", "operator")] if operator else []
     return [
         ("coreData", core),
         ("items", items),
         ("calibrationLaboratory", [("contact", blank)]),
-        ("respPersons", [("respPerson", [("person", [_name(BLANK)])])]),
+        ("respPersons", [("respPerson", [("person", [_name(operator or BLANK)]), *role])]),
         ("customer", blank),
     ]
 
 
-def _gain_std(c: Calibration) -> list[FloatArray]:
-    """Standard uncertainties (3, 3) of each sensor's sensitivity; 0 where none is stated."""
-    std = [np.zeros((3, 3)) for _ in c.supports]
-    if c.parameters is not None:
-        variance = np.diagonal(np.array(c.parameters.matrix))
-        known = dict(zip(c.parameters.parameters, np.sqrt(variance), strict=True))
-        for of, support in zip(std, c.supports, strict=True):
-            for entry, (a, b) in _ENTRY.items():
-                of[a, b] = of[b, a] = known.get(f"{support.name}.sensitivity.{entry}", 0.0)
-    return std
-
-
-def _sensor(support: SupportResult, gain_std: FloatArray, *, linear: bool) -> Part:
+def _sensor(support: SupportResult, all_std: Mapping[str, float], *, linear: bool) -> Part:
+    """Angles, rotation, zeros and sensitivity of a sensor. all_std : of parameters, by name."""
     quantities: list[Part] = []
-    mounting = support.mounting
-    for k, angle in enumerate(ANGLES if mounting is not None else ()):
-        assert mounting is not None  # else there are no angles
-        interval, value, std = mounting.interval, mounting.rpy[k], mounting.rpy_std[k]
-        low, high = interval.low[k], interval.high[k]
-        expanded: tuple[float, float, float] | None = None
-        # Where roll and yaw are one turn, neither has an uncertainty.
-        if low is not None and high is not None and std > 0:
-            half = max(high - value, value - low, std)  # D-SI knows no coverage factor below 1
-            expanded = (half, half / std, interval.coverage)
-            if linear:
-                factor = (high - low) / (2 * std)
-                expanded = _doubled(std, float(student_dof(interval.coverage, factor)))
-        name = f"{angle} of {support.name}"
-        quantities.append(_quantity(name, value, "\\radian", expanded))
+    of, m = f"of {support.name}", support.mounting
+    if m is not None:
+        cover = m.interval.coverage
+        each = zip(ANGLES, m.rpy, m.rpy_std, m.interval.low, m.interval.high, strict=True)
+        for angle, value, std, low, high in each:
+            expanded: Expanded | None = None
+            # Where roll and yaw are one turn, neither has an uncertainty.
+            if low is not None and high is not None and std > 0:
+                half = max(high - value, value - low, std)  # D-SI knows no factor below 1
+                expanded = half, half / std, cover
+                if linear:
+                    expanded = _doubled(std, float(student_dof(cover, (high - low) / (2 * std))))
+            quantities.append(_quantity(f"{angle} {of}", value, "\\radian", expanded))
+        quantities.append(_matrix(f"rotation {of}", m.rotation, "\\one"))
     for axis, zero, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
         if zero is not None:
-            expanded = _doubled(open_std) if open_std else None
-            name = f"zero {axis} of {support.name}"
-            quantities.append(_quantity(name, zero, "\\newton", expanded))
+            quantities.append(_quantity(f"zero {axis} {of}", zero, "\\newton", _doubled(open_std)))
     for a, row in zip("xyz", support.sensitivity or (), strict=False):
         for b, value in zip("xyz", row, strict=True):
-            gain = float(gain_std["xyz".index(a), "xyz".index(b)])
-            name = f"sensitivity {a}{b} of {support.name}"
-            quantities.append(_quantity(name, value, "\\one", _doubled(gain) if gain else None))
-    return "result", [_name(f"Installation angles of {support.name}"), ("data", quantities)]
+            gain = _doubled(all_std.get(f"{support.name}.sensitivity.{min(a, b)}{max(a, b)}"))
+            quantities.append(_quantity(f"sensitivity {a}{b} {of}", value, "\\one", gain))
+    return "result", [_name(f"Installation angles {of}"), ("data", quantities)]
 
 
-def _doubled(std: float, dof: float = np.inf) -> tuple[float, float, float]:
+def _doubled(std: float | None, dof: float = np.inf) -> Expanded | None:
     """Expanded uncertainty with k = 2, k, and its coverage by Student's t (GUM, G.3)."""
-    return COVERAGE_FACTOR * std, COVERAGE_FACTOR, coverage(COVERAGE_FACTOR, dof)
+    return (COVERAGE_FACTOR * std, COVERAGE_FACTOR, coverage(COVERAGE_FACTOR, dof)) if std else None
 
 
-def _quantity(
-    name: str, value: float, unit: str, expanded: tuple[float, float, float] | None = None
-) -> Part:
-    """A number with its unit; expanded : half an interval, its factor, its coverage.
-
-    Rounded where the uncertainty has two significant digits and two to guard.
-    """
-    shown = float(f"{value:.{_BARE}g}")
+def _quantity(name: str, value: float, unit: str, expanded: Expanded | None = None) -> Part:
+    """A number with its unit, rounded where its uncertainty has two digits and two to guard."""
+    shown, uncertainty = float(f"{value:.{_BARE}g}"), list[Part]()
     if expanded is not None:
-        expanded = (_significant(expanded[0]), _significant(expanded[1]), round(expanded[2], 4))
-        shown = round(value, _DIGITS - 1 - floor(log10(expanded[0]))) + 0.0
-    real: list[Part] = [("si:value", number(shown)), ("si:unit", unit)]
-    if expanded is not None:
+        half, factor = (float(f"{given:.{_DIGITS}g}") for given in expanded[:2])
+        shown = round(value, _DIGITS - 1 - floor(log10(half))) + 0.0
         names = ("si:valueExpandedMU", "si:coverageFactor", "si:coverageProbability")
-        stated = list(zip(names, map(number, expanded), strict=True))
-        real.append(("si:measurementUncertaintyUnivariate", [("si:expandedMU", stated)]))
-    return "quantity", [_name(name), ("si:real", real)]
+        stated = list(zip(names, map(number, (half, factor, round(expanded[2], 4))), strict=True))
+        uncertainty = [("si:measurementUncertaintyUnivariate", [("si:expandedMU", stated)])]
+    real = "si:real", [("si:value", number(shown)), ("si:unit", unit), *uncertainty]
+    return "quantity", [_name(name), real]
 
 
-def _significant(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+def _matrix(name: str, rows: Iterable[Iterable[float]], unit: str) -> Part:
+    """All numbers of a matrix in full, row by row."""
+    values = " ".join(number(value) for row in rows for value in row)
+    numbers = [("si:valueXMLList", values), ("si:unitXMLList", unit)]
+    return "quantity", [_name(f"{name}, row by row"), ("si:realListXMLList", numbers)]
 
 
 def _name(text: str) -> Part:
     return "name", [("content", text)]
 
 
-def _grow(place: ET.Element, part: Part) -> None:
-    """Put an element with all its parts into a place."""
-    (name, content) = part
+def _description(*lines: str) -> Part:
+    return "description", [("content", line) for line in lines]
+
+
+def _grow(place: ET.Element, name: str, content: Any) -> None:
+    """Put an element with its text, or all its parts, into a place."""
     space, _, tag = name.rpartition(":")
     element = ET.SubElement(place, f"{{{SPACES[space or 'dcc']}}}{tag}")
     if tag == "content":
@@ -222,4 +197,4 @@ def _grow(place: ET.Element, part: Part) -> None:
         element.text = xml_text(content)
         return
     for inner in content:
-        _grow(element, inner)
+        _grow(element, *inner)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-#: Children in their order; ? at most once, + once or more, * any number, else exactly once.
+#: Children in their order; ? at most once, + once or more, * any number, else exactly once; | or.
 COMMON = """
 digitalCalibrationCertificate: administrativeData measurementResults comment? document?
 dccSoftware: software+
@@ -39,8 +39,8 @@ influenceCondition: name description? status? certificate? data
 results: result+
 result: name description? data
 data: quantity+
-quantity: name? description? si:real relativeUncertainty? usedMethods? usedSoftware? \
-measuringEquipments? influenceConditions? measurementMetaData?
+quantity: name? description? si:real|si:realListXMLList relativeUncertainty? \
+usedMethods? usedSoftware? measuringEquipments? influenceConditions? measurementMetaData?
 """
 #: In any order.
 ADMINISTRATION = "dccSoftware coreData items calibrationLaboratory respPersons customer"
@@ -55,10 +55,12 @@ customer: name eMail? phone? fax? location descriptionData?
 SI = """
 real: label? quantityType? value unit significantDigit? dateTime? measurementUncertaintyUnivariate?
 measurementUncertaintyUnivariate: expandedMU
+realListXMLList: labelXMLList? quantityTypeXMLList? valueXMLList unitXMLList
 expandedMU: valueExpandedMU coverageFactor coverageProbability distribution?
 """
 _TEXT = r"[^\s]+(\s+[^\s]+)*"
 _POSITIVE = r"\+?((\d*\.\d+)|(\d+\.\d*)|(\d+\.?))([Ee][-+]?\d+)?|NaN"
+_NUMBER = f"([-+]?{_POSITIVE.removeprefix(chr(92) + '+?')})"
 #: What the text of an element must look like, by a pattern or a type.
 TEXTS = {
     "release": _TEXT,
@@ -75,8 +77,10 @@ TEXTS = {
     "issuer": "manufacturer|calibrationLaboratory|customer|owner|other",
 }
 SI_TEXTS = {
-    "value": "[-+]?" + _POSITIVE.removeprefix(r"\+?"),
+    "value": _NUMBER,
     "unit": ".+",
+    "valueXMLList": rf"({_NUMBER}\s?)+",
+    "unitXMLList": r"([^\s]+\s?)+",
     "valueExpandedMU": _POSITIVE,
     "coverageFactor": r"\+?(([1-9]\d*\.\d*)|([1-9]\d*))|NaN",
     "coverageProbability": r"\+?((0(\.\d*)?)|(1(\.0*)?))|NaN",
@@ -113,7 +117,9 @@ def write_schemas(folder: Path, version: str) -> Path:
     quantities = _parse(SI)
     si = _HEAD.format(version="2.2.1", space="https://ptb.de/si")
     si += "".join(_complex(n, children, quantities, SI_TEXTS) for n, children in quantities.items())
-    si += '<xs:element name="real" type="real"/></xs:schema>'
+    for name in ("real", "realListXMLList"):
+        si += f'<xs:element name="{name}" type="{name}"/>'
+    si += "</xs:schema>"
     (folder / "SI_Format.xsd").write_text(si, encoding="utf-8")
     path = folder / "dcc.xsd"
     path.write_text(dcc, encoding="utf-8")
@@ -133,6 +139,9 @@ def _complex(
 
 
 def _element(word: str, known: dict[str, list[str]], texts: dict[str, str]) -> str:
+    if "|" in word:
+        each = "".join(_element(one, known, texts) for one in word.split("|"))
+        return f"<xs:choice>{each}</xs:choice>"
     name = word.rstrip("?+*")
     least, most = _COUNTS.get(word[len(name) :], (1, "1"))
     count = f'minOccurs="{least}" maxOccurs="{most}"'

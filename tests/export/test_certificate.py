@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from tdfscal.catalogue import document as finding_document
 from tdfscal.exports.certificate import VERSION, certificate
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY, MeasuredResult
-from tdfscal.files.rig.model import Sensor
+from tdfscal.files.rig.model import Campaign, Sensor
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.calibration import calibration_report
@@ -145,6 +147,7 @@ def documented() -> Calibration:
     rig = C.rig.model_copy(
         update={
             "serial": "RH-02",
+            "campaign": Campaign(operator="R. Höhn", site="hall 3"),
             "supports": tuple(
                 s.model_copy(update={"sensor": Sensor(serial=f"SN-{s.name}", due="2027-03-01")})
                 for s in C.rig.supports
@@ -174,6 +177,11 @@ def test_dates_serials_and_conditions_are_those_of_the_measurement(tmp_path: Pat
     warm = root.iterfind(".//dcc:influenceCondition//si:real/si:value", NAMES)
     last = 20.0 + 0.1 * (len(c.dwells.start if c.dwells else ()) - 1)
     assert [float(str(e.text)) for e in warm] == [20.0, last]
+    person = root.find(".//dcc:respPerson", NAMES)
+    assert person is not None
+    assert person.findtext("dcc:person/dcc:name/dcc:content", namespaces=NAMES) == "R. Höhn"
+    assert person.findtext("dcc:role", namespaces=NAMES) == "operator"
+    assert "Site: hall 3" in text
     check(text, tmp_path)
 
 
@@ -186,6 +194,31 @@ def test_it_says_by_what_it_is_dated(source: str, said: str) -> None:
     lines = [str(e.text) for e in root.iterfind(".//dcc:description/dcc:content", NAMES)]
     (told,) = (line for line in lines if line.startswith("Measured: "))
     assert told == f"Measured: 2026-11-20 08:00:00 UTC, {said}"
+
+
+def test_matrices_stand_in_full() -> None:
+    """Rotations and the covariance of all, to the last bit, by row."""
+    lists = {
+        content(quantity): quantity.find("si:realListXMLList", NAMES)
+        for quantity in ET.fromstring(certificate(C)).iterfind(".//dcc:quantity", NAMES)
+    }
+    matrices: dict[str, tuple[Any, str]] = {
+        f"rotation of {s.name}": (s.rotation, "\\one") for s in C.supports
+    }
+    of = f"covariance of {', '.join(C.covariance.parameters)}"
+    matrices[of] = (C.covariance.matrix, "\\radian\\tothe{2}")
+    for name, (rows, unit) in matrices.items():
+        listed = lists[f"{name}, row by row"]
+        assert listed is not None
+        values = str(listed.findtext("si:valueXMLList", namespaces=NAMES)).split()
+        assert np.array_equal([float(value) for value in values], np.ravel(rows))
+        assert listed.findtext("si:unitXMLList", namespaces=NAMES) == unit
+
+
+def test_it_names_the_files_that_it_stands_on() -> None:
+    text = certificate(C)
+    for name, digest in [("Rig file", C.rig.sha256), *((f.path, f.sha256) for f in C.inputs)]:
+        assert re.search(rf"{re.escape(escape(name))}[,:] SHA-256 {digest}", text)
 
 
 def test_it_says_that_it_is_a_draft() -> None:

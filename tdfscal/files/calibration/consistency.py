@@ -178,8 +178,8 @@ def said_twice(c: Calibration) -> Iterator[Repeated]:
     for k, entry in enumerate(c.budget.angles if c.budget is not None else ()):
         i, j = c.support_names.index(entry.support), ANGLES.index(entry.angle)
         if not so3.locked(c.rotation[i]):
-            place, total = ("budget", "angles", k, "variance"), sum(entry.variance.values())
-            yield place, _COVARIANCE, np.sqrt(total), np.sqrt(variance[i, j])
+            named, std = ("budget", "angles", k, "variance"), np.sqrt(sum(entry.variance.values()))
+            yield named, _COVARIANCE, std, np.sqrt(variance[i, j])
     if c.fit is not None and c.fit.dof:
         source, p = "fit.chi2 and fit.dof", chi2_sf(c.fit.chi2, c.fit.dof)
         yield ("fit", "p_value"), source, c.fit.p_value, p
