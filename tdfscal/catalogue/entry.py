@@ -24,6 +24,9 @@ _UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "N·m": (("N·m", 1.0),),
 }
 
+#: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
+_EPS = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -112,7 +115,7 @@ def _fields(finding: Finding) -> dict[str, Any]:
     if size is not None:
         fields |= {"size": quantity(size, finding.unit), "number": size}
         fields["several"] = f"{size:.0f}" if size > 1.0 else ""
-        fields["stated"] = _upwards(float(fields.get("component", size)))
+        fields["stated"] = upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
     if (std := finding.values.get("std")) is not None and isinstance(std, float):
         fields["spread"] = quantity(std, finding.unit)
@@ -134,7 +137,9 @@ def quantity(size: float | Sequence[float], unit: str) -> str:
     return f"{said} {name}".rstrip()
 
 
-def _upwards(size: float) -> str:
-    """Return a size with one significant digit, upwards."""
-    step = 10.0 ** np.floor(np.log10(max(abs(size), np.finfo(float).tiny)))
-    return f"{float(f'{np.ceil(abs(size) / step) * step:.1g}'):g}"
+def upwards(size: float, digits: int = 1) -> str:
+    """Return a size with so many significant digits, upwards; one more where two begin with 1."""
+    size = max(abs(size), np.finfo(float).tiny)
+    digits += digits == 2 and f"{size:e}"[0] == "1"
+    step = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
+    return f"{float(f'{np.ceil(size / step - _EPS) * step:.{digits}g}'):g}"

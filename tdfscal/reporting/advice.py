@@ -10,6 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.catalogue.campaign import SUSPECTS
+from tdfscal.catalogue.entry import upwards
 from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
@@ -84,11 +85,16 @@ def _half_width(mounting: Mounting) -> list[float]:
     ]
 
 
+def within(c: Calibration) -> str:
+    """What holds for all angles, each by itself, mrad: never less than any of them."""
+    return f"± {upwards(1e3 * half_widths(c).max(), 2)} mrad"
+
+
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on."""
     which = "each by itself" if c.determined.all() else "each that is determined, by itself,"
     half = float(half_widths(c).max())
-    said = f"{which} within ± {1e3 * half:.2g} mrad (95 %)"
+    said = f"{which} within {within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
     draft = [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
@@ -173,8 +179,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
     better = tuple(_forecasts(c))
     if better:
-        now = 1e3 * half_widths(c).max()
-        return (*advice, f"The ± {now:.2g} mrad of now would be {', '.join(better)}.")
+        return (*advice, f"The {within(c)} of now would be {', '.join(better)}.")
     source, share = _largest_source(c)
     if share > _NOTABLE and (remedy := _remedy(c, source)):
         advice.append(begun(remedy, "."))

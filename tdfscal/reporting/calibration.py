@@ -12,7 +12,7 @@ from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
-from tdfscal.reporting.advice import advise, half_widths, headline
+from tdfscal.reporting.advice import advise, half_widths, headline, within
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import (
@@ -159,9 +159,8 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
     limit = 1e3 * COVERAGE_FACTOR * limits.angle_std
-    worst = f"± {1e3 * half_widths(c).max():.2g} mrad"
     tiles = [
-        ("each angle, 95 %", worst, f"limit ± {limit:.2g}"),
+        ("each angle, 95 %", within(c), f"limit ± {limit:.2g}"),
         *layout.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.get("birge") if c.tracker is not None else None

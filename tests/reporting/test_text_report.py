@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from tdfscal.catalogue import document
+from tdfscal.catalogue.entry import upwards
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding, Value
 from tdfscal.reporting.advice import advise
@@ -71,11 +72,21 @@ def test_a_summary_fits_a_terminal() -> None:
             for m in c.mounted
             for low, value, high in zip(m.interval.low, m.rpy, m.interval.high, strict=True)
         )
-        assert f"each by itself within ± {1e3 * half:.2g} mrad (95 %)" in said
+        told = re.search(r"each by itself within ± ([\d.]+) mrad \(95 %\)", said)
+        assert told
+        assert 1e3 * half <= float(told[1]) < 1.1e3 * half
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22
     assert "Warnings: 9; -v or --html FILE shows them" in lines
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [(1.03, "1.03"), (1.0304, "1.04"), (0.601, "0.61"), (0.6, "0.6"), (99.6, "100"), (234, "240")],
+)
+def test_what_holds_for_all_angles_is_rounded_upwards(size: float, said: str) -> None:
+    assert upwards(size, 2) == said
 
 
 def test_the_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
