@@ -64,9 +64,19 @@ class TdfscalError(Exception):
             where, hint = where or place or None, hint or advice or None
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
         self.fields, self.findings = tuple(fields), findings
-        place = f"{where}: " if where else ""
-        advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
-        super().__init__(visible(f"{place}{what}.{advice}"))
+        self._compose()
+
+    def _compose(self) -> None:
+        place = f"{self.where}: " if self.where else ""
+        advice = f" {self.hint[0].upper()}{self.hint[1:]}." if self.hint else ""
+        self.args = (visible(f"{place}{self.what}.{advice}"),)
+
+    def reword(self, change: Callable[[str], str]) -> None:
+        """Change its words, but for a place that is a file."""
+        self.what, self.hint = change(self.what), self.hint and change(self.hint)
+        if self.where and self.where.startswith("-"):
+            self.where = change(self.where).replace("`", "")
+        self._compose()
 
     def restated(
         self,
@@ -139,9 +149,7 @@ class RejectedError(TdfscalError):
 def expect(name: str, value: object, kinds: Any, wanted: str) -> None:
     """Raise UsageError where an argument is of none of these types; wanted : what to give."""
     if not isinstance(value, kinds):
-        raise UsageError(
-            f"{shortly(value)} is none of what this takes", where=name, hint=f"give {wanted}"
-        )
+        raise UsageError(f"expected {wanted}, got {shortly(value)}", where=name)
 
 
 def inaccessible(fault: OSError) -> UsageError:

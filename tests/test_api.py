@@ -50,7 +50,7 @@ def test_errors_are_the_projects_own() -> None:
     ],
 )
 def test_what_is_of_another_kind_is_told_what_is_wanted(call: Callable[[], object]) -> None:
-    with pytest.raises(tdfscal.TdfscalError, match=r"[.] (Give|It means)"):
+    with pytest.raises(tdfscal.TdfscalError, match=r"expected \w.*, got |Give "):
         call()
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence, Set, ValuesView
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.yaml import as_path
@@ -65,10 +67,22 @@ SILENT = Progress()
 
 
 def listed(paths: PathLikes) -> list[Path]:
-    """Return one path, or several, as a list."""
+    """Return one path, or several, as a list. Raises UsageError where one is named twice."""
     each = [paths] if isinstance(paths, str | os.PathLike) else paths
     expect("paths", each, Sequence, "a path, or a list of them")
-    return list(map(as_path, each))
+    found = list(map(as_path, each))
+    counts = Counter(map(os.path.realpath, found))
+    for path in found:
+        if counts[os.path.realpath(path)] > 1:
+            raise UsageError("is named twice", where=str(path), hint="name each path once")
+    return found
+
+
+def at_hand(value: Any) -> Any:
+    """Iterators, sets and views as lists, also those in a tuple."""
+    if isinstance(value, tuple):
+        return tuple(map(at_hand, value))
+    return list(value) if isinstance(value, Iterator | Set | ValuesView) else value
 
 
 def one(path: PathLike | None) -> Path | None:
@@ -118,7 +132,7 @@ def window(begin: Instant | None, end: Instant | None) -> TimeWindow | None:
 def _moment(option: str, value: Instant) -> Moment:
     if isinstance(value, datetime):
         zoned = value if value.tzinfo else value.replace(tzinfo=UTC)
-        return Moment(zoned.timestamp())
+        return Moment(zoned.timestamp(), dated=True)
     text = str(value).strip()
     if found := _DURATION.fullmatch(text):
         with suppress(ValueError):
@@ -126,7 +140,7 @@ def _moment(option: str, value: Instant) -> Moment:
             if math.isfinite(seconds):
                 return Moment(seconds, after_begin=bool(found[1]))
     if (stamp := seconds_of(text)) is not None:
-        return Moment(stamp)
+        return Moment(stamp, dated=True)
     raise UsageError(
         f"{text!r} is no time",
         where=option,

@@ -20,12 +20,13 @@ from tdfscal.commands.calibration import (
     unsealed,
 )
 from tdfscal.commands.campaign import Campaign, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, by_wall_clock, stated_date
+from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.findings import Finding, Value
+from tdfscal.logs import by_wall_clock
 from tdfscal.model.calibrated import Calibrated, about_point, independent
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray, Rig, UncertainValue

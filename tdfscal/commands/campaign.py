@@ -17,7 +17,14 @@ from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import NOWHERE, check_regular, entries_of, read_bag, refuse_unfinished
+from tdfscal.logs.formats import (
+    NOWHERE,
+    check_regular,
+    check_text,
+    entries_of,
+    read_bag,
+    refuse_unfinished,
+)
 from tdfscal.logs.recorders import owns
 from tdfscal.records import LogMapping
 
@@ -121,24 +128,38 @@ def find_logs(
                     found.setdefault(_real(entry), entry)
                 elif entry.is_dir() and not (entry / RIG_NAME).is_file():
                     others.append(entry)  # no campaign of its own: an unfinished recording?
-        elif is_log(path):
-            found.setdefault(_real(path), path)
         else:
-            kinds = (
-                "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, "
-                ".bag or rosbag2 folders"
-            )
-            raise UsageError(
-                "is not a log",
-                where=str(path),
-                hint="name the folder that holds it" if path.name == RIG_NAME else kinds,
-            )
+            _refuse_other(path)
+            found.setdefault(_real(path), path)
     for folder in others:
         refuse_unfinished(folder, found.keys())
     for path in found.values():
         if not path.is_dir():
             check_regular(path)
     return tuple(found.values())
+
+
+def _refuse_other(path: Path) -> None:
+    """Raise UsageError for what is no log by its name."""
+    if not is_log(path):
+        kinds = (
+            "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, "
+            ".bag or rosbag2 folders"
+        )
+        hint = "name the folder that holds it" if path.name == RIG_NAME else kinds
+        raise UsageError("is not a log", where=str(path), hint=hint)
+
+
+def _refuse_unrecorded(path: Path) -> None:
+    """Raise UsageError, DataError for a file that is no log by its name or its first lines."""
+    _refuse_other(path)
+    check_text(path)
+    if not looks_recorded(path):
+        raise UsageError(
+            "is not a log: no row of numbers stands near its begin",
+            where=str(path),
+            hint="look at it with `tdfscal info`",
+        )
 
 
 def _real(path: Path) -> Path:
@@ -161,6 +182,9 @@ def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | Non
     if not rigs and fallback is not None:
         return fallback
     if not rigs:
+        for path in paths:
+            if path.is_file() and not _says(path, b"tdfscal-rig/"):
+                _refuse_unrecorded(path)
         home = _home(paths[0])
         near = nearest(RIG_NAME, [n for n in _names(home) if _says(home / n, b"tdfscal-rig/")])
         rename = f"rename {near} to {RIG_NAME} or name it with --rig"

@@ -23,7 +23,7 @@ from tdfscal.commands.campaign import Campaign
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
-from tdfscal.logs import TimeWindow, iter_log
+from tdfscal.logs import TimeWindow, by_wall_clock, iter_log
 from tdfscal.records import Dwells, InputFile, Log, Measured, RecorderClock, Rig
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
@@ -39,10 +39,6 @@ _CLOCK = (
 _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
-
-
-#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
-_WALL_CLOCK = (631152000.0, 4102444800.0)
 _DAY = 86400.0
 
 
@@ -205,11 +201,6 @@ def measured(log: LogPass) -> Measured:
         return found
     times = [path.stat().st_mtime for path in log.campaign.logs or (rig.path,)]
     return Measured(min(times), max(times), "file")
-
-
-def by_wall_clock(*times: float) -> bool:
-    """Tell whether a log's times, s, are those of a wall clock."""
-    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
 
 
 def stated_date(date: str) -> Measured:

@@ -6,9 +6,11 @@ the result from which the files are written.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
-from functools import wraps
+from datetime import datetime
+from functools import partial, reduce, wraps
 from inspect import Parameter, signature
 from math import inf
 from numbers import Integral, Real
@@ -19,18 +21,27 @@ from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from tdfscal.commands import arguments
-from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, one
+from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, at_hand, one
 from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
-from tdfscal.errors import UsageError, inaccessible
+from tdfscal.errors import TdfscalError, UsageError, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What takes the place of a number in Python, and what a user is told to give.
 _NUMBERS: Mapping[Any, type] = {int: Integral, float: Real}
-_SAID: Mapping[Any, str] = {bool: "True or False", int: "a whole number", float: "a number"}
+_SAID: Mapping[Any, str] = {
+    datetime: "s as a number or text, or a datetime",
+    PathLike[str]: "a path",
+    Sequence[float]: "numbers",
+    Progress: "a Progress",
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,18 +113,39 @@ class Described:
         flags = (name,) if given else flags
         return cls(name, kind, shown, default, given, flags, words, repeated, option)
 
+    @property
+    def _wanted(self) -> str:
+        """What to give, in words."""
+        if self.words:
+            return " or ".join([", ".join(self.words[:-1]), self.words[-1]])
+        if self.option.reads:
+            first, _, rest = (
+                self.option.help.partition(";")[0].replace(", or", " or").partition(" ")
+            )
+            return f"{first} {rest}" if rest.split()[0].endswith("s") else f"a {first} {rest}"
+        kinds = (*get_args(self.kind), self.kind)
+        return next((said for kind, said in _SAID.items() if kind in kinds), self.option.help)
+
+    def in_python(self, text: str) -> str:
+        """A text with the parameter's name in place of its flags, as Python writes it."""
+        flags = "|".join(flag for flag in self.flags if flag.startswith("-"))
+        if not flags:
+            return text
+        words = rf"(?: ({'|'.join(self.words)})\b)?" if self.words else "()"
+        return re.sub(
+            rf"(?<![\w/-])`?(?:{flags})(?![\w-]){words}`?",
+            lambda found: f"`{self.name}={found[1]!r}`" if found[1] else f"`{self.name}`",
+            text,
+        )
+
     def check(self, value: Any) -> None:
         """Raise UsageError for what is not of the parameter's kind, or a number out of bounds."""
         if self.default == () and isinstance(value, Sized) and not len(value):
             return
         each = value if self.repeated else (value,)
         if not each or not all(_fits(one, self.kind) for one in each):
-            wanted = ", ".join(self.words) or _SAID.get((*get_args(self.kind), self.kind)[0])
-            raise UsageError(
-                f"{shortly(value)} is none of what this takes",
-                where=self.flags[0],
-                hint=f"give {wanted}" if wanted else f"it means: {self.option.help}",
-            )
+            wrong = next((one for one in each if not _fits(one, self.kind)), value)
+            raise UsageError(f"expected {self._wanted}, got {shortly(wrong)}", where=self.flags[0])
         least, below = self.option.least, self.option.below
         if least is not None and value is not None and not least <= value < below:
             what, end = ("small", "") if value < least else ("large", f", below {below:g}")
@@ -133,13 +165,11 @@ def _fits(value: Any, kind: Any) -> bool:
         number = isinstance(value, _NUMBERS[kind]) and not isinstance(value, bool)
         return number and value == value  # no NaN
     if origin in (Sequence, Iterable):
-        if isinstance(value, list | tuple):
-            return bool(value) and all(_fits(one, inside[0]) for one in value)
-        empty = isinstance(value, Sized) and not len(value)
-        return isinstance(value, Iterable) and not (
-            empty or isinstance(value, str | bytes | Mapping)
-        )
-    return isinstance(value, origin or kind) and value != ""
+        if inside[0] is float and hasattr(value, "tolist"):
+            value = value.tolist()
+        whole = isinstance(value, list | tuple) and bool(value)
+        return whole and all(_fits(one, inside[0]) for one in value)
+    return isinstance(value, origin or kind) and not (isinstance(value, str) and value == "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,13 +203,14 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
         each = {name: Described.of(p, hints[name]) for name, p in whole.parameters.items()}
 
         @wraps(function)
-        def call(*positional: Any, **named: Any) -> Any:
+        def run(*positional: Any, **named: Any) -> Any:
             given = whole.bind(*positional, **named)
             given.apply_defaults()
             values = given.arguments
             for name, parameter in each.items():
-                if parameter.option.reads:  # twice: an iterator would be empty then
-                    values[name] = _at_hand(values[name])
+                if isinstance(values[name], str) and parameter.kind is str:
+                    values[name] = values[name].encode("utf-8", "replace").decode()
+                values[name] = at_hand(values[name])  # an iterator would be empty the second time
                 parameter.check(values[name])
             try:
                 with together():
@@ -191,6 +222,14 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
                 if is_short(fault):
                     raise
                 raise inaccessible(fault) from fault
+
+        @wraps(function)
+        def call(*positional: Any, **named: Any) -> Any:
+            try:
+                return run(*positional, **named)
+            except TdfscalError as error:
+                error.reword(partial(_in_python, each.values()))
+                raise
 
         told = (
             f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
@@ -205,10 +244,17 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
             parameters=bare, return_annotation=hints["return"]
         )
         named = tuple(p for p in each.values() if p.shown is not None)
-        COMMANDS[function.__name__] = Command(call, example, carries, named)
+        COMMANDS[function.__name__] = Command(run, example, carries, named)
         return call  # type: ignore[return-value]
 
     return make
+
+
+def _in_python(parameters: Iterable[Described], text: str) -> str:
+    """A text with parameters in place of flags, but for a command line that it gives."""
+    parts = re.split(r"(`tdfscal [^`]*`)", text)
+    parts[::2] = [reduce(lambda t, p: p.in_python(t), parameters, part) for part in parts[::2]]
+    return "".join(parts)
 
 
 def _check_files(parameters: Mapping[str, Described], values: Mapping[str, Any]) -> None:
@@ -224,13 +270,6 @@ def _check_files(parameters: Mapping[str, Described], values: Mapping[str, Any])
         elif option.writes is not None:
             outputs[parameter.flags[0]] = one(value), option.writes
     check_outputs(outputs, inputs_read(reads, rig))
-
-
-def _at_hand(value: Any) -> Any:
-    """Iterators as lists, also those in a tuple."""
-    if isinstance(value, tuple):
-        return tuple(map(_at_hand, value))
-    return list(value) if isinstance(value, Iterator) else value
 
 
 def _paths_in(value: Any) -> list[Path]:

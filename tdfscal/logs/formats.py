@@ -232,6 +232,16 @@ def looks_recorded(path: Path) -> bool:
     return any(table is not None and len(table.cells) > _FEWEST for table in tables)
 
 
+def check_text(path: Path) -> None:
+    """Raise DataError where a file is text by its suffix, and none by its first lines."""
+    if path.suffix.lower() in _TEXT:
+        from tdfscal.logs.log_file import placed
+        from tdfscal.logs.text.opening import decoded
+
+        with placed(path), path.open("rb") as file:
+            decoded(file.read(_OPENING))
+
+
 def open_log(path: Path, bag: Bag | None = None) -> LogFile:
     """A file for one reading, by its suffix; bag : the recording that it is part of.
 

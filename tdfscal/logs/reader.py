@@ -203,12 +203,20 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     return sorted(paths, key=lambda path: starts[path])
 
 
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A time in s: on the log's clock or, `after_begin`, from the first sample on."""
+    """A time in s: on the log's clock or, `after_begin`, from the first sample on.
+
+    dated : given as a date, which the clock must have.
+    """
 
     seconds: float
     after_begin: bool = False
+    dated: bool = False
 
     def __str__(self) -> str:
         """As it is written on the command line."""
@@ -230,7 +238,7 @@ class TimeWindow:
     def cut(self, pieces: Iterator[Log], where: str) -> Iterator[Log]:
         """Pass the pieces of a log on, with the samples of this part only.
 
-        Raises DataError where no sample lies in it.
+        Raises DataError where no sample lies in it, UsageError for a date that its clock lacks.
         """
         first, last, kept = np.inf, -np.inf, 0
         said: tuple[Finding, ...] = (Finding("log-window", values={"window": str(self)}),)
@@ -239,6 +247,7 @@ class TimeWindow:
             times = [series.time for series in streams if series.time.size]
             if times and first == np.inf:
                 first = min(float(time[0]) for time in times)
+                self._refuse_date(first, where)
             last = max([last, *(float(time[-1]) for time in times)])
             low, high = _at(self.begin, first, -np.inf), _at(self.end, first, np.inf)
             part = replace(
@@ -258,6 +267,21 @@ class TimeWindow:
                 hint="correct --from and --to; a time after the begin of the log is written +90, "
                 "+1.5min or +2h",
             )
+
+    def _refuse_date(self, first: float, where: str) -> None:
+        """Raise UsageError where an end is a date and the log's clock counts from some start."""
+        dates = [end for end in (self.begin, self.end) if end is not None and end.dated]
+        if any(by_wall_clock(end.seconds) for end in dates) and not by_wall_clock(first):
+            raise UsageError(
+                f"the log's clock has no dates: it begins at {shown(first)} s",
+                where=where,
+                hint="give s of that clock, or +90 for 90 s after the log's begin",
+            )
+
+
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
 
 
 def _at(moment: Moment | None, first: float, otherwise: float) -> float:

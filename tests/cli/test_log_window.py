@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import tdfscal
+from tdfscal.errors import UsageError
 from tests.cli.running import SAMPLES, run
 from tests.words import in_words
 
@@ -115,6 +116,9 @@ def test_the_result_says_so(campaign: Path) -> None:
         (["--to", "nan"], "is no time"),
         (["--from", "20", "--to", "10"], "not before"),
         (["--from", "+1e9"], "no sample lies"),
+        (["--to", "-5"], "no sample lies"),
+        (["--from", "2026-11-21 09:30"], "clock has no dates"),
+        (["--to", "2026-11-21 09:30"], "clock has no dates"),
     ],
 )
 def test_what_is_no_part_of_the_log(
@@ -125,3 +129,10 @@ def test_what_is_no_part_of_the_log(
     assert said in done.err
     assert len(done.err.splitlines()) == 1
     assert not (campaign / "out.yaml").exists()
+
+
+def test_a_date_is_no_time_of_a_clock_without_dates(campaign: Path) -> None:
+    when = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
+    for ends in ({"from_": when}, {"to": when}):
+        with pytest.raises(UsageError, match="clock has no dates"):
+            tdfscal.calibrate(campaign, trials=0, **ends)  # type: ignore[arg-type]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
@@ -166,7 +167,14 @@ def test_errors_are_those_of_the_command(
         call()
     assert isinstance(caught.value, kind)
     assert caught.value.exit_status == seen.status
-    assert seen.err.splitlines()[-1] == f"tdfscal: {caught.value}"
+    said = seen.err.splitlines()[-1]
+    assert bare(said) == bare(f"tdfscal: {caught.value}")
+    assert "--" not in str(caught.value)
+
+
+def bare(text: str) -> str:
+    """A text whose options are written as on no side."""
+    return text.replace("`", "").replace("--", "").replace("_", "-")
 
 
 @pytest.mark.usefixtures("here")
@@ -191,6 +199,12 @@ def test_errors_are_those_of_the_command(
         lambda: tdfscal.compare("own.yaml", None),  # type: ignore[arg-type]
         lambda: tdfscal.calibrate("campaign", output=3),  # type: ignore[arg-type]
         lambda: tdfscal.plan("campaign", home=object()),  # type: ignore[arg-type]
+        lambda: tdfscal.monitor(np.array(["campaign"])),
+        lambda: tdfscal.monitor(np.zeros(3)),
+        lambda: tdfscal.monitor(tdfscal.load_calibration("own.yaml"), np.array(["campaign"])),
+        lambda: tdfscal.compare("own.yaml", np.array(["own.yaml"])),
+        lambda: tdfscal.report(np.array("own.yaml")),
+        lambda: tdfscal.calibrate(np.array(["campaign"])),  # type: ignore[arg-type]
     ],
 )
 def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:
@@ -207,7 +221,60 @@ def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) ->
 def test_one_value_that_is_wrong(name: str, value: object) -> None:
     with pytest.raises(UsageError) as caught:
         function_of("calibrate")("campaign", **{name: value})
-    assert str(caught.value.where).endswith(name.replace("_", "-"))
+    assert caught.value.where == name
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (
+            lambda: tdfscal.calibrate(3),  # type: ignore[arg-type]
+            "paths: expected a campaign folder or log files, got 3.",
+        ),
+        (lambda: tdfscal.calibrate("campaign", from_=3, to=2), "from_, to: 3 s is not before 2 s"),
+        (
+            lambda: tdfscal.calibrate("campaign", method="joint", samples="all"),
+            "`method='joint'` does not go with `samples='all'`: ",
+        ),
+        (
+            lambda: tdfscal.calibrate("out"),
+            "out: there is no rig.yaml. Name the rig file with `rig`.",
+        ),
+        (lambda: tdfscal.calibrate("junk.yaml"), "junk.yaml: is not a log. "),
+        (lambda: tdfscal.calibrate("bin.csv"), "bin.csv: the file is not text. "),
+    ],
+)
+def test_python_is_told_its_own_names(call: Callable[[], Any], said: str) -> None:
+    Path("out").mkdir(exist_ok=True)
+    Path("junk.yaml").write_text("a: 1\n")
+    Path("bin.csv").write_bytes(bytes(range(256)) * 20)
+    with pytest.raises(tdfscal.TdfscalError) as caught:
+        call()
+    assert str(caught.value).startswith(said)
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "call",
+    [
+        tdfscal.calibrate,
+        tdfscal.info,
+        tdfscal.init,
+        lambda paths: tdfscal.apply("own.yaml", paths),
+        lambda paths: tdfscal.validate("own.yaml", paths),
+        lambda paths: tdfscal.capability("own.yaml", paths),
+        lambda paths: tdfscal.update("own.yaml", paths),
+    ],
+)
+def test_a_path_that_is_named_twice_is_refused(call: Callable[[list[str]], Any]) -> None:
+    with pytest.raises(UsageError, match="campaign: is named twice"):
+        call(["campaign", "./campaign"])
+
+
+@pytest.mark.usefixtures("here")
+def test_a_command_that_is_no_text_is_kept_as_one() -> None:
+    assert tdfscal.calibrate("campaign", trials=0, command="é\udc80").command == "é?"
 
 
 @pytest.mark.usefixtures("here")

@@ -85,8 +85,10 @@ def test_recording_folder_is_a_log(tmp_path: Path) -> None:
 def test_each_log_once(tmp_path: Path) -> None:
     home = make(tmp_path, "x.csv")
     (tmp_path / "same.csv").symlink_to("x.csv")
-    campaign = resolve([home / "x.csv", home, home / "x.csv"])
+    campaign = resolve([home / "x.csv", home])
     assert campaign.logs == (home / "x.csv",)
+    with pytest.raises(UsageError, match=r"same\.csv: is named twice"):
+        resolve([home / "same.csv", home / "x.csv"])
 
 
 def test_fallback_is_the_last_resort(tmp_path: Path) -> None:

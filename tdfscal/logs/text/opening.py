@@ -56,7 +56,7 @@ class TextFile:
         self.cut_at: int | None = None
         self._expanded = 0
         self._head = self._read(_HEAD)
-        text = _decoded(self._head)
+        text = decoded(self._head)
         if self.cut_at is None and not self._head.strip():
             raise DataError("the file is empty", hint=AGAIN)
         if b"\n" not in self._head and b"\r" not in self._head:
@@ -144,7 +144,7 @@ def lines_of(text: str, newline: str) -> list[str]:
     return lines if lines[-1] else lines[:-1]
 
 
-def _decoded(head: bytes) -> str:
+def decoded(head: bytes) -> str:
     """The first lines; in the rows only ASCII matters.
 
     Raises DataError where the text is UTF-16 or none at all, or its first line has no end.
