@@ -36,7 +36,7 @@ _PRINTED = {
     "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
     "quiet": typer.Option(False, "--quiet", "-q", help="No progress on standard error."),
     "verbose": typer.Option(
-        False, "--verbose", "-v", help="Print all that is known, not its summary alone."
+        False, "--verbose", "-v", help="Print the whole report, not its summary alone."
     ),
 }
 _DETAILED = ("calibrate", "monitor", "update", "validate")

@@ -234,7 +234,10 @@ def _in_words(result: Result, report: Report | None, places: list[str], *, whole
     """Return a result in words, in colours for a terminal, and what was written."""
     from tdfscal.reporting.text import shown
 
-    said = None if report is None else replace(report, warnings=())
+    said = report
+    # Standard error has had them; a numbered report, printed whole, stands for itself.
+    if report is not None and (not report.number or (report.summary and not whole)):
+        said = replace(report, warnings=())
     text = result.text if said is None else shown(said, whole=whole)
     if not text or not places:
         return text

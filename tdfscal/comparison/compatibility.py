@@ -57,22 +57,38 @@ class Comparison:
     @property
     def finding(self) -> Finding:
         """Whether they agree, with the angle that departs most."""
-        i, k = np.unravel_index(int(np.argmax(self.en)), self.en.shape)
-        above = int(np.sum(self.en > 1))
-        code, compatible = "calibrations-compatible", self.p_value >= INCOMPATIBLE
-        if not compatible:
-            code = "calibrations-incompatible" if above else "calibrations-incompatible-together"
-        values: dict[str, Value] = {
-            "first": self.names[0],
-            "second": self.names[1],
-            "angle": ANGLES[k],
-            "support": self.supports[i],
-            "difference": 1e3 * float(self.rpy[i, k]),
-            "en": float(self.en[i, k]),
-            "above": above,
-            "of": self.en.size,
-        }
-        return Finding(code, self.names, p_value=self.p_value, values=values)
+        return verdict(self.names, self.supports, self.rpy, self.en, self.p_value)
+
+
+def compatible(p_value: float) -> bool:
+    """Whether two calibrations agree, by the p-value of all their differences together."""
+    return p_value >= INCOMPATIBLE
+
+
+def verdict(
+    names: tuple[str, str],
+    supports: Sequence[str],
+    rpy: FloatArray,
+    en: FloatArray,
+    p_value: float,
+) -> Finding:
+    """Whether two calibrations agree, with the angle that departs most; as in `Comparison`."""
+    i, k = np.unravel_index(int(np.argmax(en)), en.shape)
+    above = int(np.sum(en > 1))
+    code = "calibrations-compatible"
+    if not compatible(p_value):
+        code = "calibrations-incompatible" if above else "calibrations-incompatible-together"
+    values: dict[str, Value] = {
+        "first": names[0],
+        "second": names[1],
+        "angle": ANGLES[k],
+        "support": supports[int(i)],
+        "difference": 1e3 * float(rpy[i, k]),
+        "en": float(en[i, k]),
+        "above": above,
+        "of": en.size,
+    }
+    return Finding(code, names, p_value=p_value, values=values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +176,6 @@ def compare_pair(
     else:
         std = np.sqrt(so3.rpy_variance(first.rotation, covariance))
     en = np.abs(rpy) / (COVERAGE_FACTOR * std)
-    verified = p >= INCOMPATIBLE
     return Comparison(
         names=(a[0], b[0]),
         supports=first.supports,
@@ -172,7 +187,7 @@ def compare_pair(
         chi2=chi2,
         dof=dof,
         p_value=p,
-        verified=verified,
+        verified=compatible(p),
         detectable=smallest_changes(
             first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE
         ),

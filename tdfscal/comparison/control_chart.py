@@ -42,15 +42,15 @@ _CREEP_BETTER = 4.0
 class Turn:
     """A sensor's turn by what was seen of it.
 
-    onset : index of the first check that shows it. chi2 : that it takes away. size, std : (3,),
-    rad, BCS; of a creep, per month.
+    onset : index of the first check that shows it. chi2 : that it takes away. size : (3,), rad,
+    BCS; of a creep, per month. covariance : (3, 3), of it.
     """
 
     kind: Kind
     onset: int
     chi2: float
     size: FloatArray
-    std: FloatArray
+    covariance: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class TurnsSince:
     def _turn(self, kind: Kind, sensor: int, onset: int) -> Turn:
         seen = self.of(kind, sensor, onset)
         size, covariance = seen.change(slice(0, 3))
-        return Turn(kind, onset, seen.chi2()[0], size, np.sqrt(np.diagonal(covariance)))
+        return Turn(kind, onset, seen.chi2()[0], size, covariance)
 
 
 def begin(prior: Information, own: Information, sensors: int) -> TurnsSince:
@@ -165,7 +165,7 @@ class Alarm:
 
     sensor : its index; None of a load, and where all together depart and no single one explains it.
     raised, onset : indices of the checks that raised it, and with which it began.
-    turn : (3,), rad, BCS; of a creep, per month. std : (3,), its standard uncertainty.
+    turn : (3,), rad, BCS; of a creep, per month. covariance : (3, 3), of it.
     p_value : that a sound rig departs as much at this check, in any of its tests.
     """
 
@@ -174,8 +174,24 @@ class Alarm:
     raised: int
     onset: int
     turn: FloatArray
-    std: FloatArray
+    covariance: FloatArray
     p_value: float
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty (3,), rad, of the turn about each axis."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def size(self) -> float:
+        """How far it turned, rad, about whatever axis."""
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def size_std(self) -> float:
+        """Standard uncertainty of the size, rad."""
+        along = self.turn / self.size
+        return float(np.sqrt(along @ self.covariance @ along))
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,14 +237,11 @@ class Watching:
             p = self.smallest[k] = self._p_values(now)
             every = p_value(now.departure.chi2()) / OF_ALL
             if min(p.min(), every) <= self.level[k] and self._loaded(now):
-                turn = np.zeros(3)
-                least = min(float(p.min()), every)
-                self.alarms.append(Alarm("load", None, k, k, turn, turn, least))
+                self.alarms.append(_unexplained("load", k, min(float(p.min()), every)))
                 now, walk = self._through(k), self._walk()
                 p, every = self._p_values(now), p_value(now.departure.chi2()) / OF_ALL
             if p.min() > self.level[k] >= every:
-                turn = np.zeros(3)
-                self.alarms.append(Alarm("step", None, k, k, turn, turn, every))
+                self.alarms.append(_unexplained("step", k, every))
             while p.min() <= self.level[k]:
                 self._raise(now, p)
                 now, walk = self._through(k), self._walk()
@@ -323,4 +336,9 @@ class Watching:
 
 
 def _alarm(sensor: int, raised: int, turn: Turn, p: float) -> Alarm:
-    return Alarm(turn.kind, sensor, raised, turn.onset, turn.size, turn.std, p)
+    return Alarm(turn.kind, sensor, raised, turn.onset, turn.size, turn.covariance, p)
+
+
+def _unexplained(kind: Literal["step", "load"], check: int, p: float) -> Alarm:
+    """An alarm that is no one sensor's turn."""
+    return Alarm(kind, None, check, check, np.zeros(3), np.zeros((3, 3)), p)

@@ -235,9 +235,7 @@ def _pace(alarms: Sequence[Alarm], n: int) -> FloatArray:
     for alarm in alarms:
         if alarm.sensor is None:
             continue
-        speed = float(np.linalg.norm(alarm.turn))
         pace[alarm.sensor] = 0.0
-        if alarm.kind == "creep" and speed > 0:
-            std = float(np.linalg.norm(alarm.turn / speed * alarm.std))
-            pace[alarm.sensor] = speed + above * std
+        if alarm.kind == "creep" and alarm.size > 0:
+            pace[alarm.sensor] = alarm.size + above * alarm.size_std
     return pace

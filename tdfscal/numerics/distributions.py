@@ -15,6 +15,8 @@ from tdfscal.records import FloatArray
 from tdfscal.significance import FEWEST_TRIALS, INTERVAL_COVERAGE
 
 _THREE = 0.9973  # coverage of three standard deviations
+#: Chances below it are not told apart.
+_NEGLIGIBLE = 1e-6
 
 
 def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
@@ -24,8 +26,15 @@ def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
 
 
 def p_text(p: float) -> str:
-    """Write a p-value: below 1e-6 its size says nothing any more."""
-    return f"p = {p:.1g}" if p >= 1e-6 else "p < 1e-6"
+    """Write a p-value."""
+    return f"p = {probability(p)}" if p >= _NEGLIGIBLE else f"p {probability(p)}"
+
+
+def probability(p: float) -> str:
+    """Two digits where they say something, else the magnitude; below 1e-6 it says nothing."""
+    if p < _NEGLIGIBLE:
+        return "< 1e-6"
+    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
 
 
 def chi2_quantile(p: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:

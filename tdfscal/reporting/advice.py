@@ -14,11 +14,11 @@ from tdfscal.catalogue.entry import upwards
 from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import FindingResult, Mounting, RejectedPosture
+from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import begun
 from tdfscal.reporting.traceability import exact_sentence
-from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
+from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
@@ -73,16 +73,7 @@ def half_widths(c: Calibration) -> FloatArray:
 
     Where roll and yaw are not separable: the expanded uncertainty of the turns.
     """
-    return np.array([_half_width(mounting) for mounting in c.mounted])
-
-
-def _half_width(mounting: Mounting) -> list[float]:
-    turns = mounting.turn_std or mounting.rpy_std
-    ends = zip(mounting.interval.low, mounting.rpy, mounting.interval.high, turns, strict=True)
-    return [
-        COVERAGE_FACTOR * std if low is None or high is None else max(value - low, high - value)
-        for low, value, high, std in ends
-    ]
+    return np.array([mounting.half_widths for mounting in c.mounted])
 
 
 def within(c: Calibration) -> str:

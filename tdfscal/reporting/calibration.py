@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
-from tdfscal.numerics.distributions import student_dof
+from tdfscal.numerics.distributions import p_text, student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise, half_widths, headline, within
@@ -158,9 +158,8 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
 
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
-    limit = 1e3 * COVERAGE_FACTOR * limits.angle_std
     tiles = [
-        ("each angle, 95 %", within(c), f"limit ± {limit:.2g}"),
+        ("each angle, 95 %", within(c), f"limit ± {1e3 * c.limit_half_width:.2g}"),
         *layout.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.get("birge") if c.tracker is not None else None
@@ -258,5 +257,5 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         *clocks,
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-        ("Halves", f"of the log compared: {layout.p_value(m.halves_p_value)}"),
+        ("Halves", f"of the log compared: {p_text(m.halves_p_value)}"),
     ]

@@ -12,6 +12,7 @@ from tdfscal.catalogue import told
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
+from tdfscal.numerics.distributions import p_text
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
@@ -53,27 +54,39 @@ def short(names: Sequence[str]) -> tuple[str, ...]:
 def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
     since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
-    tail = f"({short(life.names)[alarm.onset]}; {layout.p_value(alarm.p_value)})"
+    tail = f"({short(life.names)[alarm.onset]}; {p_text(alarm.p_value)})"
     if alarm.kind == "load":
-        return f"the load has changed on {raised}: mass or barycentre is not what it was {tail}"
+        return (
+            f"the load has changed {_since(life, alarm)}: mass or barycentre is not what it was "
+            f"{tail}"
+        )
     if alarm.sensor is None:
         return (
             f"on {raised} the sensors together depart from all before, and the turn of no single "
             f"one explains it {tail}"
         )
-    size = 1e3 * float(np.linalg.norm(alarm.turn))
+    size, half = 1e3 * alarm.size, 1e3 * COVERAGE_FACTOR * alarm.size_std
+    said = f"{size:.3g} ± {half:.2g} mrad"
     name = life.supports[alarm.sensor]
     axis = ", ".join(signed(1e3 * part, "+.2f") for part in alarm.turn)
     if alarm.kind == "creep":
         return (
-            f"{name} creeps by {size:.2g} mrad a month since about {since}, about the BCS axes "
+            f"{name} creeps by {said} a month since about {since}, about the BCS axes "
             f"({axis}) mrad; raised on {raised} {tail}"
         )
     late = "" if alarm.raised == alarm.onset else f"; raised on {raised}"
     return (
-        f"{name} has turned by {size:.2g} mrad on {since}, about the BCS axes ({axis}) mrad{late} "
-        f"{tail}"
+        f"{name} has turned by {said} {_since(life, alarm)}, about the BCS axes ({axis}) mrad"
+        f"{late} {tail}"
     )
+
+
+def _since(life: Life, alarm: Alarm) -> str:
+    """Between which checks it happened: the last that saw it as it was, and the first after."""
+    which = slice(None) if alarm.sensor is None else slice(alarm.sensor, alarm.sensor + 1)
+    before = np.flatnonzero(np.any(life.seen[: alarm.onset, which], axis=1))
+    onset = day(life.month[alarm.onset])
+    return f"between {day(life.month[before[-1]])} and {onset}" if len(before) else f"by {onset}"
 
 
 def history_report(
@@ -93,7 +106,11 @@ def history_report(
     kinds = list(dict.fromkeys(alarm.kind for alarm in alarms))
     if slipped := any(found.values.get("cause") == _SLIP for found in unjudged):
         kinds = [kind for kind in kinds if kind != "step"]  # the slip's own cure says it
-    facts = Facts(_facts(life, alarms, len(lost), certificates))
+    due = _due(life, alarms, slipped=slipped)
+    if certificates:
+        ends, name = min(certificates)
+        due += f"; the certificate of {name}'s sensor ends on {ends[:10]}"
+    facts = Facts(_facts(life, alarms, len(lost), due))
     verdict = _verdict(alarms, unjudged=bool(unjudged))
     if slipped and not alarms:
         verdict = "slip"
@@ -126,14 +143,11 @@ def _checks(life: Life) -> str:
 
 
 def _facts(
-    life: Life, alarms: tuple[Alarm, ...], lost: int, certificates: Sequence[tuple[str, str]]
+    life: Life, alarms: tuple[Alarm, ...], lost: int, due: str
 ) -> tuple[tuple[str, str], ...]:
     older = f" of {len(life.alarms)} in the history" if len(alarms) < len(life.alarms) else ""
     beside = f"; {lost} more left out" if lost else ""
-    due, months = _due(life), life.month[-1] - life.month[0]
-    if certificates:
-        ends, name = min(certificates)
-        due += f"; the certificate of {name}'s sensor ends on {ends[:10]}"
+    months = life.month[-1] - life.month[0]
     rows = [
         ("checks", f"{len(life.names)} in {months:.1f} months{beside}"),
         ("alarms", f"{len(alarms)}{older}" + (" in the checks judged" if lost else "")),
@@ -155,7 +169,14 @@ def _walk(life: Life) -> str:
     return f"{seen} by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
 
 
-def _due(life: Life) -> str:
+def _turned(alarms: Sequence[Alarm]) -> bool:
+    """Whether the sensors are no longer mounted as was calibrated; another load turns none."""
+    return any(alarm.kind != "load" for alarm in alarms)
+
+
+def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
+    if slipped or _turned(alarms):
+        return "now: the mounting has changed"
     due, name = life.due, life.supports[life.due.sensor]
     now = f"{name} is at {1e3 * due.now:.2g} of {1e3 * due.limit:.2g} mrad"
     if due.now >= due.limit:
@@ -194,7 +215,8 @@ def history_document(
 ) -> dict[str, Any]:
     """Plain JSON values: SI units, rad, dates in ISO 8601."""
     due = life.due
-    dates = [None if when is None else day(when) for when in (due.month, due.earliest)]
+    when = (life.month[-1],) * 2 if _turned(alarms) else (due.month, due.earliest)
+    dates = [None if month is None else day(month) for month in when]
     return layout.document(
         life,
         "supports false_alarms_per_year=rate birge",

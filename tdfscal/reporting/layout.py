@@ -15,6 +15,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.errors import visible
+from tdfscal.numerics.distributions import p_text
 from tdfscal.records import ANGLES, InputFile, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
@@ -192,15 +193,18 @@ def mrad(values: Any, form: str = ".3f") -> Cell:
     return lambda i, j: format(1e3 * values[i, j], form)
 
 
-def provenance(*facts: tuple[str, str], inputs: Iterable[Input | InputFile]) -> Section:
+def provenance(
+    *facts: tuple[str, str], inputs: Iterable[Input | InputFile], page_only: bool = True
+) -> Section:
     """What a result was made of: facts, and files with their digests."""
-    rows = tuple(
-        (f.path, f.sha256, f"{f.bytes:,}", "; ".join(filter(None, (f.integrity, f.note))))
+    files = tuple(
+        ("Input file", "; ".join(
+            filter(None, (f"{f.path}, {f.bytes:,} bytes", f.integrity, f.note,
+                          f"SHA-256 {f.sha256}"))
+        ))
         for f in inputs
-    )
-    header = ("file", "SHA-256", "bytes", "integrity")
-    files = (Table("Input files", header, rows, left=2),) if rows else ()
-    return Section("Where this result comes from", (Facts(facts), *files), page_only=True)
+    )  # fmt: skip
+    return Section("Where this result comes from", (Facts((*facts, *files)),), page_only=page_only)
 
 
 def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
@@ -247,17 +251,7 @@ def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:
 
 def chi_squared(chi2: float, dof: int, p: float) -> str:
     """A test in words."""
-    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_value(p)}"
-
-
-def p_value(p: float) -> str:
-    """A chance; below 1e-6 its size says nothing any more."""
-    return f"p = {probability(p)}" if p >= 1e-6 else "p < 1e-6"
-
-
-def probability(p: float) -> str:
-    """Two digits where they say something, else the magnitude."""
-    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_text(p)}"
 
 
 def told_clock(clock: ClockResult | RecorderClock) -> str:

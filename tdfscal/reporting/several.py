@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History, compare
+from tdfscal.comparison.compatibility import Comparison, History, compare, compatible
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
+from tdfscal.numerics.distributions import probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad, utc
 from tdfscal.reporting.traceability import UNSEALED
-from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
+from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER
 
 #: Said where calibrations stand on the same recordings.
 _NO_RESULTS = "NOT SEPARATE RESULTS"
@@ -48,7 +49,7 @@ class Several:
     def departs(self) -> bool:
         """One is not compatible with the first, at one level for all (Bonferroni)."""
         known = [p.p_value for p in self.history.against_first if np.isfinite(p.p_value)]
-        return any(p * len(known) < INCOMPATIBLE for p in known)
+        return not all(compatible(p * len(known)) for p in known)
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
@@ -95,8 +96,8 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
             Section(
                 "Angles and E_n",
                 (_angles(view.history, view.letters), _en(view.history)),
-                f"E_n is the difference divided by its expanded uncertainty ({_K}); above 1 two "
-                "calibrations are not compatible in that angle.",
+                f"E_n is the difference divided by its expanded uncertainty ({_K}); whether two "
+                "calibrations are compatible, p of all angles together says.",
             ),
         ),
         warnings=_warnings(view),
@@ -193,7 +194,7 @@ def mrad_with(value: Any, std: Any) -> layout.Cell:
 def _en(h: History) -> Table:
     pairs = [*h.against_first, *h.steps[1:]]
     rows = by_angle(h.supports, *(_marked(pair.en) for pair in pairs))
-    together = ("all", "p(χ²)", *(layout.probability(pair.p_value) for pair in pairs))
+    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
     header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
     return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
 

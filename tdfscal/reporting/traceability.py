@@ -11,9 +11,10 @@ import numpy as np
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult
+from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
-from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, probability, utc
+from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
 from tdfscal.significance import EXPANDED_COVERAGE, LONGEST_INTERVAL, MOST_REJECTED
 
 #: Days of a month.
@@ -126,6 +127,9 @@ def _next_due(c: Calibration) -> str:
         begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
         day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
         due.append((day, why))
+    if ended := _ended(c):
+        end, name = min(ended)
+        return f"now: the certificate of {name}'s sensor ended on {end}"
     due += [(end[:10], f"when the certificate of {name}'s sensor ends") for end, name in _ends(c)]
     return ", ".join(min(due)) if due else ""
 
@@ -137,12 +141,16 @@ def _ends(c: Calibration) -> list[tuple[str, str]]:
 
 def _overdue(c: Calibration) -> tuple[str, ...]:
     """Sensors whose own certificate had ended when the data were recorded."""
-    day = (c.measured.end if c.measured is not None else c.created)[:10]
     return tuple(
-        f"the certificate of {name}'s sensor was due on {end}, before this calibration"
-        for end, name in _ends(c)
-        if end[:10] < day
+        f"the certificate of {name}'s sensor ended on {end}, before this calibration"
+        for end, name in _ended(c)
     )
+
+
+def _ended(c: Calibration) -> list[tuple[str, str]]:
+    """Day and support of the certificates that had ended when the data were recorded."""
+    day = (c.measured.end if c.measured is not None else c.created)[:10]
+    return [(end[:10], name) for end, name in _ends(c) if end[:10] < day]
 
 
 def exact_sentence(c: Calibration, half_width: float) -> str:
@@ -206,6 +214,7 @@ def provenance(c: Calibration) -> Section:
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
         inputs=c.inputs,
+        page_only=False,
     )
 
 

@@ -13,7 +13,7 @@ from tdfscal.catalogue import documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.findings import Finding
-from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
@@ -187,7 +187,7 @@ def validation_report(
             tested,
             *layout.residual_tiles(found),
             ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}", chi2_test(v)),
-            ("single change", layout.p_value(v.search_p), f"limit {SEARCH_LIMIT:.3g}"),
+            ("single change", p_text(v.search_p), f"limit {SEARCH_LIMIT:.3g}"),
         ),
         summary=(table, *zeros),
         sections=(

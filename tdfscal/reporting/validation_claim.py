@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, told
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures.log_time import clock_from
@@ -111,14 +111,14 @@ def lengths(wrench: FloatArray) -> FloatArray:
 
 def search_test(v: Tested) -> str:
     """The probability of the likeliest single change, with its limit."""
-    return f"{layout.p_value(v.search_p)}, limit {SEARCH_LIMIT:.3g}"
+    return f"{p_text(v.search_p)}, limit {SEARCH_LIMIT:.3g}"
 
 
 def chi2_test(v: Tested) -> str:
     """The probability of χ², with its limit; and by what, where it is not by χ² alone."""
     by = ", by Fisher's F" if np.isfinite(v.judged.noise_dof) else ""
     tails = ", heavy tails allowed for" if v.judged.tails else ""
-    return f"{layout.p_value(v.p_value)}, limit {CHI2_LIMIT:.3g}{by}{tails}"
+    return f"{p_text(v.p_value)}, limit {CHI2_LIMIT:.3g}{by}{tails}"
 
 
 def extent(v: Tested) -> str:

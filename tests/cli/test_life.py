@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -179,6 +180,14 @@ def test_a_turned_sensor_alarms_and_is_named_in_its_month(
     truth = yaml.safe_load((months / "truth.yaml").read_text())["steps"][0]["turn"]
     assert np.abs(np.array(alarm["turn"]) - truth).max() < 4 * max(alarm["turn_std"])
     assert monitored(capsys, 0, *files[:5])["alarms"] == []
+    # Of when it turned the checks around it tell; of the next calibration, that it is due.
+    dates = [check["date"] for check in result["checks"]]
+    assert f"between {dates[4]} and {dates[5]}" in alarm["text"]
+    assert result["next_calibration"]["date"] == dates[-1]
+    size, half = map(float, re.findall(r"by ([0-9.]+) ± ([0-9.]+) mrad", alarm["text"])[0])
+    assert abs(size - 1e3 * np.linalg.norm(truth)) < 2 * half
+    said = run(capsys, "monitor", *files, "-q").out
+    assert re.search(r"next calibration +now", said)
     later = monitored(capsys, 0, *files, "--since", "2099-01-01")
     assert len(later["older_alarms"]) == 1
 

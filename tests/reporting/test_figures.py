@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from tdfscal.commands.calibration import load_calibration
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings, style
 from tdfscal.reporting.figures.space import clear_view, magnification
@@ -148,6 +149,21 @@ def test_readings_say_the_number() -> None:
     assert c.validation is not None
     assert f"{c.validation.force.rms_before:.3g} N" in said["residuals"]
     assert all(text.endswith(".") for text in said.values())
+
+
+def test_methods_agree_by_all_angles_together() -> None:
+    """A joint calibration that was accepted at p = 0.14 with one angle of nine beyond E_n = 1."""
+    c = load_calibration(Path(__file__).parents[1] / "files/reference_1_0/joint.json")
+    assert c.accepted
+    assert c.tracker is not None
+    largest = float(str(c.tracker["largest_en"]))
+    assert largest > 1
+    (said,) = (d.reading for d in drawings(c) if d.name == "methods")
+    assert "agree within their uncertainties" in said
+    assert f"E_n = {largest:.2f}; p = 0.14" in said
+    apart = {**c.tracker, "consistency_p_value": 0.009}
+    (said,) = (d.reading for d in drawings(changed(c, tracker=apart)) if d.name == "methods")
+    assert said.startswith("not compatible")
 
 
 def test_weakest_direction_is_that_of_the_covariance() -> None:

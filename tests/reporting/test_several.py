@@ -112,7 +112,7 @@ def test_page() -> None:
     page = render_several([("<j>", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
     assert page.index("NOT COMPATIBLE") < page.index("<svg")
     assert "&lt;j&gt;" in page
-    assert "C: +1.5 mrad, E_n = 2.65; beyond its uncertainty" in page
+    assert "C: +1.5 mrad, E_n = 2.65; beyond the uncertainties of all angles together, p " in page
     assert "<script" not in page
 
 

@@ -15,7 +15,7 @@ from tdfscal.catalogue import document
 from tdfscal.catalogue.entry import upwards
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding, Value
-from tdfscal.reporting.advice import advise
+from tdfscal.reporting.advice import advise, half_widths
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.history import short
@@ -201,6 +201,17 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
         assert "turn from the nominal mounting" in plain
         assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
         assert max(map(len, plain.splitlines())) <= 80
+
+
+def test_value_and_limit_are_of_one_coverage_factor() -> None:
+    """Where the gate's limit is the largest standard uncertainty itself, value and limit are equal."""
+    c = sample().calibration
+    std = float(c.rpy_std.flat[half_widths(c).argmax()])
+    limits = c.rig.acceptance.model_copy(update={"angle_std": std})
+    rig = c.rig.model_copy(update={"acceptance": limits})
+    c, half = c.model_copy(update={"rig": rig}), float(half_widths(c).max())
+    assert c.limit_half_width == pytest.approx(half, rel=1e-12)
+    assert calibration_report(c).tiles[0][2] == f"limit ± {1e3 * half:.2g}"
 
 
 def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,6 +91,18 @@ def test_what_is_taken_as_exact() -> None:
     assert "base level" not in facts(surveyed()[0])["Taken as exact"]
 
 
+def test_the_text_says_what_the_page_does() -> None:
+    part = {"expanded": 1.25, "exceeding": 1e-4, "conforms": True, "limit": 5.0}
+    limits = {"angle_std": 2e-3, "contact": {"force": 5.0, "torque": 5.0}}
+    judged = {"rpy": [0.0] * 3, "force": part, "torque": part}
+    c = changed(stated(due="2020-01-01", acceptance=limits), conformity=judged)
+    text = " ".join(render(calibration_report(c)).split())
+    names = ("Decision rule", "Contact wrench", "Rig file", "Seed")
+    for said in (*(facts(c)[name] for name in names), c.inputs[0].sha256, c.inputs[0].integrity):
+        assert said in text
+    assert all(" ".join(warning.split()) in text for warning in calibration_report(c).warnings)
+
+
 def test_the_rule_states_the_limits_of_the_rig() -> None:
     limits = {"angle_std": 2e-3, "birge_max": 1.5, "contact": {"force": 5.0, "torque": 3.0}}
     rule = facts(stated(acceptance=limits))["Decision rule"]
@@ -109,6 +121,9 @@ def test_conformity_stands_beside_the_rule() -> None:
     judged = {"rpy": [0.0, 0.0, 0.0], "force": part | {"limit": 5.0}, "torque": part}
     c = changed(stated(acceptance=limits), conformity=judged)
     said = facts(c)["Contact wrench"]
+    assert "probability 0.0001;" in said
+    sure = judged | {"force": part | {"limit": 5.0, "exceeding": 1e-16}}
+    assert "probability < 1e-6;" in facts(changed(c, conformity=sure))["Contact wrench"]
     assert "force conforms: U = 1.25 N, limit 5 N" in said
     assert "torque" not in said
     assert f"Contact wrench: {said}" in lines(c)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tdfscal.numerics.distributions import coverage_factor
-from tdfscal.reporting.layout import p_value
+from tdfscal.numerics.distributions import coverage_factor, p_text
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.reporting.validation_claim import change
@@ -52,9 +51,9 @@ def test_the_verdict_is_what_its_own_numbers_say(turn: float) -> None:
     p, limit = (found[name] for name in key[found["decided_by"]])
     assert below[found["decided_by"]] or found["holds"]
     claim = text.split("Residual contact wrench")[0]
-    assert f"{p_value(p)}, limit {limit:.3g}" in claim
+    assert f"{p_text(p)}, limit {limit:.3g}" in claim
     for name, (p, limit) in key.items():
-        printed = f"{p_value(found[p])}, limit {found[limit]:.3g}" in claim
+        printed = f"{p_text(found[p])}, limit {found[limit]:.3g}" in claim
         assert printed or not (below[name] or found["holds"])
 
 
@@ -64,7 +63,7 @@ def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
     v = next(v for v in tested if not v.holds and v.p_value >= 0.01)
     found = written(v)[0]
     assert found["decided_by"] == "search"
-    assert p_value(v.p_value) not in found["why"]
+    assert p_text(v.p_value) not in found["why"]
 
 
 def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:

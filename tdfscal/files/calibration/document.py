@@ -165,6 +165,14 @@ class Calibration(Strict):
         return np.where(self.determined[:, None], std, np.inf)
 
     @property
+    def limit_half_width(self) -> float:
+        """acceptance.angle_std as half an interval, rad, by the widest one's coverage factor."""
+        halves = np.array([mounting.half_widths for mounting in self.mounted])
+        widest = int(halves.argmax())
+        factor = halves.flat[widest] / self.rpy_std[self.determined].flat[widest]
+        return float(factor * self.rig.acceptance.angle_std)
+
+    @property
     def rotation_covariance(self) -> FloatArray:
         """(3n, 3n), rad², of d with R_true = exp([d]×) · rotation, d in the BCS.
 

@@ -48,7 +48,7 @@ from tdfscal.files.field_types import (
     key,
 )
 from tdfscal.records import FloatArray, InputFile, Integrity, Measured
-from tdfscal.significance import FEWEST_TRIALS
+from tdfscal.significance import COVERAGE_FACTOR, FEWEST_TRIALS
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -122,6 +122,16 @@ class Mounting:
     turn_std: tuple[float, ...] | None
     interval: Interval
     quaternion: tuple[float, float, float, float]
+
+    @property
+    def half_widths(self) -> list[float]:
+        """Half of each angle's interval, rad, by the farther end; without one, of its turn."""
+        turns = self.turn_std or self.rpy_std
+        ends = zip(self.interval.low, self.rpy, self.interval.high, turns, strict=True)
+        return [
+            COVERAGE_FACTOR * std if low is None or high is None else max(value - low, high - value)
+            for low, value, high, std in ends
+        ]
 
 
 class SupportResult(Strict):

@@ -15,11 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History
+from tdfscal.comparison.compatibility import Comparison, History, compatible, verdict
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import EDGES, Budget, MonteCarloResult
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.distributions import normal_quantile, p_text
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, BoolArray, FloatArray
@@ -32,7 +32,7 @@ from tdfscal.reporting.figures.style import (
     legend_outside,
     signed,
 )
-from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE, INTERVAL_COVERAGE
+from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 
 #: Widest intervals within which the gate's limit leaves them legible.
 _NEAR = 4.0
@@ -99,7 +99,7 @@ def _paint(c: Calibration) -> Figure:
     ends = np.maximum(0, [value - low, high - value])
     right.errorbar(0 * value, place, xerr=ends, color=ink.BLACK, ecolor=ink.BLUE, **_WHISKERS)
     right.axvline(0, color=ink.GREY, linewidth=0.8)
-    _gate(right, 1e3 * COVERAGE_FACTOR * c.rig.acceptance.angle_std, float(np.nanmax(ends)))
+    _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)))
     right.tick_params(left=False)
     return fig
 
@@ -132,14 +132,14 @@ def methods(c: Calibration) -> Drawing | None:
         for name, rpy, std in (*each, ("joint", c.rpy, c.rpy_std))
     ]
     label = "angle less the joint estimate, with its 95 % interval, mrad"
-    p, en = c.tracker.get("consistency_p_value"), c.tracker.get("largest_en")
+    p = c.tracker.get("consistency_p_value")
     said = "The two methods are drawn about their joint estimate."
-    if isinstance(p, float) and isinstance(en, float):
-        agree = "agree" if en <= 1 and p >= INCOMPATIBLE else "do not agree"
-        said = (
-            f"Self-calibration and tracker {agree} within their uncertainties: the largest E_n is "
-            f"{en:.2f} (1 is the limit), p = {p:.2g} for all angles together."
-        )
+    if isinstance(p, float):
+        (_, own, own_std), (_, other, other_std) = each
+        apart = so3.wrapped(own - other)
+        en = np.abs(apart) / (COVERAGE_FACTOR * np.hypot(own_std, other_std))
+        names = ("self-calibration", "tracker")
+        said = f"{sentence(verdict(names, c.support_names, apart, en, p))}."
     title = "Two methods against each other"
     return Drawing("methods", title, said, lambda: _whiskers(c.support_names, rows, label))
 
@@ -160,7 +160,8 @@ def drift(h: History) -> Drawing:
     said = (
         f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
         f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
-        f"E_n = {en[f, i, j]:.2f}; {'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
+        f"E_n = {en[f, i, j]:.2f}; {'within' if compatible(worst.p_value) else 'beyond'} the "
+        f"uncertainties of all angles together, {p_text(worst.p_value)}."
     )
     return Drawing("drift", "Change of each angle", said, lambda: _changes(pairs))
 
