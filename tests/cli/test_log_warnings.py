@@ -44,15 +44,17 @@ def set_to(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
     return change
 
 
-def test_a_warning_of_the_log_is_stored_and_shown_once(
+def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
     campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     edit(campaign, repeated)
     target = tmp_path / "c.json"
     seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-qv")
     assert seen.status == 0, seen.err
-    assert (REPEATED in " ".join(seen.out.split()), seen.err.count(REPEATED)) == (False, 1)
+    assert (" ".join(seen.out.split()).count(REPEATED), seen.err.count(REPEATED)) == (1, 1)
     assert sum(REPEATED in w for w in texts(json.loads(target.read_text()))) == 1
+    brief = run(capsys, "calibrate", campaign, "--trials", 0, "-q")
+    assert (REPEATED in " ".join(brief.out.split()), brief.err.count(REPEATED)) == (False, 1)
     validated = run(capsys, "validate", target, campaign, "-q", "--json")
     assert sum(REPEATED in w for w in texts(json.loads(validated.out))) == 1
 

@@ -14,14 +14,12 @@ import tdfscal
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
-    Recorded,
-    Relation,
     combine,
     compare_pair,
-    relation,
 )
 from tdfscal.comparison.pooling import Recorded as Campaign
 from tdfscal.comparison.pooling import pool
+from tdfscal.comparison.shared_data import Recorded, Relation, relation
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.records import Drift, FloatArray, Rig, Rotations
 from tdfscal.simulation import Recorder, reference_rig

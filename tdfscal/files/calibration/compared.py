@@ -11,11 +11,10 @@ import numpy as np
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
-    Recorded,
     compare_pair,
     in_order_of,
-    relation,
 )
+from tdfscal.comparison.shared_data import Recorded, relation
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Measured, Rotations
