@@ -204,7 +204,7 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
 
 
 def test_value_and_limit_are_of_one_coverage_factor() -> None:
-    """Where the gate's limit is the largest standard uncertainty itself, value and limit are equal."""
+    """Where the gate's limit is the largest standard uncertainty itself, the two are equal."""
     c = sample().calibration
     std = float(c.rpy_std.flat[half_widths(c).argmax()])
     limits = c.rig.acceptance.model_copy(update={"angle_std": std})
