@@ -223,7 +223,20 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
                     raise
                 raise inaccessible(fault) from fault
 
-        @wraps(function)
+        told = (
+            f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
+            for name, p in each.items()
+        )
+        head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
+        parameters = "\n".join(told)
+        run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
+        # `help` shows the types alone.
+        bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]
+        run.__signature__ = whole.replace(  # type: ignore[attr-defined]
+            parameters=bare, return_annotation=hints["return"]
+        )
+
+        @wraps(run)
         def call(*positional: Any, **named: Any) -> Any:
             try:
                 return run(*positional, **named)
@@ -231,18 +244,6 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
                 error.reword(partial(_in_python, each.values()))
                 raise
 
-        told = (
-            f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
-            for name, p in each.items()
-        )
-        head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        parameters = "\n".join(told)
-        call.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
-        # `help` shows the types alone.
-        bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]
-        call.__signature__ = whole.replace(  # type: ignore[attr-defined]
-            parameters=bare, return_annotation=hints["return"]
-        )
         named = tuple(p for p in each.values() if p.shown is not None)
         COMMANDS[function.__name__] = Command(run, example, carries, named)
         return call  # type: ignore[return-value]
