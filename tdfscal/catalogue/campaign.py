@@ -192,8 +192,8 @@ posture-frozen warns
   the {axis} axis of the sensor of {subject} is frozen at {size}
   -> look at the sensor's cable and amplifier
 posture-misfits warns
-  unexplained force {size} and moment {moment:N·m}, {ratio:.0f} times what is
-  expected: contact, a hand, or a jolt
+  unexplained force {size} and moment {moment:N·m} about the LCS origin, {ratio:.0f}
+  times what is expected: contact, a hand, or a jolt
   -> find what touched the terminal (cables, a hand, a stop), free it, and record
     again
 stretch-frozen warns
@@ -209,8 +209,8 @@ stretch-over-capacity warns
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> squeeze less, or carry less
 stretch-touched warns
-  a wrench of {size} and {moment:N·m} that the model does not know: contact, or a
-  motion too fast for it
+  a wrench of {size} and {moment:N·m} about the barycentre that the model does not
+  know: contact, or a motion too fast for it
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> find what touched the terminal, or move more slowly
 draft-unconfirmed warns

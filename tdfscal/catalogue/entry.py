@@ -85,6 +85,14 @@ def _clause(value: str, text: str) -> tuple[str, str]:
     return value, text if text[0] in ",;:" else f" {text}"
 
 
+class _Sizes(list[float]):
+    """Sizes, and those `beside` them that are said in the same unit."""
+
+    def __init__(self, sizes: Sequence[float], beside: Sequence[float]) -> None:
+        super().__init__(sizes)
+        self.beside = beside
+
+
 class _Words(Formatter):
     """Fields with units, yes and no, and lists."""
 
@@ -97,7 +105,7 @@ class _Words(Formatter):
         if value is None:
             return "–"
         if format_spec in _UNITS:
-            return quantity(value, format_spec)
+            return quantity(value, format_spec, getattr(value, "beside", ()))
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = ", ".join(format(each, format_spec) for each in value)
         if isinstance(value, str):
@@ -112,22 +120,34 @@ def _fields(finding: Finding) -> dict[str, Any]:
     size = finding.size
     fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
     fields["subjects"] = len(finding.subject) > 1
+    std = finding.values.get("std")
+    beside = [std] if isinstance(std, float) else []
+    for name, half in finding.values.items():
+        value = finding.values.get(stem := name.removesuffix("_95"))
+        if stem != name and isinstance(value, list) and isinstance(half, list):
+            both = (*value, *half)
+            beside += both if stem == "change" else ()
+            largest = both if size is None or stem != "change" else (*both, size)
+            fields |= {stem: _Sizes(value, largest), name: _Sizes(half, largest)}
     if size is not None:
-        fields |= {"size": quantity(size, finding.unit), "number": size}
+        fields |= {"size": quantity(size, finding.unit, beside), "number": size}
         fields["several"] = f"{size:.0f}" if size > 1.0 else ""
         fields["stated"] = upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
-    if (std := finding.values.get("std")) is not None and isinstance(std, float):
-        fields["spread"] = quantity(std, finding.unit)
+        if isinstance(std, float):
+            fields["spread"] = quantity(std, finding.unit, (size,))
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields
 
 
-def quantity(size: float | Sequence[float], unit: str) -> str:
-    """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several."""
+def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] = ()) -> str:
+    """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several.
+
+    beside : what is said in the same unit in the same sentence.
+    """
     each = [size] if isinstance(size, int | float) else list(size)
-    largest = max((abs(value) for value in each), default=0.0)
+    largest = max((abs(value) for value in (*each, *beside) if np.isfinite(value)), default=0.0)
     ways = _UNITS.get(unit, ((unit, 1.0),))
     name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
     if largest == 0.0:

@@ -54,7 +54,8 @@ change-base-tilted rejects
   {change_95:rad} (95 %)
   -> level the base, or calibrate again with gravity.tilt_std declared
 change-contact rejects
-  contact in {more:postures|posture} {postures}: {size}, {torque:N·m}
+  contact in {more:postures|posture} {postures}: {size}, {torque:N·m} about the LCS
+  origin
   -> free these postures and record them again before anything else
 change-hinges-stick rejects
   the moments scatter as friction of {size} in the hinges makes them

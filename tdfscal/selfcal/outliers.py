@@ -129,11 +129,12 @@ def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
 
 
 def _rejected(result: Fit) -> dict[int, Finding]:
-    """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
+    """Name the postures of weight 0 with their residual wrench (moment about the LCS origin)."""
     scale = spread(result.distance[result.weight > 0], result.at.rows)
-    found = {}
-    for k in np.flatnonzero(result.weight == 0):
-        force, moment = (np.linalg.norm(part) for part in np.split(result.residual[k], 2))
+    found, out = {}, np.flatnonzero(result.weight == 0)
+    wrenches = _to_origin(result.at, out) @ result.residual[out][..., None]
+    for k, wrench in zip(out, wrenches[..., 0], strict=True):
+        force, moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
         ratio = np.sqrt(result.distance[k] / (result.at.rows[k] * scale))
         found[int(k)] = Finding(
             "posture-misfits",

@@ -32,6 +32,14 @@ def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, 
         assert not result.reasons
 
 
+def test_a_contact_is_told_with_its_moment_about_the_lcs_origin() -> None:
+    """As `validate` tells it; about the barycentre it would be 5.6 N·m."""
+    touching = Contact(7, (30.0, -40.0, 60.0), (10.0, 5.0, -5.0))
+    (result,) = study(RIG, with_faults(Faults(contacts=(touching,))), seed=2, trials=1).results
+    moment = result.rejected[7].values["moment"]
+    assert moment == pytest.approx(np.linalg.norm(touching.moment), abs=1.0)
+
+
 @pytest.mark.slow
 def test_more_than_a_tenth_rejected_is_a_failure() -> None:
     contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
