@@ -66,7 +66,7 @@ def sentence(life: Life, alarm: Alarm) -> str:
             f"one explains it {tail}"
         )
     size, half = 1e3 * alarm.size, 1e3 * COVERAGE_FACTOR * alarm.size_std
-    said = f"{size:.3g} ± {half:.2g} mrad"
+    said = f"{size:.2f} ± {half:.2f} mrad"
     name = life.supports[alarm.sensor]
     axis = ", ".join(signed(1e3 * part, "+.2f") for part in alarm.turn)
     if alarm.kind == "creep":
