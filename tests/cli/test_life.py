@@ -289,7 +289,7 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
         (1, ["calibrate", first, future], "future"),
         (2, ["calibrate", future], "future"),
         (3, ["calibrate", first, undated], "campaign.date"),
-        (2, ["calibrate", first, first], "same recording"),
+        (2, ["calibrate", first, first], "is named twice"),
         (2, ["update", base, first], "same recording"),
         (2, ["update", base, older], "before the calibration"),
         (2, ["calibrate", ""], "empty"),
