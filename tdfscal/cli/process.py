@@ -221,8 +221,6 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         if outputs is None or not outputs.appeared:
             raise
         leave_stdout()  # the files are there: only the rest of the report is cut off
-    for detail in result.details if verbose else ():
-        say(detail)
     if result.exit_status and "allow_rejected" in asked:
         nothing = "only its page was written" if "html" in asked else "nothing was written"
         what = "it was written as rejected" if written else nothing

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import PrivateAttr
 
-from tdfscal.catalogue import sentence
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.consistency import UNCONFIRMED
@@ -81,16 +80,6 @@ class Calibration(Result, CalibrationFile):
     def exit_status(self) -> int:
         """1 where the quality gate rejects it."""
         return 0 if self.accepted else 1
-
-    @property
-    def details(self) -> tuple[str, ...]:
-        """Stretches of rest that were left out."""
-        if self.records is None or self.records.own is None:
-            return ()
-        left_out = self.records.own.dwells.left_out
-        return tuple(
-            f"left out: {s.start:.2f} to {s.end:.2f} s: {sentence(s.reason)}" for s in left_out
-        )
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, angles, evidence, what next."""

@@ -103,11 +103,6 @@ class Result(ABC):
         return ()
 
     @property
-    def details(self) -> tuple[str, ...]:
-        """What the command says besides with `--verbose`."""
-        return ()
-
-    @property
     def exit_status(self) -> int:
         """Status with which the command ends: 1 where the result is a refusal."""
         return 0

@@ -27,7 +27,10 @@ _NOISE = ("force-noise-suspected", "sensor-noise-suspected")
 #: Postures named at most.
 _NAMED = 8
 #: Why a sensor itself spoils a posture, and does not show that something touched.
-_SPOILT = ("posture-over-capacity", "posture-saturated", "posture-frozen")
+_SPOILT = {
+    **dict.fromkeys(("posture-over-capacity", "posture-saturated"), "a saturated axis"),
+    "posture-frozen": "a frozen axis",
+}
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: Uncertainty, as a share of that of now, at which a change of the campaign is worth a word.
@@ -84,7 +87,6 @@ def within(c: Calibration) -> str:
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on."""
     which = "each by itself" if c.determined.all() else "each that is determined, by itself,"
-    half = float(half_widths(c).max())
     said = f"{which} within {within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
@@ -95,7 +97,7 @@ def headline(c: Calibration) -> str:
             "Confirm these lines of the rig file's draft before you load the angles: "
             f"{_by_block(draft)}. If they are right, the angles are known, {said}."
         )
-    return " ".join(filter(None, (loaded, exact_sentence(c, half), _rests_on(c))))
+    return " ".join(filter(None, (loaded, exact_sentence(c, half_widths(c).max()), _rests_on(c))))
 
 
 def _by_block(lines: Iterable[str]) -> str:
@@ -123,8 +125,7 @@ def _rests_on(c: Calibration) -> str:
     if c.motion is not None:
         parts.append(f"{c.motion.seconds:.0f} s of motion")
     if c.fit is not None and (c.motion is None or c.fit.postures):
-        besides = f" ({_numbers(c.fit.rejected)} left out)" if c.fit.rejected else ""
-        parts.append(f"{c.fit.postures} postures{besides}")
+        parts.append(f"{c.fit.postures} postures{_besides(c.fit.rejected)}")
     if c.tracker is not None:
         alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
@@ -141,6 +142,15 @@ def _rests_on(c: Calibration) -> str:
         of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
         limit = f"; limited by {source} ({of})"
     return f"It rests on {', '.join(parts)}{limit}."
+
+
+def _besides(rejected: Sequence[RejectedPosture]) -> str:
+    """Numbers of the postures left out, and why, in brackets."""
+    by: dict[str, list[RejectedPosture]] = {}
+    for r in rejected:
+        by.setdefault(_SPOILT.get(r.code or "", "contact or a jolt"), []).append(r)
+    said = "; ".join(f"{_numbers(some)} left out: {why}" for why, some in by.items())
+    return f" ({said})" if said else ""
 
 
 def _numbers(rejected: Sequence[RejectedPosture]) -> str:
@@ -166,6 +176,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
             "Do not load this result into a controller; calibrate again first.",
         )
     advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
+    advice += (begun(looked, ".") for looked in _of_those_left_out(c))
     new = "new postures" if c.motion is None else "a motion without contact"
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
     better = tuple(_forecasts(c))
@@ -220,7 +231,7 @@ def _cures(c: Calibration) -> Iterator[str]:
             yield f"{found.cure}: {found.text}"
     apart = (*c.found("campaign-unusable"), *misfits)
     yield from dict.fromkeys(found.cure or "" for found in apart)
-    yield from _of_the_sensors(c)
+    yield from _of_the_sensors(_many_rejected(c))
     yield from (found.cure or "" for found in suspected if found.code not in _NOISE)
     yield from _of_what_touched(c)
     yield from (found.cure or "" for found in suspected if found.code in _NOISE)
@@ -234,13 +245,22 @@ def _suspected(c: Calibration) -> list[FindingResult]:
     return list(reversed(found.values()))
 
 
-def _of_the_sensors(c: Calibration) -> Iterator[str]:
+def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
     first: dict[str, str] = {}
-    for rejected in sorted(_many_rejected(c), key=lambda r: r.code == "posture-frozen"):
-        if rejected.code in _SPOILT:
-            first.setdefault(CATALOGUE[rejected.code].cure, rejected.reason)
+    for r in sorted(rejected, key=lambda r: r.code == "posture-frozen"):
+        if r.code in _SPOILT:
+            first.setdefault(CATALOGUE[r.code].cure, r.reason)
     yield from (f"{cure}: {reason}" for cure, reason in first.items())
+
+
+def _of_those_left_out(c: Calibration) -> Iterator[str]:
+    """What to look at of the postures that an accepted campaign lost."""
+    rejected = c.fit.rejected if c.fit is not None else ()
+    if touched := [r for r in rejected if r.code not in _SPOILT]:
+        which = f"posture{'s' * (len(touched) > 1)} {_numbers(touched)}"
+        yield f"look what touched the terminal at {which}"
+    yield from tuple(_of_the_sensors(rejected))[:1]
 
 
 def _of_what_touched(c: Calibration) -> Iterator[str]:

@@ -30,13 +30,17 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
+    pieces = (c.postures.left_out or ()) if c.postures is not None else ()
     blocks: dict[str, tuple[Block, ...]] = {
         "angles": (_angles(c),),
         "residuals" if c.motion is None else "residual-over-time": (
             *_residual_wrench(c),
             *layout.listed("Stretches left out", left_out),
         ),
-        "timeline": layout.listed("Rejected postures", rejected),
+        "timeline": (
+            *layout.listed("Rejected postures", rejected),
+            *layout.listed("Stretches of rest left out", layout.rests(pieces, clock(c))),
+        ),
         "rig": _adjusted(c),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""

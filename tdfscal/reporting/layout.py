@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         RejectedPosture,
         ResidualWrench,
     )
+    from tdfscal.files.calibration.parts import Stretch as StretchOfRest
     from tdfscal.motioncal.blocks import Stretch
     from tdfscal.reporting.figures.log_time import Clock
 
@@ -241,6 +242,11 @@ def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ..
         when = f" ({clock.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
         found.append(f"posture {r.index + 1}{when}: {r.reason}")
     return tuple(found)
+
+
+def rests(pieces: Iterable[StretchOfRest], clock: Clock) -> tuple[str, ...]:
+    """Stretches of rest that are no posture, with why."""
+    return tuple(f"{clock.stretch(s.start, s.end)}: {s.reason}" for s in pieces)
 
 
 def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:

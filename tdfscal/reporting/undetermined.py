@@ -178,7 +178,7 @@ def _left_out(attempt: Attempt) -> tuple[str, ...]:
     pieces = log.postures.left_out or ()
     return (
         *layout.postures(log.rejected, log.clock),
-        *(f"{log.clock.stretch(s.start, s.end)}: {s.reason}" for s in pieces),
+        *layout.rests(pieces, log.clock),
     )
 
 

@@ -81,6 +81,19 @@ def test_a_summary_fits_a_terminal() -> None:
     assert "Warnings: 9; -v or --html FILE shows them" in lines
 
 
+def test_what_was_left_out_is_told_with_its_reason() -> None:
+    """Of postures in the headline, with what to look at; of stretches of rest in the report."""
+    c = sample(touched=True).calibration
+    lines = as_text(calibration_report(c), whole=False).splitlines()
+    assert len(lines) <= 22
+    said = " ".join(" ".join(lines).split())
+    assert "11 postures (5 left out: contact or a jolt)" in said
+    assert "- Look what touched the terminal at posture 5." in said
+    blow = {"start": 86.2, "end": 86.4, "reason": "jolt: a burst of force"}
+    table = c.model_dump()["postures"] | {"left_out": [blow]}
+    assert "86.2 to 86.4 s: jolt: a burst of force" in render(changed(c, postures=table))
+
+
 @pytest.mark.parametrize(
     ("size", "said"),
     [(1.03, "1.03"), (1.0304, "1.04"), (0.601, "0.61"), (0.6, "0.6"), (99.6, "100"), (234, "240")],
