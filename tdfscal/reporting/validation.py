@@ -44,6 +44,7 @@ _KEEP = (
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
 _MORE = ("Too few postures to call it still valid: record six or more, with squeezes.",)
+_ANOTHER = ("Validate on a log that did not go into the calibration.",)
 #: Fewer postures than these show no more than a gross change.
 _FEW = 3
 _RENEW = (
@@ -72,8 +73,8 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
     return layout.document(
         v,
         "holds chi2 dof p_value search_p_value=search_p",
-        verdict="still valid" if v.holds else "recalibrate",
-        why=" ".join(reasons(v)),
+        verdict=_verdict(v, findings)[0],
+        why=" ".join(_why(v, findings)),
         decided_by="search" if v.decided_by_search else "chi2",
         search_limit=SEARCH_LIMIT,
         chi2_limit=CHI2_LIMIT,
@@ -102,6 +103,28 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
         },
         findings=documents([*changes(v), *findings]),
     )
+
+
+def _verdict(v: Tested, findings: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
+    """The verdict, and what next: what proves nothing does not say that it holds."""
+    if not v.holds:
+        return "recalibrate", _RENEW
+    if _own(findings):
+        return "not contradicted", _ANOTHER
+    if isinstance(v, Validation) and len(v.used) < _FEW:
+        return "not contradicted", _MORE
+    return "still valid", _KEEP
+
+
+def _own(findings: Sequence[Finding]) -> list[str]:
+    """Sentences on the logs that the calibration itself was made from."""
+    return [f"{sentence(found)}." for found in findings if found.code == "log-used-before"]
+
+
+def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
+    """The headline's sentences; a log of the calibration's own would not have shown any turn."""
+    own = _own(findings) if v.holds else []
+    return [*own, *reasons(v)[: -1 if own else None]]
 
 
 def _of_the_postures(v: Validation) -> dict[str, Any]:
@@ -176,12 +199,12 @@ def validation_report(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
     zeros = _zero_table(v)
-    few = isinstance(v, Validation) and len(v.used) < _FEW
+    verdict, advice = _verdict(v, findings)
     report = Report(
         title=v.rig.name,
-        verdict=("NOT CONTRADICTED" if few else "STILL VALID") if v.holds else "RECALIBRATE",
+        verdict=verdict.upper(),
         accepted=v.holds,
-        claim=" ".join(reasons(v)),
+        claim=" ".join(_why(v, findings)),
         reasons=_causes(v),
         tiles=(
             tested,
@@ -196,7 +219,7 @@ def validation_report(
             Section("Left out", layout.listed("Left out", left_out)),
         ),
         warnings=tuple(map(told, findings)),
-        advice=(_MORE if few else _KEEP) if v.holds else _RENEW,
+        advice=advice,
     )  # fmt: skip
     if origin is None:
         return report

@@ -67,5 +67,8 @@ def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
     tdfscal.calibrate(SAMPLES / "parquet", to=split, trials=0, output=target)
     later = run(capsys, "validate", target, SAMPLES / "parquet", "--from", split, "-q")
     assert "went into this calibration" not in later.err + later.out
+    assert "STILL VALID" in later.out
     again = run(capsys, "validate", target, SAMPLES / "parquet", "-q")
     assert "went into this calibration" in again.err + again.out
+    assert "NOT CONTRADICTED" in again.out
+    assert "would have been detected" not in " ".join(again.out.split())

@@ -98,7 +98,7 @@ CASES = [
     Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
     Case("update own.yaml campaign -o out/kept.yaml", 2, "the same recording"),
     Case("update own.yaml damaged -o out/kept.yaml", 3, "log.parquet"),
-    Case("validate own.yaml campaign", 0, "STILL VALID"),
+    Case("validate own.yaml campaign", 0, "NOT CONTRADICTED"),
     Case("validate own.yaml turned --html out/v.html", 1, "RECALIBRATE"),
     Case("validate own.yaml campaign --html -", 2, "standard output"),
     Case("validate campaign own.yaml", 2, "a calibration file is wanted here"),
