@@ -238,15 +238,15 @@ def test_one_value_that_is_wrong(name: str, value: object) -> None:
             "`method='joint'` does not go with `samples='all'`: ",
         ),
         (
-            lambda: tdfscal.calibrate("out"),
-            "out: there is no rig.yaml. Name the rig file with `rig`.",
+            lambda: tdfscal.calibrate("hollow"),
+            "hollow: there is no rig.yaml. Name the rig file with `rig`.",
         ),
         (lambda: tdfscal.calibrate("junk.yaml"), "junk.yaml: is not a log. "),
         (lambda: tdfscal.calibrate("bin.csv"), "bin.csv: the file is not text. "),
     ],
 )
 def test_python_is_told_its_own_names(call: Callable[[], Any], said: str) -> None:
-    Path("out").mkdir(exist_ok=True)
+    Path("hollow").mkdir(exist_ok=True)
     Path("junk.yaml").write_text("a: 1\n")
     Path("bin.csv").write_bytes(bytes(range(256)) * 20)
     with pytest.raises(tdfscal.TdfscalError) as caught:
