@@ -57,7 +57,7 @@ def used(c: Calibration, log: Path) -> Numbers:
     with scratch() as folder:
         apply(c, [log], output=(target := folder / "w.csv"))
         rows = list(csv.reader(io.StringIO(target.read_text("utf-8"))))[1:]
-    wrench = np.array(rows, dtype=np.float64)
+    wrench = np.array([[float(cell or "nan") for cell in cells] for cells in rows])
     return {
         "export": [float(word) for word in NUMBER.findall(exported)],
         "apply, wrench": wrench[:, :7].ravel().tolist(),
@@ -84,7 +84,8 @@ def tried(
         changed = [
             name
             for name, values in before.items()
-            if len(now[name]) != len(values) or not np.allclose(now[name], values, 1e-12, 0)
+            if len(now[name]) != len(values)
+            or not np.allclose(now[name], values, 1e-12, 0, equal_nan=True)
         ]
         ends[ENDS[3] if changed else ENDS[2]] += 1
         for name in changed:
