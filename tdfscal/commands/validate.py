@@ -26,13 +26,11 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
-from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.residual_wrench import ENOUGH, Validation
 from tdfscal.validation.residuals import AS_STATED, KnownNoise
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Samples = Literal["static", "moving"]
-#: Dwells from which on a log is tested by its postures.
-_ENOUGH = 3
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -152,7 +150,7 @@ def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | M
     if samples == "static":
         return _by_postures(use, log, log.dwells())
     dwells, slow = read_samples(log)
-    if slow is None or len(dwells) >= _ENOUGH:
+    if slow is None or len(dwells) >= ENOUGH:
         return _by_postures(use, log, dwells)
     try:
         return _by_motion(use, log, slow)

@@ -81,6 +81,11 @@ def student_dof(coverage: float, k: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.where(normal, np.inf, dof), dtype=np.float64)
 
 
+def trials_decide(trials: int, *, validated: bool) -> bool:
+    """Whether an interval is that of its trials: they are many, and do not confirm the linear."""
+    return not validated and trials >= FEWEST_TRIALS
+
+
 #: Trials per block: 7.9.4 b) asks for at least 10⁴.
 BLOCK = 10_000
 
@@ -109,8 +114,8 @@ class MonteCarlo:
 
     @property
     def decides(self) -> bool:
-        """Whether the trials' own interval is to be stated: they are many, and it is another."""
-        return not self.validated and self.trials >= FEWEST_TRIALS
+        """Whether the trials' own interval is to be stated."""
+        return trials_decide(self.trials, validated=self.validated)
 
     def validates(self, low: FloatArray, high: FloatArray) -> bool:
         """Both ends of another interval agree with this one within δ (clause 8)."""

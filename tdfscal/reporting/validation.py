@@ -31,7 +31,7 @@ from tdfscal.reporting.validation_claim import (
 )
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.in_motion import MovingValidation
-from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.residual_wrench import ENOUGH, Validation
 from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -45,8 +45,6 @@ _KEEP = (
 )
 _MORE = ("Too few postures to call it still valid: record six or more, with squeezes.",)
 _ANOTHER = ("Validate on a log that did not go into the calibration.",)
-#: Fewer postures than these show no more than a gross change.
-_FEW = 3
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
@@ -111,7 +109,7 @@ def _verdict(v: Tested, findings: Sequence[Finding]) -> tuple[str, tuple[str, ..
         return "recalibrate", _RENEW
     if _own(findings):
         return "not contradicted", _ANOTHER
-    if isinstance(v, Validation) and len(v.used) < _FEW:
+    if isinstance(v, Validation) and len(v.used) < ENOUGH:
         return "not contradicted", _MORE
     return "still valid", _KEEP
 

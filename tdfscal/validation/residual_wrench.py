@@ -33,6 +33,9 @@ from tdfscal.validation.residuals import (
 from tdfscal.validation.verdict import Cause, Judged, Verdict, searched
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 
+#: Postures by which a calibration is tested; fewer show no more than a gross change.
+ENOUGH = 3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation(Verdict):

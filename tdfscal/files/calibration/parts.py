@@ -47,8 +47,9 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
 )
+from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray, InputFile, Integrity, Measured
-from tdfscal.significance import COVERAGE_FACTOR, FEWEST_TRIALS
+from tdfscal.significance import COVERAGE_FACTOR
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -357,7 +358,7 @@ class MonteCarloResult(Strict):
     @property
     def decides(self) -> bool:
         """Whether the intervals stated are those of the trials."""
-        return not self.linear_interval_validated and self.trials >= FEWEST_TRIALS
+        return trials_decide(self.trials, validated=self.linear_interval_validated)
 
     @property
     def verdict(self) -> str:
