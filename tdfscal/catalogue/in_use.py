@@ -137,6 +137,7 @@ compared-nothing-added rejects
 compared-nested notes
   {whole} stands on all recordings of {part} and on more: U is of what the others
   changed (the difference of both covariances){walked:, drift.angle included|}
+  ? undated , over a time that a file's date tells
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
 calibration-rejected warns

@@ -34,7 +34,8 @@ REFUSALS: dict[str, Entry] = {
     **entries("""
 angles-determined notes
   every angle{but: of a sensor but ~|} is determined by the data; the weakest is
-  {angle} of {subject}, {unknown:more than ±1 rad|±{mrad:.2g} mrad}
+  {angle} of {subject}, {unknown:more than 1 rad|{mrad:.2g} mrad} (standard
+  uncertainty)
 estimate-unsettled refuses
   the estimate did not settle in {number:.0f} iterations
   -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a

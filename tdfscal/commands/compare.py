@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, rigs_apart
+from tdfscal.catalogue import documents, rigs_apart, told
 from tdfscal.checks.same_rig import other_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import read_sources, sources_of
+from tdfscal.commands.calibration import provisional, read_sources, sources_of
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison
@@ -30,13 +30,13 @@ class CompareResult(Result):
     """The first calibration against each of the others.
 
     pairs : one comparison each. rejected : names of those that the quality gate rejected.
-    renamed : what is said of rigs whose names differ. remarks : of each pair, on the data that
+    beside : what is said of rigs whose names differ, and of drafts. remarks : of each pair, on the data that
     both stand on.
     """
 
     pairs: tuple[Comparison, ...]
     rejected: tuple[str, ...] = ()
-    renamed: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     remarks: tuple[tuple[Finding, ...], ...] = ()
 
     @property
@@ -46,9 +46,9 @@ class CompareResult(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Rejected calibrations, and rigs of other names."""
+        """Rejected and provisional calibrations, and rigs of other names."""
         rejected = (f"{name} was rejected by the quality gate" for name in self.rejected)
-        return (*rejected, *self.renamed)
+        return (*rejected, *self.beside)
 
     @property
     def exit_status(self) -> int:
@@ -128,12 +128,13 @@ def compare(
             remark = (*remark, pair.obstacle)
         pairs.append(replace(pair, verified=pair.verified and found is None, obstacle=found))
         remarks.append(remark)
-    renamed = tuple(
+    drafts = (told(found) for name, c in read for found in provisional(name, c))
+    renamed = (
         f"{first[0]} is of {rigs[0].name}, {name} of {rig.name}"
         for (name, _), rig in zip(read[1:], rigs[1:], strict=True)
         if rig.name != rigs[0].name
     )
-    return CompareResult(tuple(pairs), rejected, renamed, tuple(remarks))
+    return CompareResult(tuple(pairs), rejected, (*drafts, *renamed), tuple(remarks))
 
 
 def _obstacle(

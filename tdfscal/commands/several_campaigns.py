@@ -289,7 +289,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),
-        read.measured.source,
+        next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
     )
     origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
     remarks = [

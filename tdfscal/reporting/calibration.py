@@ -18,6 +18,7 @@ from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section
 from tdfscal.reporting.traceability import (
     campaign,
     exact_tables,
+    measured_on,
     provenance,
     report_digest,
     warnings,
@@ -47,7 +48,8 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
-        subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}",
+        subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}"
+        + measured_on(c),
         verdict=c.status.upper(),
         accepted=c.accepted,
         provisional=c.status == "provisional",

@@ -116,9 +116,11 @@ def history_report(
         verdict = "slip"
     elif lost and not alarms and not unjudged:
         verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
+    by_file = any(found.code == "checks-undated" for found in findings)
     return Report(
         title=f"History of {_checks(life)}",
-        subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement",
+        subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement"
+        + (", where nothing says it by the file's date" if by_file else ""),
         verdict=verdict.upper(),
         accepted=not alarms and not unjudged,
         provisional=bool(lost),

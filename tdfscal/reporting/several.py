@@ -17,8 +17,9 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import probability
 from tdfscal.reporting import layout
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad, utc
-from tdfscal.reporting.traceability import UNSEALED
+from tdfscal.reporting.advice import half_widths, within
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
+from tdfscal.reporting.traceability import UNSEALED, measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER
 
 #: Said where calibrations stand on the same recordings.
@@ -79,16 +80,18 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
     files = tuple(
         (
             mark,
-            f"{name}: {layout.METHODS[c.method].split(',')[0]}, {utc(c.created)}, {c.status}, "
-            f"weakest angle {1e3 * c.rpy_std[c.determined].max():.2g} mrad",
+            f"{name}: {layout.METHODS[c.method].split(',')[0]}{measured_on(c)}, "
+            f"{c.status if c.status == 'accepted' else c.status.upper()}, each angle {within(c)} "
+            "(95 %)",
         )
         for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
     )
     return Report(
         title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
-        subtitle=f"{len(view.names)} calibrations side by side, oldest first",
+        subtitle=f"{len(view.names)} calibrations side by side, in the order of measurement",
         verdict="NOT COMPATIBLE" if view.departs else "COMPATIBLE" if view.agrees else _NO_RESULTS,
         accepted=view.agrees,
+        provisional=any(c.status == "provisional" for c in view.content),
         reasons=tuple(_verdict(step) for step in view.history.against_first if not step.verified),
         sections=(
             Section("Calibrations", (Facts(files),)),
@@ -101,7 +104,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
             ),
         ),
         warnings=_warnings(view),
-        advice=_ADVICE[view.agrees],
+        advice=(_keep(view),) if view.agrees else _DEPARTED,
     )
 
 
@@ -153,14 +156,24 @@ def _instant(c: Calibration) -> datetime:
     return datetime.fromisoformat(c.created if c.measured is None else c.measured.end)
 
 
-_ADVICE = {
-    True: ("Keep the first calibration in use, or the one with the smallest uncertainty.",),
-    False: (
-        "Validate the newest on a held-out log: tdfscal validate CALIBRATION LOG.",
-        "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
-        "one of them understates its uncertainty.",
-    ),
-}
+_DEPARTED = (
+    "Validate the newest on a held-out log: tdfscal validate CALIBRATION LOG.",
+    "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
+    "one of them understates its uncertainty.",
+)
+
+
+def _keep(view: Several) -> str:
+    """Which of calibrations that agree stays in use, and why; best those with nothing open."""
+    sound = [pair for pair in zip(view.letters, view.content, strict=True) if pair[1].accepted]
+    if not sound:
+        return "Use none of them: calibrate again."
+    named = [pair for pair in sound if pair[1].status == "accepted"] or sound
+    first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
+    keep = f"Keep {first[0]} in use: nothing has moved since, so that nothing need be loaded anew"
+    if within(best[1]) == within(first[1]):
+        return f"{keep}."
+    return f"{keep}; {best[0]} where ± matters, for it knows the angles best."
 
 
 def _warnings(view: Several) -> tuple[str, ...]:
@@ -168,6 +181,11 @@ def _warnings(view: Several) -> tuple[str, ...]:
         f"{name} was rejected by the quality gate"
         for name, c in zip(view.letters, view.content, strict=True)
         if c.status == "rejected"
+    ]
+    found += [
+        f"{name} is provisional: lines of its rig file's draft are still to be confirmed"
+        for name, c in zip(view.letters, view.content, strict=True)
+        if c.status == "provisional"
     ]
     found += [
         f"{name} is {UNSEALED}"

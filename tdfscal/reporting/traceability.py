@@ -66,7 +66,8 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
     facts = [("Serial number", c.rig.serial)]
     if c.measured is not None:
         span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
-        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
+        again = "; a copy has another: state campaign.date" if c.measured.source == "file" else ""
+        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}{again}"))
     facts.append(("Next due", _next_due(c)))
     if stated is not None:
         facts += [("Operator", stated.operator), ("Site", stated.site)]
@@ -79,6 +80,13 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
         for entry in c.history
     ]
     return tuple((name, text) for name, text in facts if text)
+
+
+def measured_on(c: Calibration) -> str:
+    """Of which day the data are, and what says so; a file of old knows its own day alone."""
+    if c.measured is None:
+        return f", computed {c.created[:10]}"
+    return f" of {c.measured.end[:10]}, {_SOURCES[c.measured.source]}"
 
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
@@ -126,12 +134,18 @@ def _next_due(c: Calibration) -> str:
             why = "after two years, though by drift.angle no limit is reached till then"
         begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
         day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
-        due.append((day, why))
+        due.append((day, f"{why}{_by_file(c)}"))
     if ended := _ended(c):
         end, name = min(ended)
-        return f"now: the certificate of {name}'s sensor ended on {end}"
+        return f"now: the certificate of {name}'s sensor ended on {end}{_by_file(c)}"
     due += [(end[:10], f"when the certificate of {name}'s sensor ends") for end, name in _ends(c)]
     return ", ".join(min(due)) if due else ""
+
+
+def _by_file(c: Calibration) -> str:
+    """That nothing but a file's date says when the data were recorded."""
+    undated = c.measured is not None and c.measured.source == "file"
+    return f" ({_SOURCES['file']})" if undated else ""
 
 
 def _ends(c: Calibration) -> list[tuple[str, str]]:
@@ -142,7 +156,7 @@ def _ends(c: Calibration) -> list[tuple[str, str]]:
 def _overdue(c: Calibration) -> tuple[str, ...]:
     """Sensors whose own certificate had ended when the data were recorded."""
     return tuple(
-        f"the certificate of {name}'s sensor ended on {end}, before this calibration"
+        f"the certificate of {name}'s sensor ended on {end}, before this calibration{_by_file(c)}"
         for end, name in _ended(c)
     )
 

@@ -193,7 +193,7 @@ def test_it_says_by_what_it_is_dated(source: str, said: str) -> None:
     root = ET.fromstring(certificate(by_hand({**C.model_dump(), "measured": measured})))
     lines = [str(e.text) for e in root.iterfind(".//dcc:description/dcc:content", NAMES)]
     (told,) = (line for line in lines if line.startswith("Measured: "))
-    assert told == f"Measured: 2026-11-20 08:00:00 UTC, {said}"
+    assert told.startswith(f"Measured: 2026-11-20 08:00:00 UTC, {said}")
 
 
 def test_matrices_stand_in_full() -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tdfscal.catalogue import document
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import letter, put_side_by_side, several_report
 from tdfscal.reporting.text import render
@@ -22,22 +25,22 @@ from tests.words import found
 STD = 2e-4
 
 
-def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
+def flat(yaw: float, created: str, status: str = "accepted", std: float = STD) -> Calibration:
     """Sensors at roll = pitch = 0, where rpy_std is the covariance's; yaw of the second is given.
 
     Turns about Z, so that differences of yaw are exact.
     """
     c = sample().calibration
     content = c.model_dump()
-    content["covariance"]["matrix"] = (STD**2 * np.eye(9)).tolist()
+    content["covariance"]["matrix"] = (std**2 * np.eye(9)).tolist()
     for i, support in enumerate(content["supports"]):
         turn = yaw if i == 1 else 0.0
         rotation = Rotation.from_euler("z", turn)
         support |= {
             "rotation": rotation.as_matrix().tolist(),
             "rpy": (0.0, 0.0, turn),
-            "rpy_std": (STD, STD, STD),
-            "turn_std": (STD, STD, STD),
+            "rpy_std": (std, std, std),
+            "turn_std": (std, std, std),
             "quaternion_xyzw": rotation.as_quat().tolist(),
         }
     reasons = ("too few postures",) if status == "rejected" else ()
@@ -101,6 +104,24 @@ def test_warnings() -> None:
     said = " ".join(several([("a", JANUARY), ("b", bad)]).warnings)
     assert "B was rejected" in said
     assert several([("a", JANUARY), ("b", FEBRUARY)]).warnings == ()
+
+
+def test_which_of_those_that_agree_is_kept() -> None:
+    """The first that is sound; a better one is named; none that was rejected or is open."""
+    better = flat(0.0, "2026-02-06T08:00:00Z", std=STD / 2)
+    unconfirmed = [document(Finding("draft-unconfirmed", ("mass (line 4)",), 1))]
+    draft = changed(JANUARY, status="provisional", findings=unconfirmed)
+    rejected = flat(0.0, "2026-01-01T08:00:00Z", status="rejected")
+    for calibrations, kept, provisional in (
+        ([JANUARY, FEBRUARY], "A", False),
+        ([JANUARY, better], "AB", False),
+        ([rejected, JANUARY], "B", False),
+        ([draft, FEBRUARY], "B", True),
+    ):
+        report = several([(str(k), c) for k, c in enumerate(calibrations)])
+        assert "".join(re.findall(r"\b[AB]\b", report.advice[0])) == kept
+        assert report.provisional is provisional
+        assert any("A is provisional" in text for text in report.warnings) is provisional
 
 
 def test_other_rigs_are_refused() -> None:

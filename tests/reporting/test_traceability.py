@@ -60,7 +60,14 @@ def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     assert (found["Tracker"], found["Scale"]) == (papers["tracker"], papers["scale"])
     names = ("Tracker", "Scale", "Measured", "Taken as exact", "Decision rule")
     assert {f"{name}: {found[name]}" for name in names} <= set(lines(c))
-    assert found["Measured"].endswith("by the file's date")
+    assert "by the file's date" in found["Measured"]
+    # Wherever the date stands: in the first lines, and side by side with others.
+    both = several_report(put_side_by_side([("a", c), ("b", sample().calibration)]))
+    for report in (calibration_report(c), both):
+        assert "of 2026-11-22, by the file's date" in " ".join(render(report).split())
+    for source, marked in (("file", True), ("log", False)):
+        dated = changed(stated(drift={"angle": 1e-4}), measured=measured | {"source": source})
+        assert ("by the file's date" in facts(dated)["Next due"]) is marked
 
 
 def test_a_rig_that_states_none_has_no_section() -> None:

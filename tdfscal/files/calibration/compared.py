@@ -60,7 +60,9 @@ def _nested(
             if own is not None
         ]
     pair = compare_pair(given[0], given[1], Nested(whole, walk))
+    undated = any(c.measured is None or c.measured.source == "file" for c in (most, part))
     values: dict[str, Value] = {"whole": all_name, "part": part_name, "walked": walk > 0}
+    values["undated"] = walk > 0 and undated
     if pair.dof == 0:
         found = Finding("compared-nothing-added", (all_name, part_name), values=values)
         return _no_two_results(pair, found), ()
