@@ -30,8 +30,8 @@ class CompareResult(Result):
     """The first calibration against each of the others.
 
     pairs : one comparison each. rejected : names of those that the quality gate rejected.
-    beside : what is said of rigs whose names differ, and of drafts. remarks : of each pair, on the data that
-    both stand on.
+    beside : what is said of rigs whose names differ, and of drafts. remarks : of each pair, on
+    the data that both stand on.
     """
 
     pairs: tuple[Comparison, ...]
