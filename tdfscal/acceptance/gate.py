@@ -51,7 +51,8 @@ def judge(
     used, rejected : numbers of postures. suspicions : harmful ones. conformity : of the contact
     wrench, where the rig file states a limit.
     """
-    limits, found = rig.acceptance, list[Finding]()
+    # What explains the misfit before the misfit, which widens the uncertainties.
+    limits, found = rig.acceptance, list(suspicions)
     std, names = turn_std(rotations.covariance), turn_names(rotations.rotation)
     judged = np.ones(rig.n, dtype=np.bool_) if determined is None else determined
     for i, j in np.argwhere(~(std <= limits.angle_std) & judged[:, None]):
@@ -65,7 +66,6 @@ def judge(
     if rejected > MOST_REJECTED * (used + rejected):
         values = {"postures": used + rejected, "limit": MOST_REJECTED}
         found.append(Finding("postures-rejected", size=rejected, values=values))
-    found += suspicions
     reasons = tuple(replace(finding, rejects=True) for finding in found)
     return reasons if conformity is None else (*reasons, *conformity.findings)
 

@@ -95,12 +95,13 @@ zeros-parabola warns
   the zeros of all sensors drift other than along a line
   -> record faster, or write `drift.walk: {stated}` in rig.yaml
 sensor-slipped warns
-  the sensor of {subject} turned by {amount:rad} about the BCS's axes before posture
-  {posture}
+  the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
+  of the BCS before posture {posture}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
     the campaign again
 zero-jumped warns
-  the zero of {subject} jumped by {amount:N} before posture {posture}
+  the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
+  sensor before posture {posture}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
     the campaign again
 """,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from string import Formatter
 from typing import Any, cast
 
@@ -24,6 +25,8 @@ _UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "N·m": (("N·m", 1.0),),
 }
 
+#: Seconds beyond which a time is no duration of a campaign but a date: three years.
+EPOCH_SECONDS = 1e8
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 
@@ -35,9 +38,10 @@ class Entry:
     sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
-    colon with a unit, or with words for yes|no, where ~ is the value; so have {subjects} for more
-    than one name, {several} for a count above one. clauses : what the sentence goes on with where
-    a value holds. where : what of a campaign it is about, where an error says it.
+    colon with a unit, with `time` (two moments), or with words for yes|no, where ~ is the value; so
+    have {subjects} for more than one name, {several} for a count above one. clauses : what the
+    sentence goes on with where a value holds. where : what of a campaign it is about, where an
+    error says it.
     """
 
     severity: Severity
@@ -102,6 +106,8 @@ class _Words(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if "|" in format_spec:
             return format_spec.split("|")[0 if value else 1].replace("~", visible(str(value)))
+        if format_spec == "time":
+            return "" if value is None else f", between {_moments(*value)}"
         if value is None:
             return "–"
         if format_spec in _UNITS:
@@ -155,6 +161,14 @@ def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] =
     said = ", ".join(f"{value * factor:.3g}" for value in each)
     said = said if isinstance(size, int | float) else f"({said})"
     return f"{said} {name}".rstrip()
+
+
+def _moments(first: float, last: float) -> str:
+    """Return two times of a log, as dates where they are seconds since 1970."""
+    if first < EPOCH_SECONDS:
+        return f"{first:.0f} and {last:.0f} s of the log"
+    dates = [datetime.fromtimestamp(time, UTC) for time in (first, last)]
+    return f"{dates[0]:%Y-%m-%d %H:%M:%S} and {dates[1]:%H:%M:%S} UTC"
 
 
 def upwards(size: float, digits: int = 1) -> str:

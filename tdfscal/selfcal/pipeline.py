@@ -259,7 +259,7 @@ def _doubts(known: Estimate[Fit], usable: Usable, *, many_rejected: bool) -> tup
 def _slip_or(
     doubts: tuple[Suspicion, ...], known: Estimate[Fit], usable: Usable
 ) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
-    """Hold a slip against the other doubts: the likelier, and what it set aside.
+    """Hold a slip against the other doubts: the likelier, and what is about as likely.
 
     What spoils the whole campaign may look like a slip, and a slip like much that does.
     """
@@ -269,7 +269,7 @@ def _slip_or(
         return doubts, ()
     rivals = doubts or wandering(known, usable.time)
     if all(_likelier(slip, doubt) for doubt in rivals):
-        return (slip,), doubts
+        return (slip,), tuple(d for d in doubts if d.weight > slip.weight - CAUSES_APART)
     return doubts or likeliest(list(rivals)), ()
 
 

@@ -108,7 +108,7 @@ def caveats(
 ) -> tuple[Finding, ...]:
     """Collect what the user must know although the result may be good.
 
-    set_aside : suspicions that a slip explains as well. gross : of a channel touched or broken.
+    set_aside : suspicions about as likely as a slip. gross : of a channel touched or broken.
     measured_noise : nobody states one. unasked : too many sensors for trials.
     """
     rig, trials = of.rig, of.monte_carlo
@@ -120,7 +120,8 @@ def caveats(
     found += of.observability.findings
     if rig.declared.force_sensitivity > 0:
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
-    found += _of_the_noise(of.quality, measured_noise=measured_noise)
+    if of.quality.birge <= rig.acceptance.birge_max:  # the gate says so else
+        found += _of_the_noise(of.quality, measured_noise=measured_noise)
     for doubt in of.suspicions:
         if not doubt.harmful:
             found += doubt.findings(rejects=False, held=doubt.move is not None)

@@ -28,9 +28,9 @@ from scipy.special import fdtrc
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import ask
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit
@@ -49,8 +49,8 @@ _NAMED = 6
 class _Step:
     """A suspect at its best. group : rotation or zero.
 
-    first : posture (in the order of time) from which it holds. amount : (3,), rad in the BCS or N
-    in the sensor's frame. move : (p,), of the other parameters with it.
+    first : posture (in the order of time) from which it holds. amount, std : (3,), rad in the BCS
+    or N in the sensor's frame. move : (p,), of the other parameters with it.
     """
 
     group: str
@@ -59,6 +59,7 @@ class _Step:
     statistic: float
     size: int
     amount: FloatArray
+    std: FloatArray
     move: FloatArray
 
 
@@ -119,16 +120,19 @@ class _Normal:
         amount = -asked.amount[best]
         move = -self.root @ (self.pull + known[best].T @ amount)
         fall, size = float(asked.statistic[best]), int(asked.unknowns[best])
-        return _Step(group, sensor, best, fall, size, amount, move)
+        # Held against the scatter that remains without the suspect, or it would excuse itself.
+        std = asked.std[best] * np.sqrt(max(1.0, self._rest(fall, size)))
+        return _Step(group, sensor, best, fall, size, amount, std, move)
+
+    def _rest(self, fall: float, size: int) -> float:
+        """χ² per degree of freedom without a suspect of this χ² and size."""
+        return max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - size, 1)
 
     def p_value(self, step: _Step, *, noise_from_residuals: bool) -> float:
-        """That noise alone gives as much, for this suspect alone.
-
-        Held against the scatter that remains without the suspect, or it would excuse itself.
-        """
-        dof = max(self.dof - step.size, 1)
-        rest = max(self.chi2 - step.statistic, np.finfo(float).tiny) / dof
+        """That noise alone gives as much, for this suspect alone."""
+        rest = self._rest(step.statistic, step.size)
         if noise_from_residuals:
+            dof = max(self.dof - step.size, 1)
             return float(fdtrc(step.size, dof, step.statistic / step.size / rest))
         return float(chi2_sf(step.statistic / max(1.0, rest), step.size))
 
@@ -169,7 +173,7 @@ def find_slip(
             ahead -= normal.chi2 - step.statistic + step.size * unknown
         if ahead > -CAUSES_APART and (best is None or p_value < best[0]):
             best = p_value, steps, ahead
-    return None if best is None else _suspicion(of, number[order], *best)
+    return None if best is None else _suspicion(of, time[order], number[order], *best)
 
 
 def _most_likely(
@@ -196,7 +200,12 @@ def _most_likely(
 
 
 def _suspicion(
-    of: Estimate[Fit], number: IntArray, p_value: float, steps: list[_Step], ahead: float
+    of: Estimate[Fit],
+    time: FloatArray,
+    number: IntArray,
+    p_value: float,
+    steps: list[_Step],
+    ahead: float,
 ) -> Suspicion:
     """Name the steps, the likeliest first, and the angle that they spoil most, before or after.
 
@@ -211,7 +220,7 @@ def _suspicion(
         moves += [np.abs(before), np.abs(after)]
     shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
     return Suspicion(
-        causes=tuple(_cause(rig, each, int(number[each.first])) for each in steps),
+        causes=tuple(_cause(rig, each, time, number) for each in steps),
         p_value=p_value,
         shift=shift,
         harm=harm,
@@ -223,9 +232,18 @@ def _suspicion(
     )
 
 
-def _cause(rig: Rig, step: _Step, posture: int) -> Finding:
-    """A sensor that turned about the BCS's axes, or whose zero jumped; posture : from which on."""
-    values = {"amount": step.amount.tolist(), "posture": posture}
+def _cause(rig: Rig, step: _Step, time: FloatArray, number: IntArray) -> Finding:
+    """A sensor that turned about the BCS's axes, or whose zero jumped; between two postures.
+
+    time, number : (K,), in the order of time. A row that is one posture has its number for a time.
+    """
+    values: dict[str, Value] = {
+        "change": step.amount.tolist(),
+        "change_95": (INTERVAL_FACTOR * step.std).tolist(),
+        "posture": int(number[step.first]),
+    }
+    if not np.array_equal(time, number - 1):
+        values["between"] = time[step.first - 1 : step.first + 1].tolist()
     size, subject = float(np.linalg.norm(step.amount)), (rig.supports[step.sensor],)
     if step.group == "rotation":
         return Finding("sensor-slipped", subject, size, "rad", values=values)

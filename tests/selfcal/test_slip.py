@@ -68,10 +68,18 @@ def test_nearly_every_slip_is_named(axis: int) -> None:
 def test_the_posture_and_the_turn_are_stated() -> None:
     (result,) = runs(Faults(slips=(Slip(0, 10, (0.0, 3e-3, 0.0)),)), seed=5, trials=1)
     (found,) = turned(result)
-    stated = np.array(found.values["amount"])
-    assert np.abs(stated - [0.0, 3e-3, 0.0]).max() < 1e-3
+    stated, half = (np.array(found.values[key]) for key in ("change", "change_95"))
+    assert (np.abs(stated - [0.0, 3e-3, 0.0]) < 2 * half).all()
+    assert half.max() < 1e-3
     # Postures are counted from 1 in what users read, and from 0 in the simulator.
     assert found.values["posture"] == 11
+    before, after = found.values["between"]
+    assert before < after
+    # A walk of the zeros takes up some of it, and is no cure.
+    assert {finding.code for finding in result.findings} == {
+        "sensor-slipped",
+        "residuals-large",
+    }
 
 
 @pytest.mark.slow
