@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.dwell_stops import KINDS, Score, score, scored, together
+from benchmarks.dwell_stops import KINDS, scored, together
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import common_drift, prepare
 from tdfscal.dwells.ringing import Ringing
-from tests.words import in_words
 
 from .rig_log import Recipe, record
 
@@ -73,43 +71,8 @@ def test_no_crest_of_slow_ringing_is_a_dwell(stop: float, amplitude: float) -> N
     dwells = find_dwells(record(Recipe(settle=(amplitude, 2.0, 0.5), stops=(stop,) * 12)).log)
     assert len(dwells) == 0
     assert len(dwells.left_out) >= 12
-    assert any(
-        re.search(r"they ring, time constant .*, 0\.[45]\d* Hz", in_words([out.reason])[0])
-        for out in dwells.left_out
-    )
-
-
-@pytest.mark.parametrize(
-    ("settle", "also", "stop", "amplitude"),
-    [
-        ((2.0, 0.5), None, 20.0, 1.0),
-        ((0.5, 0.0), None, 4.5, 30.0),
-        ((0.5, 1.0), None, 4.5, 1.0),
-        ((0.3, 0.0), (0.6, 4.0), 5.0, 30.0),
-        ((0.5, 3.0), (1.0, 0.7), 9.0, 30.0),
-    ],
-)
-def test_every_settled_stop_is_one_dwell_without_bias(
-    settle: tuple[float, float], also: tuple[float, float] | None, stop: float, amplitude: float
-) -> None:
-    recipe = Recipe(
-        settle=(amplitude, *settle),
-        also=(amplitude, *also) if also else (0.0, 0.3, 0.0),
-        stops=(stop,) * 10,
-        seed=5,
-    )
-    recorded = record(recipe)
-    found = score(recorded, find_dwells(recorded.log))
-    assert (found.stops, found.found, found.parts, found.astray) == (10, 10, 0, 0)
-    assert found.bias.max() < 1.0
-
-
-@pytest.mark.parametrize("drift", [0.1, 0.5, -0.5])
-def test_a_drift_of_the_zeros_is_no_settling(drift: float) -> None:
-    """Forces drift by up to twenty standard errors within a stop."""
-    recorded = record(Recipe(drift=drift, stops=(4.0,) * 12, seed=1))
-    found = score(recorded, find_dwells(recorded.log))
-    assert (found.found, found.parts, found.astray) == (12, 0, 0)
+    seen = [out.reason.values["frequency"] for out in dwells.left_out if out.reason.values]
+    assert 0.5 in [pytest.approx(hertz, abs=0.1) for hertz in seen]
 
 
 def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
@@ -125,17 +88,14 @@ def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
     np.testing.assert_array_equal(common_drift(slope[:9], length[:9]), 0.0)
 
 
-def check(found: Score) -> None:
-    assert found.found >= 0.99 * found.stops
-    assert found.astray == 0
-    assert found.bias.max() < 1.0
-    # As stated, by the square root of twice the number of means, and of the axes they share.
-    assert np.sqrt((found.z**2).mean()) < 1.2
-
-
 @pytest.mark.slow
 def test_99_percent_over_all_ranges() -> None:
     scores = {what: scored(what, range(20, 26)) for what in KINDS}
     for what, one in scores.items():
         assert one.found >= 0.95 * one.stops, what
-    check(together(list(scores.values())))
+    found = together(list(scores.values()))
+    assert found.found >= 0.99 * found.stops
+    assert found.astray == 0
+    assert found.bias.max() < 1.0
+    # As stated, by the square root of twice the number of means, and of the axes they share.
+    assert np.sqrt((found.z**2).mean()) < 1.2
