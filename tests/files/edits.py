@@ -1,14 +1,16 @@
-"""Random edits of a document: a number, a word, a switch, a key or an order of a list."""
+"""Edits of a document: as told, or at random of a number, a word, a switch, a key, an order."""
 
 from __future__ import annotations
 
 import copy
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 Place = tuple[str | int, ...]
+#: In place of a value: the key is taken away.
+DROP = object()
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,29 @@ def at(document: Any, place: Place) -> Any:
     return document
 
 
+def place_of(text: str) -> Place:
+    """Of `supports.0.rpy`; the empty text is the document itself."""
+    return tuple(int(part) if part.isdigit() else part for part in text.split(".") if part)
+
+
+def edited(document: dict[str, Any], *changes: tuple[str, Any]) -> dict[str, Any]:
+    """A copy with other values at some places; a function makes one of the old value."""
+    content = copy.deepcopy(document)
+    for where, value in changes:
+        *path, last = place_of(where)
+        inner = at(content, tuple(path))
+        if value is DROP:
+            del inner[last]
+        else:
+            inner[last] = value(inner[last]) if callable(value) else value
+    return content
+
+
+def nudged(by: float) -> Callable[[float], float]:
+    """Moves a number."""
+    return lambda value: value + by
+
+
 def edits(document: dict[str, Any], count: int, seed: int) -> Iterator[Edit]:
     """Edits that change the document, one each; keys of all depths are equally likely."""
     rng = random.Random(seed)
@@ -43,16 +68,16 @@ def edits(document: dict[str, Any], count: int, seed: int) -> Iterator[Edit]:
         known.setdefault(tuple(p for p in place if isinstance(p, str)), []).append(place)
     while count:
         place = rng.choice(rng.choice(list(known.values())))
-        edited = copy.deepcopy(document)
-        inner = at(edited, place[:-1])
+        other = copy.deepcopy(document)
+        inner = at(other, place[:-1])
         kind, value = _other(inner[place[-1]], rng)
         if kind == "dropped":
             del inner[place[-1]]
         else:
             inner[place[-1]] = value
-        if edited != document:
+        if other != document:
             count -= 1
-            yield Edit(kind, place, edited)
+            yield Edit(kind, place, other)
 
 
 def _other(value: Any, rng: random.Random) -> tuple[str, Any]:

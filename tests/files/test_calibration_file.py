@@ -3,9 +3,9 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import math
 import os
 import stat
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.simulation import Options, Recorder, SurveyOptions, reference_rig, run
 from tests.cli.running import SAMPLES
-from tests.files.edits import edits
+from tests.files.edits import DROP, at, edited, edits, nudged, places
 from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration, lacking
 
 
@@ -116,63 +116,18 @@ def test_sensitivity_changes_the_convention(content: dict[str, Any]) -> None:
     assert np.array_equal(found.sensitivity[1], np.eye(3) + 1e-3)
 
 
-Change = Callable[[dict[str, Any]], None]
-
-
-def put(*place: Any) -> Change:
-    """Put the last argument at the place that the others name."""
-
-    def change(content: dict[str, Any]) -> None:
-        inner: Any = content
-        for part in place[:-2]:
-            inner = inner[part]
-        inner[place[-2]] = place[-1]
-
-    return change
-
-
-def drop(*place: Any) -> Change:
-    def change(content: dict[str, Any]) -> None:
-        inner: Any = content
-        for part in place[:-1]:
-            inner = inner[part]
-        del inner[place[-1]]
-
-    return change
-
-
-def nudge(amount: float, *place: Any) -> Change:
-    def change(content: dict[str, Any]) -> None:
-        inner: Any = content
-        for part in place[:-1]:
-            inner = inner[part]
-        inner[place[-1]] += amount
-
-    return change
-
-
-def reflect(content: dict[str, Any]) -> None:
-    R = np.array(content["supports"][0]["rotation"])
-    content["supports"][0]["rotation"] = (R @ np.diag([1, 1, -1])).tolist()
-
-
-def indefinite(content: dict[str, Any]) -> None:
-    matrix = np.array(content["covariance"]["matrix"])
-    value, vectors = np.linalg.eigh(matrix)
+def indefinite(rows: list[list[float]]) -> list[list[float]]:
+    value, vectors = np.linalg.eigh(np.array(rows))
     value[0] = -1e-9 * value[-1]
     worse = vectors @ np.diag(value) @ vectors.T
-    content["covariance"]["matrix"] = ((worse + worse.T) / 2).tolist()
+    symmetric: list[list[float]] = ((worse + worse.T) / 2).tolist()
+    return symmetric
 
 
-def swap_supports(content: dict[str, Any]) -> None:
-    content["supports"][:2] = content["supports"][1::-1]
-
-
-def exact_for(*names: str, **moves: Any) -> Change:
+def exact_for(*names: str, **moves: Any) -> list[dict[str, Any]]:
     """A quantity taken as exact, with its effect on these supports, and moves of parameters."""
     effects = [{"name": name, "turn": [1e-3, 0.0, 0.0]} for name in names]
-    quantity = {"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects, **moves}
-    return put("taken_as_exact", [quantity])
+    return [{"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects, **moves}]
 
 
 REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}
@@ -188,105 +143,90 @@ def conformity(force: float = 5.0, torque: float = 3.0, expanded: float = 1.0) -
     }
 
 
-BROKEN = [
-    (put("format", "tdfscal-calibration/2"), "newer format", "format"),
-    (put("format", "tdfscal-rig/1"), "not a calibration file", "format"),
-    (drop("format"), "not a calibration file", ""),
-    (drop("fit"), "lacks `estimator`, `fit`", ""),
-    (put("method", "tracker"), "belongs to self-calibration", "estimator"),
-    (put("status", "rejected"), "findings", "status"),
-    (put("findings", [REJECTING]), "findings", "status"),
-    (put("method", "guess"), "'self'", "method"),
-    (drop("estimator"), "estimator", ""),
-    (put("method", "tracker"), "self-calibration", "estimator"),
-    (put("created", "yesterday"), "character", "created"),
-    (put("seed", -1), "greater than or equal to 0", "seed"),
-    (put("convention", "F = X f"), "sensitivity", "convention"),
-    (put("inputs", 0, "sha256", "abc"), "character", "inputs[0].sha256"),
-    (put("inputs", 0, "byts", 3), "`bytes`", "inputs[0].byts"),
-    (drop("covariance"), "lacks `covariance`", ""),
-    (drop("supports", 1, "quaternion_xyzw"), "quaternion_xyzw", "supports[1]"),
-    (reflect, "det", "supports[0].rotation"),
-    (nudge(2e-9, "supports", 2, "rotation", 0, 0), "rotation", "supports[2].rotation"),
-    (nudge(4e-9, "supports", 1, "rpy", 1), "supports[1].rotation", "supports[1].rpy"),
-    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "supports[1].rotation", "quaternion_xyzw"),
-    (nudge(1e-8, "supports", 0, "rpy_std", 2), "covariance.matrix", "supports[0].rpy_std"),
-    (put("supports", 0, "rpy_interval", "coverage", 95.0), "less than 1", "coverage"),
-    (put("supports", 0, "rpy_interval", "low", [9.0, 9.0, 9.0]), "above", "rpy_interval"),
-    (put("supports", 0, "name", "ncp9"), "must name ncp1, ncp2, ncp3,", "supports"),
-    (swap_supports, "must name ncp1, ncp2, ncp3,", "supports"),
-    (put("supports", 0, "zero_std", [0.1, 0.1]), "zero_std", "supports[0]"),
-    (put("covariance", "parameters", 0, "ncp1.ry"), "must name ncp1.rx", "covariance.parameters"),
-    (put("covariance", "definition", "d in the LCS"), "definition", "covariance.definition"),
-    (nudge(1e-15, "covariance", "matrix", 0, 1), "symmetric", "covariance.matrix"),
-    (put("covariance", "matrix", [[1.0]]), "9 rows", "covariance.matrix"),
-    (indefinite, "semidefinite", "covariance.matrix"),
-    (put("fit", "p_value", 1.5), "less than or equal to 1", "fit.p_value"),
-    (put("monte_carlo", "linear_interval_validated", 1), "boolean", "monte_carlo"),
-    (put("budget", "sources", ["noise"]), "must name noise,", "budget.angles[0].variance"),
-    (put("budget", "sources", ["noise", "zero", "noise"]), "3 rows", "budget.sources"),
-    (drop("budget", "angles", 8), "must name ncp1.roll", "budget.angles"),
-    (put("budget", "angles", 3, "angle", "yaw"), "must name ncp1.roll", "budget.angles"),
-    (exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
-    (exact_for(*NAMES, common=[[1e-3]]), "9 rows", "taken_as_exact[0].common"),
-    (exact_for(*NAMES, apart=[[]]), "rows of one length", "taken_as_exact[0].apart"),
-    (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "3 rows", "monte_carlo.low"),
-    (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
-    (put("findings", [REJECTING | {"severity": "notes"}]), "less", "findings[0].severity"),
-    (
-        put("supports", 0, "rpy_interval", "coverage", 0.96),
-        "supports[0].rpy_interval: disagrees with supports[0].rpy_std",
-        "supports[0].rpy_interval",
-    ),
-    (put("rig", "acceptance", "angle_std", 1e-6), "acceptance.angle_std", "status"),
-    (put("rig", "acceptance", "birge_max", 1e-3), "acceptance.birge_max", "status"),
-    (put("conformity", conformity(force=6.0)), "rig.acceptance", "conformity.force"),
-    (
-        put("conformity", conformity(torque=3.0, expanded=4.0)),
-        "rig.acceptance",
-        "conformity.torque",
-    ),
+MIRROR = np.diag([1.0, 1.0, -1.0])
+BROKEN: list[tuple[str, Any, str, str]] = [
+    # what is edited, its value, a word of the message, the place that it names
+    ("format", "tdfscal-calibration/2", "newer format", "format"),
+    ("format", "tdfscal-rig/1", "not a calibration file", "format"),
+    ("format", DROP, "not a calibration file", ""),
+    ("fit", DROP, "lacks `estimator`, `fit`", ""),
+    ("method", "tracker", "belongs to self-calibration", "estimator"),
+    ("method", "guess", "'self'", "method"),
+    ("estimator", DROP, "estimator", ""),
+    ("status", "rejected", "findings", "status"),
+    ("findings", [REJECTING], "findings", "status"),
+    ("findings", [REJECTING | {"severity": "notes"}], "less", "findings[0].severity"),
+    ("created", "yesterday", "character", "created"),
+    ("seed", -1, "greater than or equal to 0", "seed"),
+    ("convention", "F = X f", "sensitivity", "convention"),
+    ("inputs.0.sha256", "abc", "character", "inputs[0].sha256"),
+    ("inputs.0.byts", 3, "`bytes`", "inputs[0].byts"),
+    ("supports", lambda old: [old[1], old[0], old[2]], "must name ncp1, ncp2, ncp3,", "supports"),
+    ("supports.0.name", "ncp9", "must name ncp1, ncp2, ncp3,", "supports"),
+    ("supports.0.zero_std", [0.1, 0.1], "zero_std", "supports[0]"),
+    ("supports.1.quaternion_xyzw", DROP, "quaternion_xyzw", "supports[1]"),
+    ("supports.0.rotation", lambda R: (R @ MIRROR).tolist(), "det", "supports[0].rotation"),
+    ("supports.2.rotation.0.0", nudged(2e-9), "rotation", "supports[2].rotation"),
+    ("supports.1.rpy.1", nudged(4e-9), "supports[1].rotation", "supports[1].rpy"),
+    ("supports.1.quaternion_xyzw.3", nudged(4e-9), "supports[1].rotation", "quaternion_xyzw"),
+    ("supports.0.rpy_std.2", nudged(1e-8), "covariance.matrix", "supports[0].rpy_std"),
+    ("supports.0.rpy_interval.coverage", 95.0, "less than 1", "coverage"),
+    ("supports.0.rpy_interval.coverage", 0.96, "supports[0].rpy_std", "supports[0].rpy_interval"),
+    ("supports.0.rpy_interval.low", [9.0, 9.0, 9.0], "above", "rpy_interval"),
+    ("covariance", DROP, "lacks `covariance`", ""),
+    ("covariance.parameters.0", "ncp1.ry", "must name ncp1.rx", "covariance.parameters"),
+    ("covariance.definition", "d in the LCS", "definition", "covariance.definition"),
+    ("covariance.matrix.0.1", nudged(1e-15), "symmetric", "covariance.matrix"),
+    ("covariance.matrix", [[1.0]], "9 rows", "covariance.matrix"),
+    ("covariance.matrix", indefinite, "semidefinite", "covariance.matrix"),
+    ("fit.p_value", 1.5, "less than or equal to 1", "fit.p_value"),
+    ("monte_carlo.linear_interval_validated", 1, "boolean", "monte_carlo"),
+    ("monte_carlo.low", [[0.0, 0.0, 0.0]], "3 rows", "monte_carlo.low"),
+    ("budget.sources", ["noise"], "must name noise,", "budget.angles[0].variance"),
+    ("budget.sources", ["noise", "zero", "noise"], "3 rows", "budget.sources"),
+    ("budget.angles.8", DROP, "must name ncp1.roll", "budget.angles"),
+    ("budget.angles.3.angle", "yaw", "must name ncp1.roll", "budget.angles"),
+    ("taken_as_exact", exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    ("taken_as_exact", exact_for(*NAMES, common=[[1e-3]]), "9 rows", "taken_as_exact[0].common"),
+    ("taken_as_exact", exact_for(*NAMES, apart=[[]]), "of one length", "taken_as_exact[0].apart"),
+    ("rig.terminal.mass.value", -1.0, "greater than 0", "rig.terminal.mass"),
+    ("rig.acceptance.angle_std", 1e-6, "acceptance.angle_std", "status"),
+    ("rig.acceptance.birge_max", 1e-3, "acceptance.birge_max", "status"),
+    ("conformity", conformity(force=6.0), "rig.acceptance", "conformity.force"),
+    ("conformity", conformity(expanded=4.0), "rig.acceptance", "conformity.torque"),
 ]
 
 
-@pytest.mark.parametrize(("change", "word", "place"), BROKEN)
+@pytest.mark.parametrize(("edit", "value", "word", "place"), BROKEN)
 def test_altered_file_is_refused(
-    content: dict[str, Any], tmp_path: Path, change: Change, word: str, place: str
+    content: dict[str, Any], tmp_path: Path, edit: str, value: Any, word: str, place: str
 ) -> None:
-    change(content)
-    path = tmp_path / ("c.json" if len(word) % 2 else "c.yaml")
-    path.write_text(json.dumps(content) if path.suffix == ".json" else to_yaml(content))
-    with pytest.raises(DataError) as refused:
-        load_calibration(path)
-    assert refused.value.exit_status == 3
-    assert refused.value.where is not None
-    assert refused.value.where.startswith(str(path))
-    assert place in refused.value.where
-    assert word in str(refused.value)
-    assert "\n" not in str(refused.value)
+    broken = edited(content, (edit, value))
+    for name, text in (("c.json", json.dumps(broken)), ("c.yaml", to_yaml(broken))):
+        path = tmp_path / name
+        path.write_text(text)
+        with pytest.raises(DataError) as refused:
+            load_calibration(path)
+        assert refused.value.exit_status == 3
+        assert refused.value.where is not None
+        assert refused.value.where.startswith(str(path))
+        assert place in refused.value.where
+        assert word in str(refused.value)
+        assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-@pytest.mark.parametrize(
-    "place",
-    [
-        ("covariance", "matrix", 0, 0),
-        ("supports", 0, "zero", 0),
-        ("supports", 0, "zero_std", 0),
-        ("fit", "chi2"),
-        ("tracker", "chi2"),
-        ("budget", "angles", 0, "variance", "noise"),
-        ("rig", "uncertainty", "hinge"),
-    ],
-)
-def test_nothing_infinite_gets_in(
-    content: dict[str, Any], place: tuple[Any, ...], value: float
-) -> None:
-    put(*place, value)(content)
-    with pytest.raises(ValueError, match="finite"):
-        Calibration.model_validate(content)
+def test_nothing_infinite_gets_in(content: dict[str, Any]) -> None:
+    """Any number; what the rig file does not know may be +∞."""
+    for place in places(content):
+        if not isinstance(at(content, place), float):
+            continue
+        unknown = place[0] == "rig" and {"std", "rpy_std", "time", "temperature"} & {*place}
+        for value in (math.nan, -math.inf) if unknown else (math.nan, math.inf, -math.inf):
+            wrong = edited(content, (".".join(map(str, place)), value))
+            with pytest.raises(ValueError, match=r"finite|must be 0 or above"):
+                Calibration.model_validate(wrong)
     with pytest.raises(DataError, match="finite"):
-        parse_calibration(to_yaml(content).encode(), "c.yaml")
+        parse_calibration(to_yaml(edited(content, ("fit.chi2", math.nan))).encode(), "c.yaml")
 
 
 def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> None:
@@ -358,21 +298,20 @@ def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> Non
 
 
 @pytest.mark.parametrize(
-    ("change", "look"),
+    ("place", "value", "look"),
     [
-        (nudge(1e-6, "supports", 0, "rpy", 1), "rpy: disagrees with supports[0].rotation"),
-        (drop("covariance"), "the top: lacks `covariance`"),
-        (put("terminal", "mass", "std", -1.0), "terminal.mass.std: must be"),
-        (put("seed", 99), None),
+        ("supports.0.rpy.1", nudged(1e-6), "rpy: disagrees with supports[0].rotation"),
+        ("covariance", DROP, "the top: lacks `covariance`"),
+        ("terminal.mass.std", -1.0, "terminal.mass.std: must be"),
+        ("seed", 99, None),
     ],
 )
 def test_an_edited_file_is_called_so_first(
-    made: dict[str, Any], change: Change, look: str | None
+    made: dict[str, Any], place: str, value: Any, look: str | None
 ) -> None:
-    edited = copy.deepcopy(made)
-    change(edited)
+    other = edited(made, (place, value))
     said = "c: the file was changed after tdfscal wrote it (its content_sha256 does not match)"
-    for text in (json.dumps(edited), to_yaml(edited)):
+    for text in (json.dumps(other), to_yaml(other)):
         with pytest.raises(DataError) as refused:
             parse_calibration(text.encode(), "c")
         assert str(refused.value).startswith(said + ("; look at " if look else "."))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,7 @@ from pydantic import ValidationError
 from scipy import stats
 
 from tdfscal.files.calibration.document import Calibration
-
-Place = tuple[str | int, ...]
+from tests.files.edits import Place, edited, nudged, place_of
 
 
 def stated(kind: str) -> dict[str, Any]:
@@ -28,25 +26,6 @@ def stated(kind: str) -> dict[str, Any]:
 WHOLE = stated("joint")
 
 
-def altered(*changes: tuple[Place, Any]) -> dict[str, Any]:
-    """The file with some of its values set."""
-    content = copy.deepcopy(WHOLE)
-    for (*path, last), value in changes:
-        inner: Any = content
-        for part in path:
-            inner = inner[part]
-        inner[last] = value
-    return content
-
-
-def moved(place: Place, by: float) -> dict[str, Any]:
-    """The file with one number moved."""
-    value: Any = WHOLE
-    for part in place:
-        value = value[part]
-    return altered((place, value + by))
-
-
 def refused(content: dict[str, Any]) -> tuple[Place, str]:
     """The place that is refused, and what is said of it."""
     with pytest.raises(ValidationError) as error:
@@ -56,68 +35,39 @@ def refused(content: dict[str, Any]) -> tuple[Place, str]:
     return tuple(context["place"]), context["said"]
 
 
-REDUNDANT: list[tuple[Place, float, Place, str]] = [
-    # number, by how much, the places that are named
-    (("supports", 2, "zero", 1), 1e-8, ("supports", 2, "zero"), "parameters.value"),
-    (("supports", 0, "zero_std", 2), 1e-5, ("supports", 0, "zero_std"), "parameters.matrix"),
-    (
-        ("supports", 1, "sensitivity", 0, 0),
-        1e-7,
-        ("supports", 1, "sensitivity"),
-        "parameters.value",
-    ),
-    (
-        ("supports", 2, "sensitivity", 1, 2),
-        1e-7,
-        ("supports", 2, "sensitivity"),
-        "parameters.value",
-    ),
-    (("supports", 2, "turn_std", 0), 1e-8, ("supports", 2, "turn_std"), "covariance.matrix"),
-    (
-        ("supports", 2, "rpy_interval", "high", 0),
-        1e-5,
-        ("supports", 2, "rpy_interval"),
-        "supports[2].rpy",
-    ),
-    (("terminal", "mass", "value"), 1e-5, ("terminal", "mass", "value"), "parameters.value"),
-    (("terminal", "mass", "std"), 1e-5, ("terminal", "mass", "std"), "parameters.matrix"),
-    (
-        ("terminal", "barycenter", "value", 1),
-        1e-7,
-        ("terminal", "barycenter", "value"),
-        "parameters.value",
-    ),
-    (
-        ("terminal", "barycenter", "std", 2),
-        1e-6,
-        ("terminal", "barycenter", "std"),
-        "parameters.matrix",
-    ),
-    (("fit", "p_value"), 1e-7, ("fit", "p_value"), "fit.chi2 and fit.dof"),
-    (("fit", "birge"), 1e-7, ("fit", "birge"), "fit.chi2 and fit.dof"),
-    (("fit", "chi2"), 1e-3, ("fit", "p_value"), "fit.chi2 and fit.dof"),
-    (("fit", "dof"), 1, ("fit", "p_value"), "fit.chi2 and fit.dof"),
-    (("parameters", "value", 9), 1e-2, ("supports", 0, "zero"), "parameters.value"),
-    (
-        ("budget", "angles", 2, "variance", "tracker"),
-        1e-9,
-        ("budget", "angles", 2, "variance"),
-        "covariance.matrix",
-    ),
+REDUNDANT = [
+    # number, by how much, what disagrees with it, the place that is named where it is another
+    ("supports.2.zero.1", 1e-8, "parameters.value", "supports.2.zero"),
+    ("supports.0.zero_std.2", 1e-5, "parameters.matrix", "supports.0.zero_std"),
+    ("supports.1.sensitivity.0.0", 1e-7, "parameters.value", "supports.1.sensitivity"),
+    ("supports.2.sensitivity.1.2", 1e-7, "parameters.value", "supports.2.sensitivity"),
+    ("supports.2.turn_std.0", 1e-8, "covariance.matrix", "supports.2.turn_std"),
+    ("supports.2.rpy_interval.high.0", 1e-5, "supports[2].rpy", "supports.2.rpy_interval"),
+    ("terminal.mass.value", 1e-5, "parameters.value", "terminal.mass.value"),
+    ("terminal.mass.std", 1e-5, "parameters.matrix", "terminal.mass.std"),
+    ("terminal.barycenter.value.1", 1e-7, "parameters.value", "terminal.barycenter.value"),
+    ("terminal.barycenter.std.2", 1e-6, "parameters.matrix", "terminal.barycenter.std"),
+    ("fit.p_value", 1e-7, "fit.chi2 and fit.dof", "fit.p_value"),
+    ("fit.birge", 1e-7, "fit.chi2 and fit.dof", "fit.birge"),
+    ("fit.chi2", 1e-3, "fit.chi2 and fit.dof", "fit.p_value"),
+    ("fit.dof", 1, "fit.chi2 and fit.dof", "fit.p_value"),
+    ("parameters.value.9", 1e-2, "parameters.value", "supports.0.zero"),
+    ("budget.angles.2.variance.tracker", 1e-9, "covariance.matrix", "budget.angles.2.variance"),
 ]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize(("number", "by", "named", "source"), REDUNDANT)
+@pytest.mark.parametrize(("number", "by", "source", "named"), REDUNDANT)
 def test_a_number_that_moved_is_found_at_its_place(
-    number: Place, by: float, named: Place, source: str, sign: int
+    number: str, by: float, source: str, named: str, sign: int
 ) -> None:
-    assert refused(moved(number, sign * by)) == (named, f"disagrees with {source}")
+    said = refused(edited(WHOLE, (number, nudged(sign * by))))
+    assert said == (place_of(named), f"disagrees with {source}")
 
 
 def test_uncertainties_that_were_made_smaller_name_both_that_disagree() -> None:
     smaller = [[value / 100 for value in row] for row in WHOLE["covariance"]["matrix"]]
-    place, said = refused(altered((("covariance", "matrix"), smaller)))
+    place, said = refused(edited(WHOLE, ("covariance.matrix", smaller)))
     assert (place, said) == (("parameters", "matrix"), "disagrees with covariance.matrix")
     support = WHOLE["supports"][0]
     ends = support["rpy_interval"]
@@ -125,51 +75,47 @@ def test_uncertainties_that_were_made_smaller_name_both_that_disagree() -> None:
         end: [rpy + (x - rpy) / 2 for rpy, x in zip(support["rpy"], ends[end], strict=True)]
         for end in ("low", "high")
     }
-    place, said = refused(altered((("supports", 0, "rpy_interval"), ends | tight)))
+    place, said = refused(edited(WHOLE, ("supports.0.rpy_interval", ends | tight)))
     assert (place, said) == (("supports", 0, "rpy_interval"), "disagrees with supports[0].rpy_std")
 
 
 @pytest.mark.parametrize(
     ("number", "by"),
     [
-        (("supports", 2, "zero", 1), 1e-10),
-        (("supports", 1, "rpy", 1), 1e-10),
-        (("supports", 1, "quaternion_xyzw", 3), 1e-10),
-        (("supports", 0, "zero_std", 2), 1e-8),
-        (("supports", 1, "sensitivity", 0, 0), 1e-10),
-        (("terminal", "mass", "value"), 1e-8),
-        (("fit", "p_value"), 1e-11),
+        ("supports.2.zero.1", 1e-10),
+        ("supports.1.rpy.1", 1e-10),
+        ("supports.1.quaternion_xyzw.3", 1e-10),
+        ("supports.0.zero_std.2", 1e-8),
+        ("supports.1.sensitivity.0.0", 1e-10),
+        ("terminal.mass.value", 1e-8),
+        ("fit.p_value", 1e-11),
     ],
 )
-def test_rounding_is_no_edit(number: Place, by: float) -> None:
-    Calibration.model_validate(moved(number, by))
+def test_rounding_is_no_edit(number: str, by: float) -> None:
+    Calibration.model_validate(edited(WHOLE, (number, nudged(by))))
 
 
 @pytest.mark.parametrize(
-    ("kind", "place"),
+    ("kind", "column"),
     [
-        ("joint", ("postures", "moment_after")),
-        ("joint", ("dwells", "end")),
-        ("joint", ("dwells", "force", 1)),
-        ("joint", ("methods", 0, "rpy")),
-        ("motion", ("motion", "spectrum", "after")),
-        ("motion", ("motion", "residual", "force_after")),
+        ("joint", "postures.moment_after"),
+        ("joint", "dwells.end"),
+        ("joint", "dwells.force.1"),
+        ("joint", "methods.0.rpy"),
+        ("motion", "motion.spectrum.after"),
+        ("motion", "motion.residual.force_after"),
     ],
 )
-def test_a_column_that_is_shorter_than_its_table(kind: str, place: Place) -> None:
-    content = stated(kind)
-    inner: Any = content
-    for part in place:
-        inner = inner[part]
-    inner.pop()
-    assert refused(content)[0] == place
+def test_a_column_that_is_shorter_than_its_table(kind: str, column: str) -> None:
+    shorter = edited(stated(kind), (column, lambda values: values[:-1]))
+    assert refused(shorter)[0] == place_of(column)
 
 
 def test_what_is_null_is_compared_with_nothing() -> None:
     """A standard uncertainty that is open; the zero of an axis that is not measured."""
-    for place in (("supports", 0, "zero_std", 1), ("supports", 1, "zero", 1)):
-        Calibration.model_validate(altered((place, None)))
-        assert refused(altered((place, 0.7)))[0] == place[:-1]
+    for place in ("supports.0.zero_std.1", "supports.1.zero.1"):
+        Calibration.model_validate(edited(WHOLE, (place, None)))
+        assert refused(edited(WHOLE, (place, 0.7)))[0] == place_of(place)[:-1]
 
 
 def test_a_fit_without_degrees_of_freedom_states_no_p_value() -> None:
@@ -178,7 +124,7 @@ def test_a_fit_without_degrees_of_freedom_states_no_p_value() -> None:
         (150.0, 160, float(stats.chi2.sf(150.0, 160)), (150 / 160) ** 0.5),
     ):
         stated = {"chi2": chi2, "dof": dof, "p_value": p, "birge": birge}
-        fit = altered((("fit",), WHOLE["fit"] | stated))
+        fit = edited(WHOLE, ("fit", WHOLE["fit"] | stated))
         read = Calibration.model_validate(fit).fit
         assert read is not None
         assert read.dof == dof

@@ -20,66 +20,50 @@ NCPS = 3
 TIME = np.arange(400) * 0.01
 HINGES = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]])
 FORCE = np.array([0.0, 0.0, 600.0])
+JOINTS = "sensor_msgs/msg/JointState"
 
 
 def joint_state(
-    seconds: float, names: list[str], position: np.ndarray, effort: np.ndarray, encoding: str
+    seconds: float, names: list[str], position: list[float], effort: list[float], encoding: str
 ) -> bytes:
+    sec, nanosec = int(seconds), round(seconds % 1 * 1e9)
     if encoding == "json":
-        value = {
-            "header": {"stamp": {"sec": int(seconds), "nanosec": round(seconds % 1 * 1e9)}},
-            "name": names,
-            "position": position.tolist(),
-            "velocity": [],
-            "effort": effort.tolist(),
-        }
-        return json.dumps(value).encode()
+        stamp = {"header": {"stamp": {"sec": sec, "nanosec": nanosec}}, "velocity": []}
+        return json.dumps(stamp | {"name": names, "position": position, "effort": effort}).encode()
     types = STORE.types
-    stamp = types["builtin_interfaces/msg/Time"](int(seconds), round(seconds % 1 * 1e9))
-    header = types["std_msgs/msg/Header"](stamp, "base")
-    kind = "sensor_msgs/msg/JointState"
-    message = types[kind](header, names, position, np.empty(0), effort)
-    return bytes(STORE.serialize_cdr(message, kind))
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](sec, nanosec), "b")
+    arrays = (np.array(values) for values in (position, [], effort))
+    return bytes(STORE.serialize_cdr(types[JOINTS](header, names, *arrays), JOINTS))
 
 
 def recording(
-    path: Path,
-    names: list[str],
-    *,
-    encoding: str = "cdr",
-    effort: bool = False,
-    unused: bool = False,
+    path: Path, names: list[str], encoding: str = "cdr", effort: str = "none"
 ) -> tuple[Path, np.ndarray]:
-    """Joint positions of three NCPs; forces as efforts, or as wrenches in topics of their own."""
-    rng = np.random.default_rng(4)
-    drift = np.cumsum(rng.normal(size=(TIME.size, 3)), axis=0) * 1e-4
+    """Joint positions of three NCPs; forces as efforts, or as wrenches in topics of their own.
+
+    effort : "forces", or "zero" beside the wrenches, or "none".
+    """
+    drift = np.cumsum(np.random.default_rng(4).normal(size=(TIME.size, 3)), axis=0) * 1e-4
     position = HINGES + drift[:, None, :]
+    force = FORCE + np.arange(NCPS)[:, None]
+    efforts: list[float] = []
+    if effort != "none":
+        efforts = (force.ravel() * (effort == "forces")).tolist()
     target = io.BytesIO()
     writer = Writer(target)
     writer.start(profile="ros2")
-    kind = "sensor_msgs/msg/JointState"
-    if encoding == "cdr":
-        schema = writer.register_schema(kind, "ros2msg", definition(kind))
-    else:
-        schema = writer.register_schema(kind, "jsonschema", b"{}")
+    described = ("ros2msg", definition(JOINTS)) if encoding == "cdr" else ("jsonschema", b"{}")
+    schema = writer.register_schema(JOINTS, *described)
     joints = writer.register_channel("/joint_states", encoding, schema)
     kind = "geometry_msgs/msg/WrenchStamped"
     schema = writer.register_schema(kind, "ros2msg", definition(kind))
     wrenches = [writer.register_channel(f"/tdfs{i + 1}/wrench", "cdr", schema) for i in range(NCPS)]
     for k, seconds in enumerate(TIME):
         ns = round(seconds * 1e9)
-        force = FORCE + np.arange(NCPS)[:, None]
-        data = joint_state(
-            seconds,
-            names,
-            position[k].ravel(),
-            force.ravel() if effort else np.zeros(9 if unused else 0),
-            encoding,
-        )
+        data = joint_state(seconds, names, position[k].ravel().tolist(), efforts, encoding)
         writer.add_message(joints, ns, data, ns)
-        if not effort:
-            for i, channel in enumerate(wrenches):
-                writer.add_message(channel, ns, wrench_stamped(seconds, list(force[i])), ns)
+        for i, channel in enumerate(wrenches if effort != "forces" else []):
+            writer.add_message(channel, ns, wrench_stamped(seconds, list(force[i])), ns)
     writer.finish()  # type: ignore[no-untyped-call]
     return write(path, target.getvalue()), position
 
@@ -105,7 +89,7 @@ def test_joints_named_by_axis_are_paired_with_wrenches(
     tmp_path: Path, form: str, encoding: str
 ) -> None:
     names = [form.format(i=i + 1, a=a) for i in range(NCPS) for a in "xyz"]
-    path, position = recording(tmp_path / "log.mcap", names, encoding=encoding)
+    path, position = recording(tmp_path / "log.mcap", names, encoding)
     guess = describe_logs([path]).guess
     assert guess.mapping is not None
     assert guess.mapping.supports == ("ncp1", "ncp2", "ncp3")
@@ -123,12 +107,16 @@ def test_joints_named_by_axis_are_paired_with_wrenches(
     assert_reads(path, guess.mapping, position)
 
 
-def test_efforts_are_forces(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("effort", "force"),
+    [("forces", "/joint_states.effort.ncp3_x"), ("zero", "/tdfs3/wrench.wrench.force")],
+)
+def test_efforts_are_forces_unless_all_are_zero(tmp_path: Path, effort: str, force: str) -> None:
     names = [f"ncp{i + 1}_{a}" for i in range(NCPS) for a in "xyz"]
-    path, position = recording(tmp_path / "log.mcap", names, effort=True)
+    path, position = recording(tmp_path / "log.mcap", names, effort=effort)
     mapping = describe_logs([path]).guess.mapping
     assert mapping is not None
-    assert mapping.force[2][0] == "/joint_states.effort.ncp3_x"
+    assert mapping.force[2][0] == force
     assert_reads(path, mapping, position)
 
 
@@ -141,12 +129,3 @@ def test_names_that_say_nothing_are_shown(tmp_path: Path) -> None:
     assert "0 vectors look like positions and 3 like forces" in none
     assert "the joints of /joint_states are joint_a, joint_b" in note
     assert "write position: [/joint_states.position.joint_a, " in note
-
-
-def test_efforts_that_are_all_zero_are_no_forces(tmp_path: Path) -> None:
-    names = [f"ncp{i + 1}_{a}" for i in range(NCPS) for a in "xyz"]
-    path, position = recording(tmp_path / "log.mcap", names, unused=True)
-    mapping = describe_logs([path]).guess.mapping
-    assert mapping is not None
-    assert mapping.force[1] == ("/tdfs2/wrench.wrench.force",)
-    assert_reads(path, mapping, position)

@@ -105,28 +105,25 @@ def test_a_mapping_serves_every_support_with_fields_of_its_own() -> None:
 
 def test_several_recorders_give_each_quantity_once() -> None:
     names = ["a", "b", "c"]
-    moves = {key: fields for key, fields in FIELDS.items() if key[1] == "position"}
-    loads = {key: fields for key, fields in FIELDS.items() if key[1] == "force"}
-    same_names = {key: moves[key[0], "position"] for key in loads}
-    check_mapping(names, moves, loads, one=False)
-    check_mapping(names, moves, same_names, one=False)  # in other files
-    place = place_of(partial(check_mapping, one=False), names, moves, FIELDS)
-    assert place == ("log", 1, "supports", "a", "position")
+    apart = partial(check_mapping, names, one=False)
+    moves, loads = (
+        {key: fields for key, fields in FIELDS.items() if key[1] == what}
+        for what in ("position", "force")
+    )
+    apart(moves, loads)
+    apart(moves, {key: moves[key[0], "position"] for key in loads})  # in other files
+    assert place_of(apart, moves, FIELDS) == ("log", 1, "supports", "a", "position")
     fewer = {key: fields for key, fields in loads.items() if key[0] != "b"}
-    assert place_of(partial(check_mapping, one=False), names, moves, fewer) == ("log",)
+    assert place_of(apart, moves, fewer) == ("log",)
     assert place_of(check_mapping, names, moves, loads) == ("log", 0)  # no files named
 
 
-def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
-    names = ["ncp1", "ncp2", "arm"]
-    fields = {("ncp1", "force"): ("a",), ("ncp3", "force"): ("b",), ("arm", "force"): ("c",)}
+@pytest.mark.parametrize("odd", ["ncp3", "qqq"])
+def test_a_support_that_is_misspelt_is_told_which_one_is_meant(odd: str) -> None:
+    """The only one without fields."""
+    fields = {(name, "force"): (name,) for name in ("ncp1", odd, "arm")}
     with pytest.raises(PydanticCustomError) as refused:
-        check_mapping(names, fields)
-    assert refused.value.context is not None
-    assert "`ncp2`" in refused.value.context["hint"]  # ncp1 has its fields
-    nothing_like = {("ncp1", "force"): ("a",), ("qqq", "force"): ("b",), ("arm", "force"): ("c",)}
-    with pytest.raises(PydanticCustomError) as refused:
-        check_mapping(names, nothing_like)
+        check_mapping(["ncp1", "ncp2", "arm"], fields)
     assert refused.value.context is not None
     assert "`ncp2`" in refused.value.context["hint"]
 

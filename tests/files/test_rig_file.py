@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,6 @@ from tdfscal.records import (
     SensorInfo,
 )
 from tests.files.sample_documents import RIG
-
-FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
 
 MINIMAL = """\
 format: tdfscal-rig/1
@@ -70,12 +69,8 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert gate.contact_rpy == (0.0, 0.0, 0.1)
     assert log is not None
     assert (log.time_field, log.time_unit, log.time_source) == ("t", "ms", "log")
-    assert (log.length_unit, log.force_unit, log.force_on, log.decimal) == (
-        "mm",
-        "kN",
-        "sensor",
-        ",",
-    )
+    assert (log.length_unit, log.force_unit) == ("mm", "kN")
+    assert (log.force_on, log.decimal) == ("sensor", ",")
     assert log.delay is not None
     assert (float(log.delay.value), float(log.delay.std)) == (0.002, 0.005)
     assert log.temperature == ("T1", "T2", "T3")
@@ -162,10 +157,8 @@ def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None
         ours, theirs = getattr(again.rig, name), getattr(loaded.rig, name)
         assert np.array_equal(ours.value, theirs.value), name
         assert np.array_equal(ours.std, theirs.std), name
-    assert (again.rig.declared, again.rig.acceptance) == (
-        loaded.rig.declared,
-        loaded.rig.acceptance,
-    )
+    assert again.rig.declared == loaded.rig.declared
+    assert again.rig.acceptance == loaded.rig.acceptance
 
 
 MASS = "mass: {value: 500.0, std: 0.2}"
@@ -254,9 +247,8 @@ def test_fewer_than_three_supports(count: int) -> None:
 
 
 def test_a_misspelt_key_comes_before_what_it_leaves_missing() -> None:
-    with pytest.raises(
-        RigError, match=r"supports\[0\]\.hing: unknown key .*; also .*lacks `hinge`"
-    ):
+    said = r"supports\[0\]\.hing: unknown key .*; also .*lacks `hinge`"
+    with pytest.raises(RigError, match=said):
         parse(altered("hinge: [0.6", "hing: [0.6"))
 
 
@@ -285,9 +277,8 @@ def test_many_faults_are_one_short_paragraph() -> None:
     ],
 )
 def test_not_a_rig_file(text: str, word: str) -> None:
-    with pytest.raises(RigError) as refused:
+    with pytest.raises(RigError, match=re.escape(word)):
         parse(text)
-    assert word in str(refused.value)
 
 
 def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
