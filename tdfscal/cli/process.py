@@ -12,8 +12,9 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from inspect import signature
 from itertools import chain
 from pathlib import Path
@@ -21,7 +22,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal import memory
-from tdfscal.errors import UsageError, inaccessible, visible
+from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
 from tdfscal.memory import limit_threads
 
 if TYPE_CHECKING:
@@ -189,7 +190,12 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose", False)
     carried = _carried(asked, command.carries, json=json)
-    outputs = None
+    places = [
+        (p, Path(asked[p.name]))
+        for p in command.parameters
+        if p.option.writes is not None and p.name in asked
+    ]
+    before, outputs = _dates(path for _, path in places), None
     try:
         # Where standard output carries the result, it is an output like any other: all or none.
         with together() as outputs:
@@ -207,25 +213,47 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
                 hand_over(getattr(result, carried))
         if words:
             # Made before: of what goes wrong here, only the writing is forgiven.
-            places = [
-                str(asked[p.name])
-                for p in command.parameters
-                if p.option.writes is not None
-                and p.name in asked
-                and (written or p.option.holds == "html")
-            ]
-            text = _in_words(result, report, places, whole=verbose)
+            there = [str(path) for p, path in places if written or p.option.holds == "html"]
+            text = _in_words(result, report, there, whole=verbose)
             with reporting():
                 sys.stdout.write(text)
     except (KeyboardInterrupt, Signalled):
         if outputs is None or not outputs.appeared:
             raise
         leave_stdout()  # the files are there: only the rest of the report is cut off
+    except TdfscalError as error:
+        left = _left(before) if error.exit_status > UsageError.exit_status else ""
+        if not left:
+            raise
+        hint = "; ".join(filter(None, (error.hint, left)))
+        raise error.restated(hint=hint) from error
     if result.exit_status and "allow_rejected" in asked:
         nothing = "only its page was written" if "html" in asked else "nothing was written"
         what = "it was written as rejected" if written else nothing
+        what = "; ".join(filter(None, (what, _left(before))))
         say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status
+
+
+def _dates(paths: Iterable[Path]) -> dict[Path, float]:
+    """When those that are files were last written, s since 1970."""
+    found = {}
+    for path in paths:
+        with contextlib.suppress(OSError):  # of a name that is too long
+            if path.is_file():
+                found[path] = path.stat().st_mtime
+    return found
+
+
+def _left(before: Mapping[Path, float]) -> str:
+    """Name the files that a run without a result leaves in the places of its own."""
+    now = _dates(before)
+    left = [
+        f"{path} of an earlier run ({datetime.fromtimestamp(when, UTC):%Y-%m-%d %H:%M} UTC)"
+        for path, when in before.items()
+        if now.get(path) == when
+    ]
+    return f"left as it was: {', '.join(left)}" if left else ""
 
 
 def _in_words(result: Result, report: Report | None, places: list[str], *, whole: bool) -> str:

@@ -86,7 +86,7 @@ def calibrate(
         # A joint result has intervals of its own; trials of its parts would be thrown away.
         own = replace(settings, trials=0) if method == "joint" else settings
         log = LogPass(resolve(groups[0], rig), own)
-        _keep_other_rig(output, log.rig)
+        _keep_other_rig(output, log.rig, log.campaign)
         if method is None and not log.campaign.logs:
             method, log.messages = "tracker", [*log.campaign.lost_log]
         return _calibrated(log, method or "self", samples, estimator)
@@ -99,8 +99,11 @@ def calibrate(
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
 
 
-def _keep_other_rig(output: PathLike | None, rig: Rig) -> None:
-    """Raise UsageError where the file that nobody named would replace another rig's calibration."""
+def _keep_other_rig(output: PathLike | None, rig: Rig, campaign: Campaign | None = None) -> None:
+    """Raise UsageError where the file that nobody named would replace another rig's calibration.
+
+    campaign : whose logs have not been looked into; what cannot be read at all is told first.
+    """
     if not isinstance(output, Unasked) or not Path(output).is_file():
         return
     whose = "a file that is no calibration"
@@ -109,6 +112,8 @@ def _keep_other_rig(output: PathLike | None, rig: Rig) -> None:
         if (other.name, other.serial, other.supports) == (rig.name, rig.serial, rig.supports):
             return
         whose = f"the calibration of {other.name}"
+    if campaign is not None:
+        next(LogPass(campaign, Settings()).pieces(), None)
     raise UsageError(
         f"{whose} lies here, and this is one of {rig.name}",
         where=output,

@@ -441,8 +441,30 @@ def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
         assert (done.status, done.out) == (2, "")
         assert "-o" in done.err
         assert place.read_bytes() == before
+    # What is wrong with the log comes before it; and what lies there is not the result.
+    Path("empty.csv").touch()
+    os.utime(place, (86400, 86400))
+    done = run(capsys, "calibrate", "empty.csv", "--rig", "other.yaml", "-q")
+    assert done.status == 3
+    assert "the file is empty" in done.err
+    assert "calibration.yaml of an earlier run (1970-01-02" in done.err
     assert run(capsys, *line, "--rig", "other.yaml", "-o", place).status == 0
     assert "Other rig" in place.read_text()
+
+
+def test_a_rejection_tells_of_what_lies_in_the_result_s_place(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = yaml.safe_load((built / "campaign" / "rig.yaml").read_text())
+    Path("strict.yaml").write_text(yaml.safe_dump(rig | {"acceptance": {"angle_std": 1e-9}}))
+    line = ("calibrate", built / "campaign", "--rig", "strict.yaml", "--trials", 0, "-q")
+    done = run(capsys, *line)
+    assert (done.status, "earlier run" in done.err) == (1, False)
+    assert run(capsys, *line, "--allow-rejected").status == 1
+    os.utime("calibration.yaml", (86400, 86400))
+    assert "calibration.yaml of an earlier run (1970-01-02" in run(capsys, *line).err
+    assert "earlier run" not in run(capsys, *line, "--allow-rejected").err
 
 
 def test_an_option_in_a_name_s_place_is_told(capsys: pytest.CaptureFixture[str]) -> None:
