@@ -18,7 +18,8 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from benchmarks.frame import declaring, errors, heads, inside, numbers, rms, row, scratch
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.several_campaigns import read_campaigns, recorded
+from tdfscal.commands.read_campaigns import read_campaigns
+from tdfscal.commands.several_campaigns import judged
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.estimation.fit import Priors
@@ -271,7 +272,7 @@ def hundred() -> str:
         reads, _ = read_campaigns(groups, Settings())
         read = time.perf_counter() - start
         start = time.perf_counter()
-        pool([recorded(item) for item in reads])
+        pool([judged(item).recorded for item in reads])
         rest = time.perf_counter() - start
     figures = f"{read:.1f}", f"{rest:.1f}", f"{(read + rest) / read:.2f}"
     return row("100 × 12 dwells, 100 Hz, Parquet", *figures)

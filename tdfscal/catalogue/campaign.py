@@ -283,6 +283,8 @@ clock-jumped warns
   they stood: the clock of all streams jumped ahead; the motion is cut there
 holes-more warns
   {number:.0f} more holes in all streams, cut likewise
+dwells-few notes
+  {number:.0f} static dwells are too few: the motion between them was taken
 moves-add-nothing notes
   the moves add nothing to the dwells: {why}
 stops-left-out warns

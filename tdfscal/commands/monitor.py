@@ -19,15 +19,9 @@ from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
 from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated, stated_date
 from tdfscal.commands.options import Option
+from tdfscal.commands.read_campaigns import Read, read_campaigns, require_one_rig
 from tdfscal.commands.result import Result, by_column
-from tdfscal.commands.several_campaigns import (
-    Read,
-    read_campaigns,
-    require_one_rig,
-    unsound,
-    usable_campaigns,
-    wanted,
-)
+from tdfscal.commands.several_campaigns import usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
@@ -152,19 +146,19 @@ def monitor(
     reads = [read for read in reads if read.name in usable]
     checks: list[Earlier | Read] = [*known, *reads]
     latest = max(check.measured.month for check in checks)
-    rejected = unsound(reads)
+    rejected = {read.name: why for read in reads if (why := usable[read.name].rejected)}
     late = {read.name for read in reads if read.measured.month == latest}
     reads = [read for read in reads if read.name not in rejected]
     checks = [*known, *reads]
     needed = {name for name in rejected if name in late or len(checks) < 2}
-    lost = [*wanted({name: rejected[name] for name in needed}), *unusable.findings]
+    lost = [*wanted(rejected[name] for name in needed), *unusable.findings]
     lost += (found for name, found in rejected.items() if name not in needed)
-    lost += [one for read in reads if read.dwells is None for one in read.log.messages]
+    lost += [remark for read in reads if (remark := usable[read.name].remark)]
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
-    life, noisy = life_of(rig, known, [usable[read.name] for read in reads])
+    life, noisy = life_of(rig, known, [usable[read.name].recorded for read in reads])
     return MonitorResult(
         rig,
         life,

@@ -62,7 +62,7 @@ def calibrate_samples(
     if samples == "all":
         return _all(log, dwells, slow, estimator, rng)
     try:
-        return _moving(log, slow, rng=rng)
+        return _for_want_of(dwells, _moving(log, slow, rng=rng))
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, estimator, rng)
@@ -83,11 +83,19 @@ def calibrate_motion(
         return None
     again = LogPass(log.campaign, log.settings)
     try:
-        return _moving(again, moving_samples(again), rig=rig, inputs=inputs)
+        return _for_want_of(dwells, _moving(again, moving_samples(again), rig=rig, inputs=inputs))
     except TdfscalError as error:
         if len(dwells):
             return None
         raise neither(dwells, error) from error
+
+
+def _for_want_of(dwells: Dwells, found: MotionCalibration) -> MotionCalibration:
+    """Say so where a motion stands for dwells that are too few; one dwell begins any motion."""
+    if len(dwells) < 2:
+        return found
+    few = Finding("dwells-few", size=len(dwells))
+    return replace(found, findings=(*found.findings, few))
 
 
 def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:

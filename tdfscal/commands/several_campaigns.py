@@ -1,221 +1,137 @@
-"""Campaigns of one rig, each in a folder with a rig.yaml of its own, each counted once; pooled."""
+"""Campaigns of one rig: what each says by itself, which take part, and all of them pooled."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import cure, rigs_apart, sentence, told
-from tdfscal.checks.same_rig import different_constants
-from tdfscal.commands.arguments import PathLike
-from tdfscal.commands.calibrate import origin_of, surveyed
+from tdfscal.catalogue import cure, sentence, severity
+from tdfscal.catalogue.inputs import STOPS
+from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration, as_calibration
-from tdfscal.commands.campaign import resolve
-from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured, refuse_repeated
+from tdfscal.commands.log_pass import Settings, refuse_repeated
+from tdfscal.commands.read_campaigns import Read, Unusable, naming, read_campaigns
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.errors import (
-    DataError,
-    NotConvergedError,
-    NotIdentifiableError,
-    OutputError,
-    RigError,
-    TdfscalError,
-    UsageError,
-)
+from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.records import Acceptance, ExactMoves, InputFile, Measured, Rig, Rotations
+from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import MOST_REJECTED
 
 #: Reasons of the gate that say how badly a campaign fits, not why.
-_SYMPTOMS = ("residuals-large", "postures-rejected")
+_SYMPTOMS = ("residuals-large", "postures-rejected", "motion-left-out")
+#: Those that say how little it knows by itself; the others may know it.
+PRECISION = ("angle-uncertain", "contact-uncertain")
+#: Sentences that are said of a campaign in a history.
+_REMARKS = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Read(Recording):
-    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What a campaign gives to a pool, and what is said of it by itself.
 
-    exact : how the survey moves with errors of what it took as exact.
+    rejected : why `calibrate` rejects it, however well it knows the angles; None where it does
+    not, or where it does not suffice to be judged alone. remark : what its log, its postures and
+    its residuals ask a reader to know; None where that is nothing.
     """
 
-    measured: Measured
-    rig: Rig
-    log: LogPass
-    survey: Rotations | None = None
-    exact: tuple[ExactMoves, ...] = ()
+    recorded: Recorded
+    rejected: Finding | None
+    remark: Finding | None
 
 
-def read_campaigns(
-    groups: Sequence[Sequence[Path]],
-    settings: Settings,
-    rig: PathLike | None = None,
-    like: tuple[str, Rig] | None = None,
-) -> tuple[list[Read], Unusable]:
-    """Read campaigns of one rig, each by its log, or its survey where it has none.
-
-    like : name and rig whose constants they must state; of the first, if none is given. Returned
-    in the order of time, and those that cannot be read by name.
-
-    Raises UsageError where they are of different rigs.
-    """
-    logs, unusable = list[tuple[str, LogPass]](), Unusable()
-    for group in groups:
-        with unusable.noting(str(group[0])):
-            logs.append((str(group[0]), LogPass(resolve(group, rig), settings)))
-    for name, log in logs:
-        like = like or (name, log.rig)
-        require_one_rig(like, (name, log.rig))
-    reads = list[Read]()
-    for name, log in logs:
-        with unusable.noting(name):
-            reads.append(_read(name, log))
-    return sorted(reads, key=lambda read: read.measured.month), unusable
-
-
-class Unusable(dict[str, TdfscalError]):
-    """Campaigns that cannot be used, by name, each with what is wrong with it."""
-
-    @contextmanager
-    def noting(self, name: str) -> Iterator[None]:
-        """Take down what the data or the files of a campaign do not give."""
-        try:
-            yield
-        except OutputError:
-            raise
-        except (UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError) as error:
-            self[name] = error
-
-    @property
-    def first(self) -> TdfscalError:
-        """What is wrong with the first, to be raised where nothing is left to judge."""
-        return next(iter(self.values()))
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """Name them, each with why; the result wants them."""
-        return tuple(
-            Finding(
-                "campaign-unusable",
-                (name,),
-                values={"why": error.what, "hint": error.hint or "compare it with the others"},
-                rejects=True,
-            )
-            for name, error in self.items()
-        )
-
-
-def _read(name: str, log: LogPass) -> Read:
-    dwells, survey = None, None
-    exact: tuple[ExactMoves, ...] = ()
-    inputs: Sequence[InputFile] = log.inputs
-    if log.campaign.logs:
-        with _naming(name), log.explaining():
-            dwells = log.dwells()
-    else:
-        log.messages += log.campaign.lost_log
-        found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
-        survey, exact = found.rotations, found.exact
-    return Read(
-        name=name,
-        inputs=tuple(inputs),
-        measured=measured(log),
-        rig=log.rig,
-        dwells=dwells,
-        samples=log.samples,
-        log=log,
-        survey=survey,
-        exact=exact,
-    )
-
-
-def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> None:
-    """Raise UsageError where two rigs, each with a name to call it by, state other constants."""
-    if found := different_constants(first[1], other[1]):
-        raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
-
-
-@contextmanager
-def _naming(campaign: str) -> Iterator[None]:
-    """Let an error name the campaign."""
-    try:
-        yield
-    except TdfscalError as error:
-        where = f"{campaign}: {error.where}" if error.where else campaign
-        raise error.restated(where=where) from error
-
-
-def recorded(read: Read) -> Recorded:
-    """What `pool` takes of a campaign: its dwells, or what its motion says where they are few.
+def judged(read: Read) -> Judged:
+    """Take a campaign's dwells, or its motion where they are few, or its survey; and judge it.
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    rig, month = read.rig, read.measured.month
+    rig, month, alone = read.rig, read.measured.month, None
     if read.dwells is None:
-        return Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
-    with _naming(read.name), read.log.explaining():
+        given = Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
+        return Judged(given, None, remark(read, None))
+    with naming(read.name), read.log.explaining():
         moving = calibrate_motion(read.log, read.dwells, rig)
         if moving is not None:
             exact = exact_quantities(moving.fit)
-            return Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
-        return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
-
-
-def usable_campaigns(campaigns: Sequence[Read], unusable: Unusable) -> dict[str, Recorded]:
-    """What `pool` takes of each campaign, by name; those that give nothing become unusable."""
-    usable = dict[str, Recorded]()
-    for read in campaigns:
-        with unusable.noting(read.name):
-            usable[read.name] = recorded(read)
-    return usable
-
-
-def rejected_alone(read: Read) -> Finding | None:
-    """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
-
-    A cause rather than how badly they fit. None where it does not reject them, or where they do
-    not suffice to be judged alone. Its words, cure and code are values of what is said of it.
-    """
-    if read.dwells is None or not len(read.dwells):
-        return None
-    limits = Acceptance(angle_std=np.inf, birge_max=read.rig.acceptance.birge_max)
-    rig = replace(read.rig, acceptance=limits)
-    try:
+            given = Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
+            return Judged(given, _rejected(read, moving), remark(read, moving))
+        given = Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
+    with suppress(TdfscalError):
         alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    except TdfscalError:
-        return None
-    reasons = sorted(alone.reasons, key=lambda found: found.code in _SYMPTOMS)
+    return Judged(given, _rejected(read, alone), remark(read, alone))
+
+
+def _rejected(read: Read, alone: Own | None) -> Finding | None:
+    """Why `calibrate` rejects a campaign: a cause rather than how badly it fits.
+
+    Its words, cure and code are values of what is said of it.
+    """
+    found = () if alone is None else alone.reasons
+    reasons = sorted(
+        (reason for reason in found if reason.code not in PRECISION),
+        key=lambda reason: reason.code in _SYMPTOMS,
+    )
     if not reasons:
         return None
-    why = sentence(reasons[0])
-    if reasons[0].code == "postures-rejected":
-        spoilt = Counter(map(sentence, alone.rejected.values()))
-        why = f"{why}: {spoilt.most_common(1)[0][0]}"
+    why = "; ".join([sentence(reasons[0]), *_told(read, alone)])
     values: dict[str, Value] = {"why": why, "hint": cure(reasons[0]), "cause": reasons[0].code}
     return Finding("campaign-left-out", (read.name,), values=values)
 
 
-def unsound(campaigns: Sequence[Read]) -> dict[str, Finding]:
-    """Campaigns whose own data do not agree among themselves, by name, each with why."""
-    return {read.name: why for read in campaigns if (why := rejected_alone(read)) is not None}
+def remark(read: Read, alone: Own | None) -> Finding | None:
+    """What a reader must know of a campaign that takes part."""
+    said = "; ".join(_told(read, alone))
+    return Finding("campaign-remark", (read.name,), values={"said": said}) if said else None
 
 
-def wanted(campaigns: Mapping[str, Finding]) -> tuple[Finding, ...]:
-    """Say the same of campaigns that the result wants: it is rejected without them."""
-    return tuple(
-        replace(found, code="campaign-unsound", rejects=True) for found in campaigns.values()
-    )
+def _told(read: Read, alone: Own | None) -> list[str]:
+    """What a campaign's log says of itself, what stands for few dwells, and what was left out.
+
+    The first of each kind, and how many more.
+    """
+    found = [one for one in read.log.messages if severity(one) == "warns"]
+    if isinstance(alone, SelfCalibration) and (lost := alone.dwells.left_out):
+        (code, _), *_ = Counter(stop.reason.code for stop in lost).most_common(1)
+        stops: dict[str, Value] = {"stops": len(lost) + len(alone.dwells), "reason": STOPS[code]}
+        found.append(Finding("stops-left-out", size=len(lost), values=stops))
+    if isinstance(alone, SelfCalibration) and alone.rejected:
+        (reason, _), *_ = Counter(map(sentence, alone.rejected.values())).most_common(1)
+        values: dict[str, Value] = {"postures": len(alone.dwells), "reason": reason}
+        found.append(Finding("postures-left-out", size=len(alone.rejected), values=values))
+    elif alone is not None and not isinstance(alone, SelfCalibration):
+        found += (one for one in alone.findings if one.code == "dwells-few")
+        found += (stretch.finding for stretch in alone.rejected)
+    first = {one.code: one for one in reversed(found)}
+    said = [sentence(first[code]) for code in dict.fromkeys(one.code for one in found)][:_REMARKS]
+    more = len(found) - len(said)
+    return [*said, *([f"and {more} more"] if more else [])]
+
+
+def usable_campaigns(campaigns: Sequence[Read], unusable: Unusable) -> dict[str, Judged]:
+    """What each campaign gives to a pool, by name; those that give nothing become unusable."""
+    usable = dict[str, Judged]()
+    for read in campaigns:
+        with unusable.noting(read.name):
+            usable[read.name] = judged(read)
+    return usable
+
+
+def wanted(campaigns: Iterable[Finding]) -> Iterator[Finding]:
+    """Say of campaigns that were rejected that the result wants them: it is rejected without."""
+    return (replace(found, code="campaign-unsound", rejects=True) for found in campaigns)
 
 
 def calibrate_informed(
@@ -274,30 +190,26 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
             hint="state campaign.date in its rig.yaml, or record with a wall clock",
         )
     settings.progress.stage(f"pooling {len(reads)} campaigns")
-    rejected = unsound(reads)
+    rejected = {read.name: why for read in reads if (why := usable[read.name].rejected)}
     sound = [read for read in reads if read.name not in rejected]
     enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
     reads = sound if enough else reads
-    pooled = pool([usable[read.name] for read in reads])
+    pooled = pool([usable[read.name].recorded for read in reads])
     last = max(k for k, read in enumerate(reads) if read.dwells is not None)
     read = reads[last]
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
     reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
-    reasons += (*unusable.findings, *(rejected.values() if enough else wanted(rejected)))
+    reasons += (*unusable.findings, *(rejected.values() if enough else wanted(rejected.values())))
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),
         next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
     )
     origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
-    remarks = [
-        Finding("campaign-remark", (one.name,), values={"said": told(found)})
-        for one in reads
-        if one is not read
-        for found in one.log.messages
-    ]
+    others = (usable[one.name].remark for one in reads if one is not read)
+    remarks = [remark for remark in others if remark]
     return as_calibration(replace(own, findings=(*own.findings, *reasons)), origin, remarks)
 
 

@@ -18,13 +18,14 @@ from tdfscal.commands.calibration import Calibration, CalibrationSource, as_cali
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
+from tdfscal.commands.read_campaigns import Read, read_campaigns
 from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
-    Read,
+    PRECISION,
     calibrate_informed,
+    judged,
     misfit_finding,
-    read_campaigns,
-    unsound,
+    remark,
     wanted,
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
@@ -191,7 +192,8 @@ def update(
     """Bring a calibration up to date with a new campaign: zeros, load, angles.
 
     The last calibration with its full covariance, widened by the random walk `drift.angle` since,
-    is what is known before; one posture is enough to find new zeros.
+    is what is known before; one posture is enough to find new zeros. Of several campaigns one that
+    `calibrate` rejects by itself takes no part, unless it is the last.
 
     Raises
     ------
@@ -206,12 +208,19 @@ def update(
     _check(earlier, reads)
     while reads:
         standing, known = earlier, len(unusable)
+        beside = list(unusable.findings)
         for read in reads:
             with unusable.noting(read.name):
-                some = trials if read is reads[-1] else 0
-                updated = _updated(standing, read, some, unusable.findings)
-                if read is not reads[-1]:
-                    standing = read_earlier(updated)
+                if read is reads[-1]:
+                    updated = _updated(standing, read, trials, beside)
+                    continue
+                updated = _updated(standing, read, 0)
+                if all(reason.code in PRECISION for reason in updated.reasons):
+                    standing, said = read_earlier(updated), remark(read, None)
+                elif (said := judged(read).rejected) is None:
+                    # It fits in itself, and what follows would fit no better.
+                    return _updated(standing, read, trials, beside)
+                beside += [said] if said else []
         if len(unusable) == known:
             return updated
         reads = [read for read in reads if read.name not in unusable]
@@ -239,21 +248,23 @@ def _check(earlier: Earlier, reads: Sequence[Read]) -> None:
 
 
 def _updated(
-    earlier: Earlier, read: Read, trials: int | None, lost: tuple[Finding, ...]
+    earlier: Earlier, read: Read, trials: int | None, beside: Sequence[Finding] = ()
 ) -> Calibration:
     """Calibrate from a campaign with all that was known, and hold the two against each other.
 
-    lost : campaigns that had to be left out.
+    beside : of other campaigns, those that had to be left out.
     """
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
     own = calibrate_informed(read, informed, trials, tuple(read.inputs))
-    own = replace(own, findings=(*own.findings, *lost))
+    own = replace(own, findings=(*own.findings, *beside))
     level = float(alarm_level(month - since))
     misfit, this = _contribution(informed, own, read, level)
     if misfit.p_value <= level:
-        found = wanted(unsound([read]))
-        found = found or (misfit_finding(misfit, since=earlier.name),)
+        rejected = judged(read).rejected
+        found = (
+            [misfit_finding(misfit, since=earlier.name)] if rejected is None else wanted([rejected])
+        )
         own = replace(own, findings=(*own.findings, *found))
     notes = [_could_have_missed(misfit, read.rig, earlier)]
     if not earlier.file.accepted:

@@ -17,6 +17,7 @@ import tdfscal
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
+from tdfscal.simulation.options import MovingOptions, Touch
 from tests.cli.running import run
 
 RPY = np.array([[0.01, -0.02, 0.03], [-0.015, 0.005, -0.04], [0.02, 0.012, 0.025]])
@@ -35,14 +36,22 @@ def of(month: int) -> Rig:
     )
 
 
+#: At rest, a row a posture; and what never stops.
+REST = Options(postures=15, squeeze=200.0, rpy=RPY, rows="postures")
+MOTION = MovingOptions(duration=30.0, rate=100.0, rpy=RPY)
+
+
 def write(
-    home: Path, name: str, month: int, *, scenario: str = "self", faults: Faults | None = None
-) -> None:
-    options = Options(
-        postures=15, squeeze=200.0, rpy=RPY, rows="postures", faults=faults or Faults()
-    )
+    home: Path,
+    name: str,
+    month: int,
+    *,
+    scenario: str = "self",
+    options: Options | MovingOptions = REST,
+) -> Path:
     played = scenarios.run(of(month), scenario, options, np.random.default_rng(month), None)
     write_run(played, home / name, format="csv")
+    return home / name
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +60,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("rig")
     for month in (1, 2, 3, 6):
         write(home, f"sound{month}", month)
-    write(home, "slipped", 4, faults=SLIPPED)
+    write(home, "slipped", 4, options=replace(REST, faults=SLIPPED))
     write(home, "saturated", 5, scenario="saturation")
     return home
 
@@ -108,6 +117,60 @@ def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
     result = monitored(capsys, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+
+
+def test_a_month_whose_log_is_cut_short_counts_and_says_so(
+    home: Path, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a history, a pool and an update, each once, with the second at which the log ends."""
+    cut = write(tmp_path, "cut", 4, options=replace(REST, rows="timeseries"))
+    log = cut / "log.csv"
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    *_, last, _ = log.read_text().splitlines()  # the last line is half of one
+    sound = [home / "sound1", home / "sound6"]
+    fit = ["--trials", 0, "-o", tmp_path / "c.yaml"]
+    for command in (["monitor"], ["calibrate", *fit], ["update", base, *fit]):
+        months = [home / "sound2", cut] if base in command else [*sound, cut]
+        done = run(capsys, *command, *months, "--json", "-q")
+        assert done.status == 0, done.err
+        (said,) = (f["text"] for f in json.loads(done.out)["findings"] if "log.csv" in f["text"])
+        assert f"to {float(last.split(',')[0]):.4g} s" in said
+    assert len(monitored(capsys, 0, *sound, cut)["checks"]) == 3
+
+
+def test_a_month_in_motion_that_is_rejected_takes_no_part(
+    home: Path, checks: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Touched for a third of its time; the same month untouched is counted."""
+    touched = replace(MOTION, touches=(Touch(8.0, 18.0, (20.0, -30.0, 40.0)),))
+    free, held = (
+        write(tmp_path, name, 5, scenario="motion", options=options)
+        for name, options in (("free", MOTION), ("held", touched))
+    )
+    sound = [home / "sound1", home / "sound2"]
+    assert len(monitored(capsys, 0, *sound, free)["checks"]) == 3
+    result = monitored(capsys, 1, *sound, held)
+    assert [name for name, _ in unjudged(result)] == [str(held)]
+    assert result["checks"] == checks
+
+
+def test_an_update_by_several_months_blames_the_one_that_is_at_fault(
+    home: Path, base: Path, tmp_path: Path
+) -> None:
+    """Not the last: one that slipped is left out, one that fits in itself alone ends it."""
+    later = write(tmp_path, "later", 7)
+    turned = replace(REST, rpy=RPY + np.outer([0, 1, 0], [0, 4e-3, 0]))
+    moved = write(tmp_path, "moved", 5, options=turned)
+    without = tdfscal.update(base, [home / "sound2", later], trials=0)
+    beside = tdfscal.update(base, [home / "sound2", home / "slipped", later], trials=0)
+    assert beside.accepted
+    assert [one.rpy for one in beside.supports] == [one.rpy for one in without.supports]
+    (named,) = (f for f in beside.findings if f.code == "campaign-left-out")
+    assert named.subject == (str(home / "slipped"),)
+    ended = tdfscal.update(base, [home / "sound2", moved, later], trials=0)
+    (misfit,) = (f for f in ended.reasons if f.code == "misfit-turned")
+    assert misfit.subject == ("ncp2",)
+    assert str(moved) in misfit.text
 
 
 def at_capacity(folder: Path) -> int:
@@ -225,7 +288,9 @@ def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(
         head = done.out.partition("Installation angles")[0]
         assert ("the tracker alone" in head) is said
     result = monitored(capsys, 0, home / "sound1", bare)
-    assert [found["code"] for found in result["findings"]] == ["log-missing"]
+    (found,) = result["findings"]
+    assert found["subject"] == [str(bare)]
+    assert "describes a log" in found["text"]
 
 
 def test_one_campaign_that_is_left_is_judged_alone(

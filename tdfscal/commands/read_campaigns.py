@@ -1,0 +1,141 @@
+"""Campaigns of one rig as they are read, each in a folder with a rig.yaml of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tdfscal.catalogue import rigs_apart
+from tdfscal.checks.same_rig import different_constants
+from tdfscal.commands.arguments import PathLike
+from tdfscal.commands.calibrate import surveyed
+from tdfscal.commands.campaign import resolve
+from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured
+from tdfscal.errors import (
+    DataError,
+    NotConvergedError,
+    NotIdentifiableError,
+    OutputError,
+    RigError,
+    TdfscalError,
+    UsageError,
+)
+from tdfscal.findings import Finding
+from tdfscal.records import ExactMoves, InputFile, Measured, Rig, Rotations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Read(Recording):
+    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
+
+    exact : how the survey moves with errors of what it took as exact.
+    """
+
+    measured: Measured
+    rig: Rig
+    log: LogPass
+    survey: Rotations | None = None
+    exact: tuple[ExactMoves, ...] = ()
+
+
+def read_campaigns(
+    groups: Sequence[Sequence[Path]],
+    settings: Settings,
+    rig: PathLike | None = None,
+    like: tuple[str, Rig] | None = None,
+) -> tuple[list[Read], Unusable]:
+    """Read campaigns of one rig, each by its log, or its survey where it has none.
+
+    like : name and rig whose constants they must state; of the first, if none is given. Returned
+    in the order of time, and those that cannot be read by name.
+
+    Raises UsageError where they are of different rigs.
+    """
+    logs, unusable = list[tuple[str, LogPass]](), Unusable()
+    for group in groups:
+        with unusable.noting(str(group[0])):
+            logs.append((str(group[0]), LogPass(resolve(group, rig), settings)))
+    for name, log in logs:
+        like = like or (name, log.rig)
+        require_one_rig(like, (name, log.rig))
+    reads = list[Read]()
+    for name, log in logs:
+        with unusable.noting(name):
+            reads.append(_read(name, log))
+    return sorted(reads, key=lambda read: read.measured.month), unusable
+
+
+class Unusable(dict[str, TdfscalError]):
+    """Campaigns that cannot be used, by name, each with what is wrong with it."""
+
+    @contextmanager
+    def noting(self, name: str) -> Iterator[None]:
+        """Take down what the data or the files of a campaign do not give."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except (UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError) as error:
+            self[name] = error
+
+    @property
+    def first(self) -> TdfscalError:
+        """What is wrong with the first, to be raised where nothing is left to judge."""
+        return next(iter(self.values()))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Name them, each with why; the result wants them."""
+        return tuple(
+            Finding(
+                "campaign-unusable",
+                (name,),
+                values={"why": error.what, "hint": error.hint or "compare it with the others"},
+                rejects=True,
+            )
+            for name, error in self.items()
+        )
+
+
+def _read(name: str, log: LogPass) -> Read:
+    dwells, survey = None, None
+    exact: tuple[ExactMoves, ...] = ()
+    inputs: Sequence[InputFile] = log.inputs
+    if log.campaign.logs:
+        with naming(name), log.explaining():
+            dwells = log.dwells()
+    else:
+        log.messages += log.campaign.lost_log
+        found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
+        survey, exact = found.rotations, found.exact
+    return Read(
+        name=name,
+        inputs=tuple(inputs),
+        measured=measured(log),
+        rig=log.rig,
+        dwells=dwells,
+        samples=log.samples,
+        log=log,
+        survey=survey,
+        exact=exact,
+    )
+
+
+def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> None:
+    """Raise UsageError where two rigs, each with a name to call it by, state other constants."""
+    if found := different_constants(first[1], other[1]):
+        raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
+
+
+@contextmanager
+def naming(campaign: str) -> Iterator[None]:
+    """Let an error name the campaign."""
+    try:
+        yield
+    except TdfscalError as error:
+        where = f"{campaign}: {error.where}" if error.where else campaign
+        raise error.restated(where=where) from error
