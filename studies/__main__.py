@@ -87,7 +87,7 @@ def perform(
 
 def _calibration(path: Path, rig: Rig) -> Calibration:
     found = load_calibration(path)
-    require_agreement(found.loaded_rig(path).rig, rig, str(path))
+    require_agreement(found.rig.record(), rig, str(path))
     return found
 
 

@@ -81,7 +81,7 @@ def calibrate(
             from tdfscal.commands.several_campaigns import calibrate_several
 
             found = calibrate_several(groups, settings)
-            _keep_other_rig(output, found.loaded_rig("").rig)
+            _keep_other_rig(output, found.rig.record())
             return found
         # A joint result has intervals of its own; trials of its parts would be thrown away.
         own = replace(settings, trials=0) if method == "joint" else settings
@@ -108,7 +108,7 @@ def _keep_other_rig(output: PathLike | None, rig: Rig, campaign: Campaign | None
         return
     whose = "a file that is no calibration"
     with suppress(DataError):
-        other = load_calibration(output).loaded_rig(output).rig
+        other = load_calibration(output).rig.record()
         if (other.name, other.serial, other.supports) == (rig.name, rig.serial, rig.supports):
             return
         whose = f"the calibration of {other.name}"

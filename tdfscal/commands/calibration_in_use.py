@@ -76,9 +76,9 @@ class InUse:
         return np.asarray(variance / variance.mean())
 
 
-def calibrated(calibration: CalibrationFile, source: Path | str = "calibration") -> Calibrated:
-    """Return the parameters of a calibration file with their covariance; source is for messages."""
-    rig = calibration.loaded_rig(source).rig
+def calibrated(calibration: CalibrationFile) -> Calibrated:
+    """Return the parameters of a calibration file with their covariance."""
+    rig = calibration.rig.record()
     if calibration.parameters is not None:
         return calibrated_from(calibration.parameters, rig, calibration.rotation)
     mass, barycentre = calibration.terminal.mass, calibration.terminal.barycenter
@@ -115,7 +115,7 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
             where=", ".join(map(str, listed(paths))),
             hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
         )
-    given = calibrated(loaded, name)
+    given = calibrated(loaded)
     other = campaign.rig.rig
     require_agreement(given.rig, other, str(campaign.rig.path))
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)

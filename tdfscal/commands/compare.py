@@ -119,7 +119,7 @@ def compare(
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
     read = read_sources(sources)
     rejected = tuple(name for name, c in read if not c.accepted)
-    first, rigs = read[0], [c.loaded_rig(name).rig for name, c in read]
+    first, rigs = read[0], [c.rig.record() for _, c in read]
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other, rig in zip(read[1:], rigs[1:], strict=True):
         pair, remark = compared(first, other)

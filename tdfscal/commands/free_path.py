@@ -153,7 +153,7 @@ def planned_path(
         return None
     name, loaded = read_source(calibration)
     rig = loaded.loaded_rig(name)
-    given = about_point(calibrated(loaded, name), point)
+    given = about_point(calibrated(loaded), point)
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
         raise DataError(
             "the plan is of another rig", where=str(paths[0]),

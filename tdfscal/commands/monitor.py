@@ -241,9 +241,7 @@ def _contact(life: Life, rig: Rig, known: Sequence[Earlier]) -> Iterator[Finding
     if not use:
         return
     last = max(use, key=lambda e: e.measured.month)
-    given = replace(
-        calibrated(last.file, last.name), rig=replace(last.rig, acceptance=rig.acceptance)
-    )
+    given = replace(calibrated(last.file), rig=replace(last.rig, acceptance=rig.acceptance))
     likely = max(rig.drift.angle, life.walk.value if life.walk else 0.0)
     most = max(rig.drift.angle, life.walk.high if life.walk else 0.0)
     since = float(life.month[-1]) - last.measured.month

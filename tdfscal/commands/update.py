@@ -92,7 +92,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     Raises DataError, UsageError where it is none, or cannot be read.
     """
     name, file = read_source(source)
-    known = calibrated(file, name)
+    known = calibrated(file)
     covariance = known.covariance
     if file.parameters is not None and file.parameters.unscaled is not None:
         covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))

@@ -17,12 +17,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     PlainSerializer,
     StringConstraints,
     ValidationInfo,
     WithJsonSchema,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from tdfscal.files.yaml import plain_scalar
 from tdfscal.records import BoolArray, FloatArray
@@ -47,6 +48,20 @@ class Strict(BaseModel):
         defer_build=True,
         from_attributes=True,
     )
+
+
+class Once:
+    """Annotation by which pydantic builds the schema of a kind of value once, not at every use."""
+
+    def __init__(self) -> None:
+        self._schema: CoreSchema | None = None
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        if self._schema is None:
+            self._schema = handler(source)
+        return self._schema
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -144,30 +159,32 @@ def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
 
 
 _before = BeforeValidator(_as_number)
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before]
-Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before]
-Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before]
-PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy)]
-Count = Annotated[int, Field(strict=True, ge=0), BeforeValidator(from_numpy)]
-Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, Once()]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before, Once()]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before, Once()]
+Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before, Once()]
+Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before, Once()]
+PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy), Once()]
+Count = Annotated[int, Field(strict=True, ge=0), BeforeValidator(from_numpy), Once()]
+Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy), Once()]
 
 
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
-Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
-PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
-Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy)]
-Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(from_numpy), AfterValidator(_rectangular)]
-Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three)]
-
-OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
-OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
-OpenAngles = Annotated[
-    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open)
+Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Once()]
+Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three), Once()]
+PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three), Once()]
+Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy), Once()]
+Matrix = Annotated[
+    tuple[Numbers, ...], BeforeValidator(from_numpy), AfterValidator(_rectangular), Once()
 ]
-OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open)]
-OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open)]
+Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three), Once()]
+
+OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open), Once()]
+OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open), Once()]
+OpenAngles = Annotated[
+    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open), Once()
+]
+OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open), Once()]
+OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open), Once()]
 """Null where the data and the rig leave it open, or nothing is measured."""
 
 Std = Annotated[
@@ -176,6 +193,7 @@ Std = Annotated[
     BeforeValidator(_std),
     PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
     WithJsonSchema(_STD_SCHEMA),
+    Once(),
 ]
 """A standard uncertainty; ∞ is unknown."""
 
@@ -184,12 +202,12 @@ Stds = Annotated[
     BeforeValidator(_three),
     BeforeValidator(one_for_all),
     WithJsonSchema(_STD_SCHEMA_3),
+    Once(),
 ]
 """Three of them; a single one stands for all three."""
 
 Text = Annotated[
-    str,
-    StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$"),
+    str, StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$"), Once()
 ]
 """One line of text."""
 
@@ -200,7 +218,7 @@ def whole_as_text(value: Any) -> Any:
 
 
 Label = Annotated[
-    Text, BeforeValidator(whole_as_text), WithJsonSchema({"type": ["string", "integer"]})
+    Text, BeforeValidator(whole_as_text), WithJsonSchema({"type": ["string", "integer"]}), Once()
 ]
 """One line of text, such as a serial number: a bare number is its text."""
 
@@ -215,18 +233,20 @@ def _date(value: str) -> str:
     return value
 
 
-Date = Annotated[Text, AfterValidator(_date)]
+Date = Annotated[Text, AfterValidator(_date), Once()]
 """A day, or a time of a day, in ISO 8601."""
 
-FreeText = Annotated[str, StringConstraints(strict=True, min_length=1)]
+FreeText = Annotated[str, StringConstraints(strict=True, min_length=1), Once()]
 """Text as it comes, such as a file's name."""
 
 Name = Annotated[
-    str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64)
+    str,
+    StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64),
+    Once(),
 ]
 """A support's name; it is part of field and parameter names such as `ncp1.rx`."""
 
-Sha256 = Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$")]
+Sha256 = Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$"), Once()]
 
 
 def _with_std(given: Any, info: ValidationInfo) -> Any:

@@ -34,7 +34,7 @@ def test_a_file_of_1_0_is_read(path: Path) -> None:
     assert np.array_equal(file.rotation, [support["rotation"] for support in supports])
     assert np.array_equal(file.rotation_covariance, content["covariance"]["matrix"])
     assert np.array_equal(file.zero, [support["zero"] for support in supports])
-    used = calibrated(file, path)
+    used = calibrated(file)
     assert float(used.state.mass) == pytest.approx(content["terminal"]["mass"]["value"], rel=1e-12)
     for written in FORMATS.values():
         assert written(file, "bcs", None)

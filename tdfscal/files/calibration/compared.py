@@ -50,7 +50,7 @@ def _nested(
 ) -> tuple[Comparison, tuple[Finding, ...]]:
     """Compare two calibrations of which one has all recordings of the other, and more."""
     (all_name, most), (part_name, part) = (first, second) if whole == 0 else (second, first)
-    walk = most.loaded_rig(all_name).rig.drift.angle ** 2 * abs(_month(most) - _month(part))
+    walk = most.rig.record().drift.angle ** 2 * abs(_month(most) - _month(part))
     scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
     unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
     if None not in unscaled:  # or else their ratios would pass for what the data added

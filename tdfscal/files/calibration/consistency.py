@@ -204,7 +204,7 @@ def _interval(c: Calibration, i: int) -> Iterator[Repeated]:
 
 def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Repeated]:
     """Yield zeros, sensitivities and load by the block of all parameters."""
-    given, n = calibrated_from(block, c.loaded_rig().rig, c.rotation), len(c.supports)
+    given, n = calibrated_from(block, c.rig.record(), c.rotation), len(c.supports)
     state, std, at = given.state, np.sqrt(np.diagonal(given.covariance)), layout(n)
     zero_std, scale = std[at["zero"]].reshape(n, 3), np.eye(3) + symmetric(state.sensitivity)
     for i, support in enumerate(c.supports):

@@ -89,6 +89,10 @@ class EmbeddedRig(RigFile):
 
     sha256: Sha256 = key("of the rig file")
 
+    def record(self) -> Rig:
+        """Return what the mathematics needs of it."""
+        return _rig(self)
+
 
 def load_rig(path: Path | str) -> LoadedRig:
     """Read and check a rig file.
