@@ -9,21 +9,23 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from io import BytesIO
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
-from typing import ClassVar, Final
+from typing import BinaryIO, ClassVar, Final
 from urllib.parse import quote
 
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
-from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import reader as ros1
 
 from tdfscal.errors import DataError
 from tdfscal.logs.contents import Contents, Format, Stream
 from tdfscal.logs.formats import Bag
-from tdfscal.logs.log_file import LogFile
+from tdfscal.logs.log_file import AGAIN, LogFile
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
 from tdfscal.logs.messages.contents import TopicLook
 from tdfscal.logs.messages.topics import Topics
@@ -274,25 +276,72 @@ class Ros1Bag(_BagFile):
 
     mark, kind = b"#ROSBAG V2.0\n", "ROS 1 bag"
     broken = (
-        ReaderError, AssertionError, KeyError, IndexError, TypeError, RuntimeError,
+        ros1.ReaderError, AssertionError, KeyError, IndexError, TypeError, RuntimeError,
         UnicodeDecodeError, struct.error, zlib.error, EOFError, OSError,
     )  # fmt: skip
 
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages in the order of their times."""
+        """Yield the messages in the order of their times; of a bag cut short, as they stand."""
+        self._library = ros1.Reader(self.path)
         try:
-            reader = Reader(self.path)
-            reader.open()
-        except self.broken as error:
-            if "index" not in str(error).lower():
+            self._library.open()
+        except ros1.ReaderError as error:
+            if not any(word in str(error).lower() for word in ("index", "header")):
                 raise
-            raise DataError(
-                "the bag was cut short or not closed: it lacks the index that stands at its end",
-                hint="write it with `rosbag reindex`, or copy the bag again",
-            ) from error
-        with closing(reader):
-            for one in reader.connections:
-                text = one.msgdef.data.encode()
-                self.define(one.id, one.topic, "ros1", one.msgtype, ("ros1msg", text))
-            for connection, time, data in reader.messages():
-                yield connection.id, time, bytes(data)
+            yield from self._without_index()
+        else:
+            with closing(self._library):
+                for one in self._library.connections:
+                    self._connect(one)
+                for connection, time, data in self._library.messages():
+                    yield connection.id, time, bytes(data)
+
+    def _connect(self, one: Connection) -> None:
+        self.define(one.id, one.topic, "ros1", one.msgtype, ("ros1msg", one.msgdef.data.encode()))
+
+    def _without_index(self) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the messages of a bag that lacks the index at its end, as far as it is whole."""
+        none = True
+        with self.path.open("rb") as file:
+            file.seek(len(self.mark))
+            for one in self._walked(file, self.path.stat().st_size):
+                none = False
+                yield one
+            self.cut_at = file.tell()
+        if none:
+            what = f"the file was cut short at byte {self.cut_at}, before its first message"
+            raise DataError(what, hint=AGAIN)
+
+    def _walked(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
+        """Go from record to record; ends where the first one begins that is not whole.
+
+        A chunk without compression is gone into, whole or not. http://wiki.ros.org/Bags/Format/2.0
+        """
+        while True:
+            start = file.tell()
+            try:
+                header = ros1.Header.read(file)
+                length = ros1.read_uint32(file)
+            except ros1.ReaderError as error:
+                if file.tell() < size:
+                    raise ValueError(f"the record at byte {start} cannot be read") from error
+                break
+            kind = header.get_uint8("op") if header else 0  # what was never written is zero
+            packing = header.get_string("compression") if kind == ros1.RecordType.CHUNK else ""
+            if packing == "none":
+                continue
+            if not kind or length > size - file.tell() or (packing and not length):
+                break
+            data = file.read(length)
+            if packing:
+                chunk = BytesIO(ros1.decompressors[packing](data))
+                yield from self._walked(chunk, len(chunk.getbuffer()))
+                if chunk.read(1):
+                    raise ValueError(f"the chunk at byte {start} is damaged")
+            elif kind == ros1.RecordType.MSGDATA:
+                yield header.get_uint32("conn"), header.get_time("time"), data
+            elif kind == ros1.RecordType.CONNECTION:
+                file.seek(start)
+                self._library.bio = file
+                self._connect(self._library.read_connection())
+        file.seek(start)

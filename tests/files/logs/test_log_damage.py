@@ -22,6 +22,7 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType
+from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import StoragePlugin
 
 import tdfscal
@@ -34,6 +35,7 @@ from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
     Truth,
+    assert_holds,
     make_truth,
     mcap_bytes,
     rosbag2,
@@ -44,6 +46,7 @@ from tests.files.logs.test_log_bag_kinds import ros1_bag
 from tests.words import in_words
 
 ONE = ("a",)
+Packed = Writer.CompressionFormat
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
 FUZZ = settings(
     max_examples=60,
@@ -126,9 +129,9 @@ def sqlite_bytes(truth: Truth) -> bytes:
         return path.read_bytes()
 
 
-def bag_bytes(_: Truth) -> bytes:
+def bag_bytes(truth: Truth, packed: Packed | None = None, chunk: int = 1 << 20) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        return ros1_bag(Path(folder, "log.bag")).read_bytes()
+        return ros1_bag(Path(folder, "log.bag"), packed, truth, chunk).read_bytes()
 
 
 FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
@@ -138,7 +141,7 @@ FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
     "log.mcap": (mcap_bytes, MAPPING, True),
     "log.parquet": (parquet_bytes, None, False),
     "log.db3": (sqlite_bytes, MAPPING, True),
-    "log.bag": (bag_bytes, MAPPING, False),
+    "log.bag": (bag_bytes, MAPPING, True),
 }
 """The bytes, their mapping, and whether one that was cut short is read to its sound end."""
 
@@ -172,17 +175,52 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
         assert "copy" in str(caught.value)
 
 
-def test_a_database_cut_at_any_byte_gives_no_number_that_was_not_recorded(tmp_path: Path) -> None:
-    content, truth = whole("log.db3"), make_truth(1200)
+BAGS: dict[str, Callable[[], bytes]] = {
+    "log.db3": lambda: whole("log.db3"),
+    "log.bag": lambda: whole("log.bag"),
+    "lz4.bag": lambda: bag_bytes(make_truth(1200), Packed.LZ4, 1 << 14),
+    "bz2.bag": lambda: bag_bytes(make_truth(1200), Packed.BZ2, 1 << 14),
+}
+
+
+@pytest.mark.parametrize("name", BAGS)
+def test_a_bag_cut_at_any_byte_gives_no_number_that_was_not_recorded(
+    tmp_path: Path, name: str
+) -> None:
+    content, truth = BAGS[name](), make_truth(1200)
     counts = []
     for cut in range(len(content) // 2, len(content) - 1, len(content) // 40 + 7):
-        log = read_log([write(tmp_path / "log.db3", content[:cut])], MAPPING, SUPPORTS)
+        log = read_log([write(tmp_path / name, content[:cut])], MAPPING, SUPPORTS)
+        assert [finding.code for finding in log.findings] == ["log-truncated"]
         for found, whole_truth in ((log.position, truth.position), (log.force, truth.force)):
             for series, true in zip(found, whole_truth, strict=True):
                 np.testing.assert_array_equal(series.value, true[: len(series.value)])
         counts.append(sum(len(series.value) for series in log.force))
     assert np.diff(counts).min() >= 0
     assert counts[-1] > 1.8 * counts[0]
+
+
+@pytest.mark.parametrize("end", [b"", bytes(1000)], ids=["stopped", "never written"])
+def test_a_ros1_recorder_that_was_stopped(tmp_path: Path, end: bytes) -> None:
+    """The bag's head has no index, and the last chunk's head says 0 bytes: their place holders."""
+    content, truth = bytearray(bag_bytes(make_truth(), None, 1 << 14)), make_truth()
+    index, *_ = re.finditer(rb"index_pos=(.{8})", content, re.S)
+    (stop,) = struct.unpack("<Q", index[1])
+    content[index.start(1) : index.end(1)] = bytes(8)
+    *_, chunk = re.finditer(rb"compression=none\x09\0{3}size=.{4}(.{4})", content, re.S)
+    content[chunk.start(1) : chunk.end(1)] = bytes(4)
+    log = read_log([write(tmp_path / "log.bag", bytes(content[:stop]) + end)], MAPPING, SUPPORTS)
+    assert_holds(log, truth)
+    assert [cut.byte for cut in log.truncated] == [stop]
+
+
+def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:
+    content = bytearray(whole("log.bag"))
+    *_, message = re.finditer(rb"conn=", content[: len(content) // 3])
+    content[message.end() - 1] ^= 4  # no name ends there any more
+    path = write(tmp_path / "log.bag", bytes(content[: len(content) // 2]))
+    with pytest.raises(DataError, match=r"the record at byte \d+ cannot be read"):
+        read_log([path], MAPPING, SUPPORTS)
 
 
 def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
