@@ -381,17 +381,7 @@ class Log:
     inputs: tuple[InputFile, ...] = ()
     findings: tuple[Finding, ...] = ()
     temperature: tuple[Series, ...] = ()
-    truncated: tuple[LogTruncated, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class LogTruncated:
-    """A file that was cut short (`log-truncated`): byte at which it stops being whole; end, s."""
-
-    path: str
-    byte: int
-    end: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,13 @@ STOPS: dict[str, str] = {
 
 LOGS: dict[str, Entry] = entries("""
 log-truncated warns
-  {file}: the file ends within a record at byte {byte}, as one that was cut short
-  does: it is read as far as it is whole, to {at} s
+  {subject}: the file ends within a record at byte {byte}, as one that was cut short
+  does: it is read as far as it is whole, to {at}
+  ? number ({number:.1f} s)
+  -> copy {subject} from its recorder again, or record again
 recorders-overlap-in-part warns
-  {subject} holds {begin:.1f} s to {end:.1f} s of the first recorder's {span:.1f} s:
-  what only one of the two saw is not used
+  {subject} ran {own:.1f} s from {begin:+.1f} s of the first recorder's {span:.1f} s on:
+  the {number:.1f} s that both ran are used
   -> see whether a file of either is missing, or was cut short
 log-missing warns
   {subject} describes a log{files: in ~|}, and there is none: all rests on the
@@ -41,7 +43,7 @@ samples-not-ascending warns
   before and {back} step back by up to {worst:.3g} s; they are left out
 stream-gaps warns
   {file}: {gaps} {several_gaps:gaps|gap} of more than {periods:g} periods of
-  {period:.2g} s in {subject}, the longest of {number:.3g} s at {at} s
+  {period:.2g} s in {subject}, the longest of {number:.3g} s at {at}
 streams-late warns
   {file}: {subject} {subjects:begin up to|begins} {number:.3g} s after the others;
   postures without all signals are not used
@@ -56,7 +58,7 @@ header-clock-departs warns
   {number:.3g} s at most
 readings-alone warns
   {file}: {several:~ readings stand|1 reading stands} alone in the {signal} of
-  {subject} and {several:are|is} left out, of {samples}: at {at} s {lone:.4g}
+  {subject} and {several:are|is} left out, of {samples}: at {at} {lone:.4g}
   {lone_unit} follows {before:.4g} {lone_unit}, which then returns
 readings-zero warns
   the {signal} of {subject} drops to 0, 0, 0 and returns, at {number:.2%} of the

@@ -68,9 +68,9 @@ class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
     inputs : files that were read. messages : what the logs say of themselves, each once. stops :
-    what became of most of them, where few are dwells. begin, end : s, the first and the last time
-    in the logs, by the first recorder's clock. samples : what tells a copy of them; repeats : those
-    that the logs hold twice. clocks : of the other recorders.
+    what became of most of them, where few are dwells. begin, end : s, from when to when all signals
+    were recorded, by the first recorder's clock. samples : what tells a copy of them; repeats :
+    those that the logs hold twice. clocks : of the other recorders.
     """
 
     campaign: Campaign
@@ -92,6 +92,7 @@ class LogPass:
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
         logs, rig = self.campaign.logs, self.rig
+        first, last = dict[int, float](), dict[int, float]()
         with self.progress.reading(logs) as share:
             for piece in iter_log(
                 logs,
@@ -104,9 +105,12 @@ class LogPass:
                 self.inputs += piece.inputs
                 self.clocks += piece.clocks
                 self._note(piece.findings)
-                times = [series.time for series in piece.force if len(series.time)]
-                self.begin = min([self.begin, *(float(time[0]) for time in times)])
-                self.end = max([self.end, *(float(time[-1]) for time in times)])
+                for number, series in enumerate((*piece.position, *piece.force)):
+                    if len(series.time):
+                        first.setdefault(number, float(series.time[0]))
+                        last[number] = float(series.time[-1])
+                self.begin = max(first.values(), default=self.begin)
+                self.end = min(last.values(), default=self.end)
                 yield piece
 
     def dwells(self) -> Dwells:

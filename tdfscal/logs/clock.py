@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -33,11 +34,23 @@ _LOWEST, _HIGHEST = -10, 6
 _BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
 
 
-def shown(time: float) -> str:
-    """Write a time in s with the digits that find its place, also in s since 1970."""
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
+
+
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
+def when(time: float) -> str:
+    """Write a time of a log, s, with the digits that find its place; by a wall clock as a date."""
+    if by_wall_clock(time):
+        date = f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"
+        return f"{date.rstrip('0').rstrip('.')} UTC"
     if not 1e6 <= abs(time) < 1e15:
-        return f"{time:.9g}"
-    return f"{time:.6f}".rstrip("0").rstrip(".")
+        return f"{time:.9g} s"
+    return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
 class Clock:
@@ -73,8 +86,8 @@ class Clock:
         if self._rows != "postures" and pauses.max(initial=0.0) > MAX_PAUSE:
             k = int(np.argmax(pauses)) + time.size - pauses.size
             raise DataError(
-                f"the time of {self.name} goes from {shown(time[k - 1] if k else self._last)} s to "
-                f"{shown(time[k])} s, more than a month",
+                f"the time of {self.name} goes from {when(time[k - 1] if k else self._last)} to "
+                f"{when(time[k])}, more than a month",
                 hint="correct or leave out this stamp; give the logs of another month as a "
                 "campaign of their own",
             )
@@ -128,7 +141,7 @@ class Clock:
                 "several_gaps": gaps > 1,
                 "periods": GAP,
                 "period": period,
-                "at": shown(at),
+                "at": when(at),
             }
             said.append(Finding("stream-gaps", (self.name,), longest, "s", values=values))
         return said
@@ -138,13 +151,13 @@ class Clock:
         if bad.any():
             if np.mean(np.diff(time) < 0.0) > 0.5:
                 raise DataError(
-                    f"the time of {self.name} runs backwards from {shown(time[0])} s: the newest "
+                    f"the time of {self.name} runs backwards from {when(time[0])}: the newest "
                     "rows come first",
                     hint="sort the rows so that their time ascends",
                 )
             k = int(np.argmax(bad))
             raise DataError(
-                f"the time of {self.name} goes from {shown(latest[k])} s to {shown(time[k])} s",
+                f"the time of {self.name} goes from {when(latest[k])} to {when(time[k])}",
                 hint="time must ascend; split the recording where its clock was set anew",
             )
 

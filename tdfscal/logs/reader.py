@@ -13,14 +13,14 @@ import numpy as np
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import fingerprint, note_outside
-from tdfscal.findings import Finding, Value
-from tdfscal.logs.clock import shown
+from tdfscal.findings import Finding
+from tdfscal.logs.clock import by_wall_clock, when
 from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
 from tdfscal.logs.recorders import files_by_recorder, on_one_clock
 from tdfscal.logs.request import Request, make_request, without_axis
 from tdfscal.logs.streams import Streams, as_log
-from tdfscal.records import BoolArray, Log, LogMapping, LogTruncated, Series
+from tdfscal.records import BoolArray, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 
@@ -118,7 +118,6 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         force=tuple(map(joined, *(p.force for p in parts))),
         temperature=tuple(map(joined, *(p.temperature for p in parts))),
         inputs=tuple(i for p in parts for i in p.inputs),
-        truncated=tuple(t for p in parts for t in p.truncated),
         findings=tuple(f for p in parts for f in p.findings),
         clocks=tuple(c for p in parts for c in p.clocks),
     )
@@ -151,13 +150,10 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
         reached = streams.last
         row += int(streams.count[0])
         told(0, entry.bytes)
-        cut: tuple[LogTruncated, ...] = ()
         if file.cut_at is not None:
-            cut = (LogTruncated(str(path), file.cut_at, float(streams.last.max())),)
-            values: dict[str, Value] = {"byte": file.cut_at, "at": shown(cut[0].end)}
-            said = [Finding("log-truncated", values=values), *said]
+            said = [streams.truncated(file), *said]
         findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
-        yield replace(pending, inputs=(entry,), findings=findings, truncated=cut)
+        yield replace(pending, inputs=(entry,), findings=findings)
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
@@ -203,10 +199,6 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     return sorted(paths, key=lambda path: starts[path])
 
 
-#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
-_WALL_CLOCK = (631152000.0, 4102444800.0)
-
-
 @dataclass(frozen=True, slots=True)
 class Moment:
     """A time in s: on the log's clock or, `after_begin`, from the first sample on.
@@ -220,7 +212,7 @@ class Moment:
 
     def __str__(self) -> str:
         """As it is written on the command line."""
-        return f"+{shown(self.seconds)} s" if self.after_begin else f"{shown(self.seconds)} s"
+        return f"+{self.seconds:.9g} s" if self.after_begin else when(self.seconds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +254,7 @@ class TimeWindow:
             yield part
         if not kept:
             raise DataError(
-                f"no sample lies {self}; the log runs from {shown(first)} s to {shown(last)} s",
+                f"no sample lies {self}; the log runs from {when(first)} to {when(last)}",
                 where=where,
                 hint="correct --from and --to; a time after the begin of the log is written +90, "
                 "+1.5min or +2h",
@@ -273,15 +265,10 @@ class TimeWindow:
         dates = [end for end in (self.begin, self.end) if end is not None and end.dated]
         if any(by_wall_clock(end.seconds) for end in dates) and not by_wall_clock(first):
             raise UsageError(
-                f"the log's clock has no dates: it begins at {shown(first)} s",
+                f"the log's clock has no dates: it begins at {when(first)}",
                 where=where,
                 hint="give s of that clock, or +90 for 90 s after the log's begin",
             )
-
-
-def by_wall_clock(*times: float) -> bool:
-    """Tell whether times, s, are those of a wall clock."""
-    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
 
 
 def _at(moment: Moment | None, first: float, otherwise: float) -> float:

@@ -105,11 +105,12 @@ def _overlap(first: Tracks, second: Tracks, clock: RecorderClock) -> list[Findin
     """Tell where one of two recorders misses much of what the other saw."""
     span = first.end - first.begin
     begin, end = clock.to_first(np.array([second.begin, second.end])) - first.begin
-    both = min(end, span) - max(begin, 0.0)
+    both = float(min(end, span) - max(begin, 0.0))
     if both > _COMPLETE * max(end - begin, span):
         return []
-    values: dict[str, Value] = {"begin": float(begin), "end": float(end), "span": span}
-    return [Finding("recorders-overlap-in-part", (clock.recorder,), values=values)]
+    late = round(float(begin), 1) + 0.0  # no -0.0
+    values: dict[str, Value] = {"own": float(end - begin), "begin": late, "span": span}
+    return [Finding("recorders-overlap-in-part", (clock.recorder,), both, "s", values=values)]
 
 
 def _on_clock(pieces: Iterator[Log], clock: RecorderClock | None) -> Iterator[Log]:

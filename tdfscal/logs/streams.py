@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.clock import Clock, apart, when
 from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.request import Block, Piece, Request, Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Log, Series
@@ -33,7 +33,7 @@ class Streams:
     """The streams of one file as their pieces pass.
 
     reached : s, per signal, where the file before ended. row : rows of the files before.
-    last : s, per signal, the latest time. count : samples of each signal.
+    begin : s, the first time. last : s, per signal, the latest time. count : samples, per signal.
     """
 
     def __init__(self, request: Request, reached: FloatArray, row: int) -> None:
@@ -45,6 +45,7 @@ class Streams:
             if signal.quantity != "temperature" and request.mapping.rows == "timeseries"
         }
         self.last = reached.copy()
+        self.begin = np.inf
         self.count = np.zeros(len(reached), dtype=np.int64)
 
     def passed(self, piece: Piece) -> list[Block]:
@@ -57,8 +58,8 @@ class Streams:
                 before = max(float(self._reached[number]) for number in block.value)
                 if block.time.size and block.time[0] < before:
                     raise DataError(
-                        f"{block.clock} starts at {shown(block.time[0])} s, before the end of "
-                        f"another log at {shown(before)} s",
+                        f"{block.clock} starts at {when(block.time[0])}, before the end of "
+                        f"another log at {when(before)}",
                         hint="logs of one campaign follow each other; leave out the one that "
                         "overlaps",
                     )
@@ -83,6 +84,7 @@ class Streams:
                     self._refuse_size(block, number)
                 self.count[number] += block.time.size
                 if block.time.size:
+                    self.begin = min(self.begin, float(block.time[0]))
                     self.last[number] = block.time[-1]
         return blocks
 
@@ -94,7 +96,7 @@ class Streams:
         k = int(np.argmax(size > limit))
         raise DataError(
             f"the {signal.quantity} of {signal.support} is {size[k]:.3g} {unit} at "
-            f"{shown(block.time[k])} s",
+            f"{when(block.time[k])}",
             hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
             "the largest value read",
         )
@@ -114,6 +116,14 @@ class Streams:
                 what += f" before byte {file.cut_at}, where the file was cut short"
             raise DataError(what)
         return said
+
+    def truncated(self, file: LogFile) -> Finding:
+        """Say where a file that was cut short stops being whole."""
+        end, rows = float(self.last.max()), "row" in self._clocks
+        at = f"row {self.count.max()}" if rows else when(end)
+        values: dict[str, Value] = {"byte": file.cut_at, "at": at}
+        size = None if rows else end - self.begin
+        return Finding("log-truncated", (str(file.path),), size, "s", values=values)
 
 
 def as_log(piece: Sequence[Block], request: Request) -> Log:
@@ -177,7 +187,7 @@ class LoneReadings:
         values: dict[str, Value] = {
             "signal": self.signal.quantity,
             "samples": self._samples,
-            "at": shown(at),
+            "at": when(at),
             "lone": lone,
             "before": before,
             "lone_unit": {"position": "m", "force": "N"}[self.signal.quantity],

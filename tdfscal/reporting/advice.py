@@ -17,7 +17,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import begun
-from tdfscal.reporting.traceability import exact_sentence
+from tdfscal.reporting.traceability import exact_sentence, not_whole, not_whole_sentence
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
@@ -97,7 +97,8 @@ def headline(c: Calibration) -> str:
             "Confirm these lines of the rig file's draft before you load the angles: "
             f"{_by_block(draft)}. If they are right, the angles are known, {said}."
         )
-    return " ".join(filter(None, (loaded, exact_sentence(c, half_widths(c).max()), _rests_on(c))))
+    exact = exact_sentence(c, half_widths(c).max())
+    return " ".join(filter(None, (loaded, not_whole_sentence(c), exact, _rests_on(c))))
 
 
 def _by_block(lines: Iterable[str]) -> str:
@@ -131,9 +132,7 @@ def _rests_on(c: Calibration) -> str:
         parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
     if c.fit is not None and c.fit.dof:
         parts.append(f"scatter against stated {c.fit.birge:.2f}")
-    for clock in c.clocks:
-        known = f"± {1e3 * clock.offset_std:.2g} ms, ± {1e6 * clock.rate_std:.2g} ppm"
-        parts.append(f"the clock of {clock.recorder} to {known}")
+    parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]
     limit = ""
     if c.budget is not None and len(c.budget.sources) > 1:
         worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
@@ -176,7 +175,8 @@ def advise(c: Calibration) -> tuple[str, ...]:
             "Do not load this result into a controller; calibrate again first.",
         )
     advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
-    advice += (begun(looked, ".") for looked in _of_those_left_out(c))
+    looks = (*dict.fromkeys(f.cure or "" for f in not_whole(c)), *_of_those_left_out(c))
+    advice += (begun(looked, ".") for looked in looks)
     new = "new postures" if c.motion is None else "a motion without contact"
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
     better = tuple(_forecasts(c))

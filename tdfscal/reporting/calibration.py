@@ -190,7 +190,9 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         f = c.fit
         if c.motion is None or f.postures:
             facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
-        facts += [("Recorder", f"{k.recorder}: {layout.told_clock(k)}") for k in c.clocks]
+        facts += [
+            ("Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.recorders)}") for k in c.clocks
+        ]
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),

@@ -16,7 +16,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.errors import visible
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import ANGLES, InputFile, RecorderClock
+from tdfscal.records import ANGLES, InputFile, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         ResidualWrench,
     )
     from tdfscal.files.calibration.parts import Stretch as StretchOfRest
+    from tdfscal.files.rig.recorders import LogBlock
     from tdfscal.motioncal.blocks import Stretch
     from tdfscal.reporting.figures.log_time import Clock
 
@@ -35,6 +36,8 @@ Row = tuple[str, ...]
 #: The text of a table's column for the angle j of the sensor i.
 Cell = Callable[[int, int], str]
 
+#: Share of a stated standard uncertainty, from which on the data have told nothing more.
+_AS_STATED = 0.9
 LISTED = 8
 """Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
 ROWS = 10
@@ -260,14 +263,22 @@ def chi_squared(chi2: float, dof: int, p: float) -> str:
     return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_text(p)}"
 
 
-def told_clock(clock: ClockResult | RecorderClock) -> str:
-    """Write how far a recorder's clock is from the first one's."""
-    digits = ".4f" if abs(clock.offset) >= 1e3 else ".6g"
-    return (
-        f"its clock is {clock.offset:+{digits}} s from the first one's, ± "
-        f"{1e3 * clock.offset_std:.2g} ms, and faster by {1e6 * clock.rate:.3g} ± "
-        f"{1e6 * clock.rate_std:.2g} ppm"
-    )
+def told_clock(
+    clock: ClockResult | RecorderClock, recorders: Iterable[LogBlock | LogMapping]
+) -> str:
+    """Write how far a recorder's clock is from the first one's; recorders : what is stated."""
+    stated = [r.clock.rate_std for r in recorders if r.files == clock.recorder]
+    rate = f"{_with_std(1e6 * clock.rate, 1e6 * clock.rate_std)} ppm"
+    if clock.rate_std > _AS_STATED * max(stated, default=math.inf):
+        rate += ", no better known than stated"
+    offset = _with_std(clock.offset, clock.offset_std)
+    return f"its clock is {offset} s from the first one's, and faster by {rate}"
+
+
+def _with_std(value: float, std: float) -> str:
+    """A value to the place of its standard uncertainty's second digit."""
+    places = max(1 - math.floor(math.log10(std)), 0) if std > 0 else 6
+    return f"{value:+.{places}f} ± {std:.{places}f}"
 
 
 def utc(instant: str) -> str:

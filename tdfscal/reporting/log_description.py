@@ -108,8 +108,8 @@ def _signals(info: LogInfo) -> Iterator[str]:
     yield from table(header, rows, left=2)
     for clock in info.clocks:
         yield from wrapped(
-            f"Recorder {clock.recorder}: {told_clock(clock)}; times are those of the first "
-            "recorder.",
+            f"Recorder {clock.recorder}: {told_clock(clock, info.recorders)}; times are those of "
+            "the first recorder.",
             hanging="",
         )
     if info.offset is not None:

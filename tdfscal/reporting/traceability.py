@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timedelta
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content
-from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult
+from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
@@ -165,6 +166,21 @@ def _ended(c: Calibration) -> list[tuple[str, str]]:
     """Day and support of the certificates that had ended when the data were recorded."""
     day = (c.measured.end if c.measured is not None else c.created)[:10]
     return [(end[:10], name) for end, name in _ends(c) if end[:10] < day]
+
+
+def not_whole(c: Calibration) -> tuple[FindingResult, ...]:
+    """What tells that a part of the log is missing: its files, or else recorders that ran apart."""
+    return c.found("log-truncated") or c.found("recorders-overlap-in-part")
+
+
+def not_whole_sentence(c: Calibration) -> str:
+    """What there is of a log of which a part is missing."""
+    parts = [
+        ("the first rows" if f.size is None else f"{f.size:.1f} s")
+        + f" of {', '.join(PurePath(name).name for name in f.subject)}"
+        for f in not_whole(c)
+    ]
+    return f"The log is not whole; used: {', '.join(parts)}." if parts else ""
 
 
 def exact_sentence(c: Calibration, half_width: float) -> str:

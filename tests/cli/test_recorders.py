@@ -14,6 +14,7 @@ from tdfscal import Calibration, apply, calibrate, info, init, monitor, update, 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.numerics import so3
+from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings
 from tdfscal.simulation import (
     MOVING,
@@ -100,17 +101,33 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     assert abs(found.clocks[0].offset - 1.7e9) < 0.05
 
 
-def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibration) -> None:
-    assert not [f for f in calibrated.findings if f.code == "recorders-overlap-in-part"]
-    folder = apart(tmp_path / "two", played("self", 7), Apart(offset=12.0))
-    lines = (folder / "daq.csv").read_text().splitlines(keepends=True)
-    (folder / "daq.csv").write_text("".join(lines[: 6 * len(lines) // 10]))
-    (told,) = (
-        f
-        for f in calibrate([folder], trials=0, allow_rejected=True).findings
-        if f.code == "recorders-overlap-in-part"
-    )
-    assert told.subject == ("daq*.csv",)
+@pytest.mark.parametrize("name", ["cnc.csv", "daq.csv"])
+def test_a_recorder_that_ends_early_is_told(
+    tmp_path: Path, calibrated: Calibration, name: str
+) -> None:
+    """What both saw is used: by its length, by when it was measured, and where a reader looks."""
+    assert not calibrated.found("recorders-overlap-in-part", "log-truncated")
+    of, day = played("self", 7), 1.7e9
+    folder = apart(tmp_path / "two", of, Apart(offset=day))
+    content = (folder / name).read_bytes()
+    (folder / name).write_bytes(content[: 7 * len(content) // 10])
+    found = calibrate([folder], trials=0)
+    assert found.accepted
+    (cut,), (both,) = found.found("log-truncated"), found.found("recorders-overlap-in-part")
+    assert cut.subject == (str(folder / name),)
+    assert both.subject == ("daq*.csv",)
+    assert of.campaign is not None
+    span = 0.7 * float(np.ptp(of.campaign.log.force[0].time))
+    assert (cut.size, both.size) == pytest.approx((span, span), abs=0.02 * span)
+    assert found.measured is not None
+    ends = [
+        datetime.fromisoformat(t).timestamp() for t in (found.measured.begin, found.measured.end)
+    ]
+    assert ends == pytest.approx([day, day + span], abs=0.02 * span + 1.0)
+    report = calibration_report(found)
+    assert f"{cut.size:.1f} s of {name}" in report.claim
+    assert cut.cure is not None
+    assert cut.cure[1:] in report.advice[0]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Skew, shown
+from tdfscal.logs.clock import Skew, when
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import (
@@ -140,7 +140,7 @@ class Topics:
         bad = ~(np.isfinite(value).all(axis=1) & np.isfinite(time))
         if bad.any():
             k = int(np.argmax(bad))
-            what = f"a message of {topic} cannot be read: at {shown(time[k])} s it holds a number "
+            what = f"a message of {topic} cannot be read: at {when(time[k])} it holds a number "
             what, fields = f"{what}that is not finite", list[str]()
             if np.isfinite(time[k]):
                 number, axis = divmod(int(np.argmin(np.isfinite(value[k]))), 3)

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
-from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.clock import Clock, apart, when
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
@@ -141,8 +141,8 @@ def protobuf_log(truth_seed: int = 1) -> tuple[bytes, object]:
             (f"/{name}/force", truth.force_time, truth.force[i]),
         ):
             channel = writer.register_channel(topic, "protobuf", schema)
-            for when, (x, y, z) in zip(times, values, strict=True):
-                ns = round(when * 1e6) * 1000
+            for at, (x, y, z) in zip(times, values, strict=True):
+                ns = round(at * 1e6) * 1000
                 message = make(timestamp={"seconds": ns // 10**9, "nanos": ns % 10**9})
                 message.value.x, message.value.y, message.value.z = x, y, z
                 writer.add_message(channel, ns, message.SerializeToString(), ns)
@@ -250,16 +250,16 @@ def test_what_is_long_depends_on_the_stream_s_period() -> None:
 
 
 def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
-    assert shown(1750000060.25) == "1750000060.25"
-    assert shown(1750000000.0) == "1750000000"
-    assert shown(20.035) == "20.035"
-    assert shown(np.inf) == "inf"
+    assert when(1750000060.25) == "2025-06-15 15:07:40.25 UTC"
+    assert when(1750000000.0) == "2025-06-15 15:06:40 UTC"
+    assert when(20.035) == "20.035 s"
+    assert when(np.inf) == "inf s"
     time = 1_750_000_000.0 + np.arange(3000, dtype=np.float64) * 0.01
     time[1000:] += 7.0
     clock = Clock("t", "timeseries")
     clock.ascending(time)
     assert clock.finish()[0].size == pytest.approx(7.01)
-    assert clock.finish()[0].values["at"] == "1750000009.99"
+    assert clock.finish()[0].values["at"] == "2025-06-15 15:06:49.99 UTC"
     time[2000:] -= 3.0
-    with pytest.raises(DataError, match=r"goes from 1750000026.99 s to 1750000024 s"):
+    with pytest.raises(DataError, match=r"goes from .* 15:07:06.99 UTC to .* 15:07:04 UTC"):
         Clock("t", "timeseries").ascending(time)

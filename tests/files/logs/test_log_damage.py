@@ -30,7 +30,7 @@ from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, plac
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.records import LogMapping
+from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
@@ -54,6 +54,14 @@ FUZZ = settings(
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+
+
+def cut_at(log: Log) -> int:
+    """The byte from which on a log is not whole."""
+    (found,) = (f for f in log.findings if f.code == "log-truncated")
+    byte = found.values["byte"]
+    assert isinstance(byte, int)
+    return byte
 
 
 def record_starts(content: bytes) -> list[int]:
@@ -99,8 +107,7 @@ def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
         except DataError:
             assert not count  # not before the first message of every topic
             continue
-        assert len(log.truncated) == 1
-        assert log.truncated[0].byte <= end
+        assert cut_at(log) <= end
         assert log.inputs[0].integrity == "unverified"
         found = log.force[0].value
         assert len(found) >= count
@@ -211,7 +218,7 @@ def test_a_ros1_recorder_that_was_stopped(tmp_path: Path, end: bytes) -> None:
     content[chunk.start(1) : chunk.end(1)] = bytes(4)
     log = read_log([write(tmp_path / "log.bag", bytes(content[:stop]) + end)], MAPPING, SUPPORTS)
     assert_holds(log, truth)
-    assert [cut.byte for cut in log.truncated] == [stop]
+    assert cut_at(log) == stop
 
 
 def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:
@@ -232,10 +239,10 @@ def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
     count = log.force[0].time.size
     assert 0 < count < 240
     np.testing.assert_array_equal(log.force[0].value, truth.force[0][:count])
-    (cut,) = log.truncated
-    assert cut.byte == chunks[3]
-    assert cut.end == max(series.time[-1] for series in (*log.position, *log.force))
-    assert in_words(log.findings)[0].startswith(f"{cut.path}: the file ends within a record at")
+    assert cut_at(log) == chunks[3]
+    times = np.concatenate([series.time for series in (*log.position, *log.force)])
+    assert log.findings[0].size == times.max() - times.min()
+    assert "2025-06-15 15:06:40" in in_words(log.findings)[0]  # less than 1 s after its begin
 
 
 def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:

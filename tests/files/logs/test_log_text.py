@@ -191,7 +191,7 @@ def test_blank_lines_without_end(tmp_path: Path) -> None:
 def test_last_line_without_end_is_left_out(tmp_path: Path) -> None:
     log = read(tmp_path, text(HEADER, *ROWS) + b"0.2,1,2,3,4,5,66")
     assert_plain(log)
-    assert [cut.byte for cut in log.truncated] == [len(text(HEADER, *ROWS))]
+    assert [f.values["byte"] for f in log.findings] == [len(text(HEADER, *ROWS))]
 
 
 def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
