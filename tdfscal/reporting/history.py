@@ -194,22 +194,26 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
 
 
 def _angles(life: Life) -> Table:
-    seen = life.known
-    now = life.path[-1, seen]
-    change = 1e3 * (now - life.path[0, seen])
+    known = np.flatnonzero(life.known)
+    first = life.seen.argmax(axis=0)[known]
+    last = len(life.seen) - 1 - life.seen[::-1].argmax(axis=0)[known]
+    change = 1e3 * (life.rpy[last, known] - life.rpy[first, known])
+    half = 1e3 * COVERAGE_FACTOR * np.hypot(life.rpy_std[last, known], life.rpy_std[first, known])
     rows = by_angle(
-        np.array(life.supports)[seen].tolist(),
-        mrad_with(now, life.path_std[-1, seen]),
-        lambda i, j: signed(change[i, j], "+.3f"),
+        np.array(life.supports)[known].tolist(),
+        mrad_with(life.path[-1, known], life.path_std[-1, known]),
+        lambda i, j: (
+            f"{signed(change[i, j], '+.3f')} ± {half[i, j]:.3f}" if last[i] > first[i] else ""
+        ),
     )
     rows += tuple(
         (name, "undetermined", "", "")
-        for name, known in zip(life.supports, seen, strict=True)
-        if not known
+        for name, seen in zip(life.supports, life.known, strict=True)
+        if not seen
     )
-    caption = "Smoothed angles at the last check, mrad; expanded uncertainty, "
-    caption += f"k = {COVERAGE_FACTOR:g}"
-    return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
+    caption = "Angles at the last check, smoothed over all, and the last check less the first, as "
+    caption += f"each says by itself; mrad, expanded uncertainty, k = {COVERAGE_FACTOR:g}"
+    return Table(caption, ("sensor", "angle", "now", "last − first"), rows, left=2)
 
 
 def history_document(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -117,6 +118,17 @@ def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
     result = monitored(capsys, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+
+
+def test_a_history_of_two_states_the_change_that_compare_states(
+    home: Path, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No constant is theirs together, so that each says by itself what its file says."""
+    tdfscal.calibrate(home / "sound2", trials=0, output=tmp_path / "second.yaml")
+    table = run(capsys, "monitor", base, tmp_path / "second.yaml", "-q", "-v").out
+    stated = [float(x.replace("−", "-")) for x in re.findall(r"(\S+) ± \S+\n", table)]
+    compared = tdfscal.compare(tmp_path / "second.yaml", base).to_frame()
+    np.testing.assert_allclose(stated, 1e3 * compared["difference"], atol=1e-3)
 
 
 def test_a_month_whose_log_is_cut_short_counts_and_says_so(
