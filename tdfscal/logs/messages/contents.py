@@ -29,7 +29,7 @@ _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 
 
 class TopicLook:
-    """One channel as it is looked through; the first messages show what they hold.
+    """One topic as it is looked through; the first messages show what they hold.
 
     leaves : what there is in a message. problem : why its messages cannot be read, if so.
     """
@@ -46,6 +46,7 @@ class TopicLook:
         self._value: list[FloatArray] = []
         self._ends: list[int] = []
         self._every = 1  # of so many messages, one is sampled at most
+        self._count = 0
         try:
             encoding = encoding_of(channel, schema)
             content = first.bytes_of(0)
@@ -77,6 +78,7 @@ class TopicLook:
     def note(self, messages: Messages) -> None:
         """Note the times of messages, and sample their vectors."""
         ticks = messages.log_time()
+        self._count += ticks.size
         self._ends = [min([*self._ends, int(ticks.min())]), max([*self._ends, int(ticks.max())])]
         if self._stamps is not None:
             self._stamps.note(messages)
@@ -94,8 +96,8 @@ class TopicLook:
             self._time = [np.concatenate(self._time)[::2]]
             self._every *= 2
 
-    def found(self, count: int) -> tuple[Stream, list[Vector]]:
-        """Its fields, and what has x, y, z, as sampled; count : its messages."""
+    def found(self) -> tuple[Stream, list[Vector]]:
+        """Its fields, and what has x, y, z, as sampled."""
         start, end = (tick / 1e9 for tick in self._ends)
         stamped, unusable = self._stamps is not None, None
         if self._stamps is not None:
@@ -124,7 +126,15 @@ class TopicLook:
             name = path_text(leaf.path).removeprefix(".")
             fields.append(Field(name, leaf.kind, None, low, high))
         stream = Stream(
-            self.name, self._kind, count, tuple(fields), start, end, stamped, unusable, self._joints
+            self.name,
+            self._kind,
+            self._count,
+            tuple(fields),
+            start,
+            end,
+            stamped,
+            unusable,
+            self._joints,
         )
         return stream, vectors
 

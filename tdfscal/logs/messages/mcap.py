@@ -24,7 +24,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Schema, Statistics
+from mcap.records import Channel, Chunk, DataEnd, Footer, Schema, Statistics
 
 from tdfscal.errors import DataError
 from tdfscal.logs.log_file import AGAIN, LIBRARY_FAULTS, reason
@@ -102,7 +102,7 @@ class McapFile(Recording):
             if opcode == Opcode.MESSAGE:
                 self._loose += RECORD.pack(opcode, len(content)) + content
                 self.checked = False
-            elif opcode != Opcode.FOOTER:
+            else:
                 self._take(opcode, content)
             if opcode != Opcode.MESSAGE or len(self._loose) >= _LOOSE_BYTES:
                 yield from self._flushed()
@@ -140,7 +140,7 @@ class McapFile(Recording):
             self._crc = before, crc
 
     def _take(self, opcode: int, content: bytes) -> None:
-        """Take in what is no message: definitions, counts, the checksum of the data."""
+        """Take in what is no message: definitions, counts, checksums of data and summary."""
         with self._placed("a record is damaged", self._start):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._define(opcode, content)
@@ -157,6 +157,13 @@ class McapFile(Recording):
                 self._covered = crc != 0
                 if crc not in (0, self._crc[0]):
                     raise ValueError("the checksum of the data section does not match")
+                self._crc = (0, 0)  # the summary's own begins
+            elif opcode == Opcode.FOOTER:
+                covered = RECORD.pack(opcode, len(content)) + content[:16]
+                if Footer.read(_stream(content)).summary_crc not in (
+                    0, zlib.crc32(covered, self._crc[0]),
+                ):  # fmt: skip
+                    raise ValueError("the checksum of the summary does not match")
 
     def _unpacked(self, start: int, content: bytes, index: list[bytes]) -> Iterator[Messages]:
         with self._placed("a chunk is damaged", start):

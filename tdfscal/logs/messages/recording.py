@@ -105,16 +105,22 @@ class Recording(LogFile):
 
     def look(self) -> Contents:
         """Every topic, with samples of what has x, y, z."""
-        topics: dict[int, TopicLook] = {}
+        topics: dict[tuple[object, ...], TopicLook] = {}
         for messages in self.messages():
+            # A publisher that was started again has another channel of the same topic and type.
+            alike: dict[tuple[object, ...], list[int]] = {}
             for number in messages.counts():
-                of = messages.of(number)
-                if number not in topics:
-                    channel = self.channels[number]
-                    schema = self.schemas.get(channel.schema_id)
-                    topics[number] = TopicLook(channel, schema, of)
-                topics[number].note(of)
-        found = [topic.found(self.counts[number]) for number, topic in topics.items()]
+                channel = self.channels[number]
+                schema = self.schemas.get(channel.schema_id)
+                kind = (schema.name, schema.data) if schema is not None else ()
+                alike.setdefault((channel.topic, channel.message_encoding, kind), []).append(number)
+            for key, numbers in alike.items():
+                of = messages.at(np.isin(messages.channel, numbers))
+                if key not in topics:
+                    channel = self.channels[numbers[0]]
+                    topics[key] = TopicLook(channel, self.schemas.get(channel.schema_id), of)
+                topics[key].note(of)
+        found = [topic.found() for topic in topics.values()]
         streams = [stream for stream, _ in found]
         empty = {c.topic for c in self.channels.values()} - {stream.name for stream in streams}
         streams += [Stream(name, "", 0, ()) for name in empty]

@@ -119,6 +119,8 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
     try:
         if encoding == "ros2" and not text:
             types = _standard()
+            if full_name(name) not in types:
+                raise ValueError(f"the recording has no definition of {name}")
         elif encoding in ("ros2msg", "ros1msg"):
             types = get_types_from_msg(text, name)
         elif encoding == "ros2idl":

@@ -46,17 +46,21 @@ def ros1_bag(
     compression: Writer1.CompressionFormat | None = None,
     truth: Truth = TRUTH,
     chunk: int = 1 << 20,
+    restarts: int = 0,
 ) -> Path:
     bag = Writer1(path)
     bag.chunk_threshold = chunk
     if compression is not None:
         bag.set_compression(compression)
     with bag:
-        topics: dict[str, Any] = {}
-        for t, topic, kind, data in events(truth):
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=ROS1)
-            bag.write(topics[topic], round(t * 1e6) * 1000, bytes(as_ros1(data, kind)))
+        topics: dict[tuple[str, str], Any] = {}
+        every = list(events(truth))
+        for k, (t, topic, kind, data) in enumerate(every):
+            caller = str(k * (1 + restarts) // len(every))
+            if (topic, caller) not in topics:
+                added = bag.add_connection(topic, kind, typestore=ROS1, callerid=caller)
+                topics[topic, caller] = added
+            bag.write(topics[topic, caller], round(t * 1e6) * 1000, bytes(as_ros1(data, kind)))
     return path
 
 
@@ -112,9 +116,11 @@ def test_ros1_holds_what_mcap_does(
     assert same_numbers(log, other)
 
 
-@pytest.mark.parametrize("make", ["sqlite", "ros1"])
-def test_bags_are_described(tmp_path: Path, make: str) -> None:
-    path = sqlite_bag(tmp_path / "bag") if make == "sqlite" else ros1_bag(tmp_path / "log.bag")
+@pytest.mark.parametrize("restarts", [None, 0, 2])
+def test_bags_are_described(tmp_path: Path, restarts: int | None) -> None:
+    """SQLite, ROS 1, and ROS 1 with publishers that were started again: a connection each."""
+    sqlite, path = restarts is None, tmp_path / "log.bag"
+    path = sqlite_bag(path) if sqlite else ros1_bag(path, restarts=restarts or 0)
     info = describe_logs([path])
     assert info.mapping is not None
     assert info.mapping.supports == SUPPORTS
