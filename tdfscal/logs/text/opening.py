@@ -23,6 +23,7 @@ _COMPRESSED_ZSTD: Final = 1 << 12  # may expand to as many times as much
 _HEAD: Final = 1 << 18
 _OPENING: Final = 1 << 12
 _CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
+_BLANK: Final = b" \t\n\v\f\r\x1a"  # with the mark at which DOS ends a text
 _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 
@@ -88,9 +89,11 @@ class TextFile:
         end = rest.rfind(self.newline) + 1
         if end:
             yield rest[:end], True
-        if rest[end:].strip():
+        if rest[end:].strip(_BLANK):
+            there = self.cut_at is None  # all that was compressed
             self.cut_at = self._expanded - len(rest) + end
-            yield rest[end:], False
+            if there:
+                yield rest[end:], False
 
     def _read(self, size: int) -> bytes:
         """Up to so many bytes; none at the end."""

@@ -56,13 +56,16 @@ class TextLog(LogFile):
             parser = RowParser(header, file.newline, request.mapping.decimal)
             line, rows_before, series = header.lines + 1, 0, request.mapping.rows == "timeseries"
 
+            above, ended = b"", True
+
             def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
                 return (*given, parser.fast(given[0]))
 
             with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
                 for block, whole, fast in results:
-                    if not whole and series:
+                    if series and not (whole or parser.ends_alike(block, above)):
                         continue
+                    above, ended = block, whole
                     value, lines = fast or parser.slow(block, line)
                     n = len(header.factors)
                     vectors = value[: 3 * n].reshape(n, 3, value.shape[1])
@@ -81,7 +84,7 @@ class TextLog(LogFile):
             )
         if rows_before == 0:
             raise DataError("the file has a header and no rows", hint="record the log again")
-        self.cut_at = file.cut_at if series else None
+        self.cut_at = file.cut_at if ended else None
         self.integrity = file.integrity
 
     def look(self) -> Contents:

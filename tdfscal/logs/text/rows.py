@@ -277,6 +277,17 @@ class RowParser:
         table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
         return table.T.copy(), block.count(self._newline)
 
+    def ends_alike(self, line: bytes, above: bytes) -> bool:
+        """Whether a last line without an end is whole: in decimals its last number lacks none.
+
+        above : the whole lines before it.
+        """
+        both = (line, above.rstrip().rpartition(self._newline)[2])
+        texts = [one.decode("utf-8", errors="replace").strip() for one in both]
+        cells = [split_cells(text, self._header.separator) for text in texts]
+        decimals = [len(own[-1].partition(self._decimal)[2]) for own in cells]
+        return len(cells[0]) == len(cells[1]) and decimals[0] == decimals[1] > 0
+
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
         for k, line in enumerate(block.split(self._newline)):
@@ -314,7 +325,10 @@ class RowParser:
     def _fault(self, cell: str, name: str, dated: bool) -> DataError:
         bare, _ = split_label(name)
         what, hint = f"{shorten(cell)!r} is not a finite number", advice(cell, self._decimal)
-        if dated:
+        if bare and cell.strip() in (name, bare):
+            what = "the header stands there again: the recorder was started anew"
+            hint = "split the file there; where its clock began anew, that is another campaign"
+        elif dated:
             what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
         elif not cell:
             what, hint = "the cell is empty", "a log has no holes"

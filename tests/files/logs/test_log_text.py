@@ -188,6 +188,23 @@ def test_blank_lines_without_end(tmp_path: Path) -> None:
     assert_plain(read(tmp_path, content))
 
 
+@pytest.mark.parametrize("end", ["", "\n\x1a"])
+def test_last_line_without_end_is_read_where_its_last_number_is_whole(
+    tmp_path: Path, end: str
+) -> None:
+    lines = [HEADER, *(f"{k},1,2,3,4,5,{k * 1.25:.3f}" for k in range(1, 9))]
+    whole = "\n".join(lines).encode()
+    log = read(tmp_path, whole + end.encode())
+    assert (log.findings, log.force[0].value[-1, 2]) == ((), 10.0)
+    log = read(tmp_path, whole[:-1])  # 10.00
+    assert [f.values["byte"] for f in log.findings] == [len("\n".join(lines[:-1])) + 1]
+
+
+def test_a_header_that_comes_again(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"line 4.* the recorder was started anew"):
+        read(tmp_path, text(HEADER, *ROWS, HEADER, *ROWS))
+
+
 def test_last_line_without_end_is_left_out(tmp_path: Path) -> None:
     log = read(tmp_path, text(HEADER, *ROWS) + b"0.2,1,2,3,4,5,66")
     assert_plain(log)
