@@ -250,8 +250,10 @@ noise-understated warns
   all noise was scaled up by that factor
 noise-overstated warns
   the residuals are only {number:.2g} times what the stated uncertainties explain:
-  those may be overstated (uncertainty.force_noise, positioner), and so the angles'
-  own
+  those may be overstated, and so the angles' own
+  -> {force_noise:write `uncertainty.force_noise: ~` (N); the residuals support no
+    more|}{positioner:write `uncertainty.positioner: ~` (m); the residuals support
+    no more|}
 mass-exact warns
   the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
   the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and

@@ -16,6 +16,7 @@ from tdfscal.model.parameters import nominal, sensing
 from tdfscal.model.statics import internal_part, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum, triangular
+from tdfscal.planning.candidates import OF_CAPACITY
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state, evaluate
 from tdfscal.selfcal.outliers import fit_robust
@@ -54,9 +55,10 @@ def scatter_of(fit: Fit) -> float:
 
 
 Change = Literal["postures", "squeeze", "tare"]
-#: Postures that a campaign is easily given besides; how much harder it is squeezed; N, what a
-#: tare just before it leaves.
-_MORE, _HARDER, _TARED = 5, 2.0, 0.1
+#: Postures that a campaign is easily given besides; N, what a tare just before it leaves.
+_MORE, _TARED = 5, 0.1
+#: How much harder it is squeezed.
+HARDER = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +105,11 @@ def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
     force = np.einsum("nab,knb->kna", M, seen.force - fit.state.zero)
     arm = seen.position - fit.state.datum
     inside = internal_part(arm - arm.mean(axis=1, keepdims=True), force)
-    more = np.einsum("nab,knb->kna", np.linalg.inv(M), (_HARDER - 1.0) * inside)
+    more = np.einsum("nab,knb->kna", np.linalg.inv(M), (HARDER - 1.0) * inside)
     reading = np.where(seen.measured, seen.force + more, 0.0)
-    if not np.all(seen.measured) or np.any(np.abs(reading) > fit.rig.capacity):
+    if not np.all(seen.measured) or np.any(np.abs(reading) > OF_CAPACITY * fit.rig.capacity):
         return None
-    size = _HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
+    size = HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
     harder = replace(seen, force=reading)
     return size, at_state(fit.rig, harder, fit.state, fit.weight)
 

@@ -1,36 +1,36 @@
-"""What a calibration says first and last: one number for all, what it rests on, what next."""
+"""What a calibration says last: what to do next."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from math import ceil
 
 import numpy as np
 
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.catalogue.entry import upwards
 from tdfscal.catalogue.in_use import MISFITS
-from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.planning.recorded_postures import HARDER
+from tdfscal.records import ANGLES
+from tdfscal.reporting.headline import (
+    SPOILT,
+    draft_lines,
+    half_widths,
+    numbers,
+    source_words,
+    within,
+)
 from tdfscal.reporting.layout import begun
-from tdfscal.reporting.traceability import exact_sentence, not_whole, not_whole_sentence
+from tdfscal.reporting.traceability import exceeding, not_whole
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
 #: Noise that is more than stated: what touched is looked for first.
 _NOISE = ("force-noise-suspected", "sensor-noise-suspected")
-#: Postures named at most.
-_NAMED = 8
-#: Why a sensor itself spoils a posture, and does not show that something touched.
-_SPOILT = {
-    **dict.fromkeys(("posture-over-capacity", "posture-saturated"), "a saturated axis"),
-    "posture-frozen": "a frozen axis",
-}
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: Uncertainty, as a share of that of now, at which a change of the campaign is worth a word.
@@ -40,28 +40,25 @@ _NOTABLE = 0.25
 #: Changes of a campaign, by their forecast.
 _CHANGES = {
     "postures": "with {:.0f} more such postures",
-    "squeeze": "with squeezes of {:.0f} N",
+    "squeeze": "with squeezes of {:.0f} N{}",
     "tare": "with zeros known to {:g} N by a tare",
 }
-#: Sources of the budget in words, and what would lower them.
-_SOURCES = {
-    "noise": ("noise", "more postures, or a harder squeeze,"),
-    "zero": ("the zeros", "a tare just before the campaign"),
-    "positioner": ("the NCPs' repeatability", "a harder squeeze"),
-    "mass": ("the mass", "weighing the terminal"),
-    "barycentre": ("the barycentre", "more tilt, or a better barycentre,"),
-    "hinge": ("the hinges' places", "measuring the hinge centres"),
-    "datum": ("the servo datums", "measuring the servo datums"),
-    "gravity": ("the base's level", "levelling the BCS"),
-    "sensitivity": ("the sensors' gain", "calibrated gains"),
-    "instrument angles": ("the tracker's angles", "a tracker nearer to the rig"),
-    "instrument range": ("the tracker's range", ""),
-    "noise spectrum": ("the noise's spectrum", "a longer motion"),
-    "undeclared error": ("undeclared error", "declaring or mending what the residuals suspect"),
-    "motion": (
-        "what the motion adds",
-        "a slower motion, or an inertia, a friction and a delay that are stated,",
-    ),
+#: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
+_BEARABLE = ", within what sensors and hinges bear"
+#: Lines of a draft that are cited with their values.
+_CITED = 2
+#: Keys that state the uncertainty of what was taken as exact.
+_STATED_BY = {
+    "base level": "gravity.tilt_std",
+    "mass": "terminal.mass.std",
+    "barycentre": "terminal.barycenter.std",
+    "hinge drawing": "uncertainty.hinge",
+    "servo datums": "uncertainty.datum",
+    "gain, crosstalk": "uncertainty.force_sensitivity",
+    "zeros": "zero.std",
+    "delay": "log.delay.std",
+    "body against axes": "tracker.misalignment",
+    "target drawing": "tracker.drawing",
 }
 #: What would lower them in motion, where it is something else.
 _IN_MOTION = {
@@ -71,42 +68,12 @@ _IN_MOTION = {
 }
 
 
-def half_widths(c: Calibration) -> FloatArray:
-    """Half (m, 3) of each mounted sensor's 95 % intervals, rad, by the farther end.
-
-    Where roll and yaw are not separable: the expanded uncertainty of the turns.
-    """
-    return np.array([mounting.half_widths for mounting in c.mounted])
-
-
-def within(c: Calibration) -> str:
-    """What holds for all angles, each by itself, mrad: never less than any of them."""
-    return f"± {upwards(1e3 * half_widths(c).max(), 2)} mrad"
-
-
-def headline(c: Calibration) -> str:
-    """One number for all angles, what it counts, what it does not, and what it rests on."""
-    which = "each by itself" if c.determined.all() else "each that is determined, by itself,"
-    said = f"{which} within {within(c)} (95 %)"
-    if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
-        said += ", the gain's tolerance included"
-    draft = [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
-    loaded = f"You may load these angles: {said}."
-    if draft:
-        loaded = (
-            "Confirm these lines of the rig file's draft before you load the angles: "
-            f"{_by_block(draft)}. If they are right, the angles are known, {said}."
-        )
-    exact = exact_sentence(c, half_widths(c).max())
-    return " ".join(filter(None, (loaded, not_whole_sentence(c), exact, _rests_on(c))))
-
-
 def _by_block(lines: Iterable[str]) -> str:
-    """Lines of a draft, each as `key (line N)`, by the block of the rig file that they are in."""
+    """Lines of a draft, each as `key: value (line N)`, by the rig file's block."""
     blocks: dict[str, list[list[int]]] = {}
     for line in lines:
         key, _, number = line.rstrip(")").rpartition(" (line ")
-        spans = blocks.setdefault(key.split(".")[0] or line, [])
+        spans = blocks.setdefault(re.split("[.:]", key)[0] or line, [])
         if not (n := int(number) if number.isdecimal() else 0):
             continue
         if spans and spans[-1][1] == n - 1:
@@ -118,48 +85,6 @@ def _by_block(lines: Iterable[str]) -> str:
         for block, spans in blocks.items()
     }
     return ", ".join(f"{block} ({spans})" if spans else block for block, spans in said.items())
-
-
-def _rests_on(c: Calibration) -> str:
-    """How much went in, how it fits, and what limits the least known angle, in a sentence."""
-    parts = []
-    if c.motion is not None:
-        parts.append(f"{c.motion.seconds:.0f} s of motion")
-    if c.fit is not None and (c.motion is None or c.fit.postures):
-        parts.append(f"{c.fit.postures} postures{_besides(c.fit.rejected)}")
-    if c.tracker is not None:
-        alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
-        parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
-    if c.fit is not None and c.fit.dof:
-        parts.append(f"scatter against stated {c.fit.birge:.2f}")
-    parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]
-    limit = ""
-    if c.budget is not None and len(c.budget.sources) > 1:
-        worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
-        share, angle = c.budget.shares[worst], c.budget.angles[worst]
-        source, _ = _source(c.budget.sources[int(share.argmax())])
-        of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
-        limit = f"; limited by {source} ({of})"
-    return f"It rests on {', '.join(parts)}{limit}."
-
-
-def _besides(rejected: Sequence[RejectedPosture]) -> str:
-    """Numbers of the postures left out, and why, in brackets."""
-    by: dict[str, list[RejectedPosture]] = {}
-    for r in rejected:
-        by.setdefault(_SPOILT.get(r.code or "", "contact or a jolt"), []).append(r)
-    said = "; ".join(f"{_numbers(some)} left out: {why}" for why, some in by.items())
-    return f" ({said})" if said else ""
-
-
-def _numbers(rejected: Sequence[RejectedPosture]) -> str:
-    """Numbers of postures, the first of many, by which to find them in the log."""
-    more = ", …" if len(rejected) > _NAMED else ""
-    return ", ".join(str(r.index + 1) for r in rejected[:_NAMED]) + more
-
-
-def _source(name: str) -> tuple[str, str]:
-    return _SOURCES.get(name, (name, ""))
 
 
 def advise(c: Calibration) -> tuple[str, ...]:
@@ -174,11 +99,13 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {cure}." for cure in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
+    advice = [*_of_thedraft_lines(c), *_of_the_exact(c)]
+    advice += [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
     looks = (*dict.fromkeys(f.cure or "" for f in not_whole(c)), *_of_those_left_out(c))
     advice += (begun(looked, ".") for looked in looks)
     new = "new postures" if c.motion is None else "a motion without contact"
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
+    advice += [begun(found.cure, ".") for found in c.found("noise-overstated") if found.cure]
     better = tuple(_forecasts(c))
     if better:
         return (*advice, f"The {within(c)} of now would be {', '.join(better)}.")
@@ -186,6 +113,23 @@ def advise(c: Calibration) -> tuple[str, ...]:
     if share > _NOTABLE and (remedy := _remedy(c, source)):
         advice.append(begun(remedy, "."))
     return tuple(advice)
+
+
+def _of_thedraft_lines(c: Calibration) -> Iterator[str]:
+    """To confirm the lines of a draft, the terminal's with their values."""
+    if lines := draft_lines(c):
+        cited = (*lines[:_CITED], *filter(None, [_by_block(lines[_CITED:])]))
+        yield (
+            f"Confirm or correct {'; '.join(cited)}, take the mark behind each out, and calibrate "
+            "again."
+        )
+
+
+def _of_the_exact(c: Calibration) -> Iterator[str]:
+    """To state what was taken as exact, where its typical error exceeds the headline's number."""
+    if larger := exceeding(c, half_widths(c).max()):
+        keys = ", ".join(f"`{_STATED_BY[name]}`" for name in larger)
+        yield f"Measure what is taken as exact, and state in rig.yaml how well it is known: {keys}."
 
 
 def _forecasts(c: Calibration) -> Iterator[str]:
@@ -197,13 +141,18 @@ def _forecasts(c: Calibration) -> Iterator[str]:
     found = []
     for f in seen.forecasts:
         amount = float(f"{f.amount:.2g}") if f.change == "squeeze" else f.amount
-        found.append((f.worst_std / worst, _CHANGES[f.change].format(amount)))
+        found.append((f.worst_std / worst, _CHANGES[f.change].format(amount, _bearable(c))))
     if seen.with_moves is not None and not c.campaigns and not c.found("moves-add-nothing"):
         share = seen.with_moves / float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
         found.append((share, "with `--samples all`, which uses the moves between the stops"))
     for share, change in sorted(found):
         if share < _WORTH:
             yield f"{half * share:.2g} {change}"
+
+
+def _bearable(c: Calibration) -> str:
+    """What bounds a squeeze, where the rig file does not."""
+    return "" if all(support.capacity for support in c.rig.supports) else _BEARABLE
 
 
 def _file(c: Calibration) -> str:
@@ -249,7 +198,7 @@ def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
     first: dict[str, str] = {}
     for r in sorted(rejected, key=lambda r: r.code == "posture-frozen"):
-        if r.code in _SPOILT:
+        if r.code in SPOILT:
             first.setdefault(CATALOGUE[r.code].cure, r.reason)
     yield from (f"{cure}: {reason}" for cure, reason in first.items())
 
@@ -257,8 +206,8 @@ def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
 def _of_those_left_out(c: Calibration) -> Iterator[str]:
     """What to look at of the postures that an accepted campaign lost."""
     rejected = c.fit.rejected if c.fit is not None else ()
-    if touched := [r for r in rejected if r.code not in _SPOILT]:
-        which = f"posture{'s' * (len(touched) > 1)} {_numbers(touched)}"
+    if touched := [r for r in rejected if r.code not in SPOILT]:
+        which = f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
         yield f"look what touched the terminal at {which}"
     yield from tuple(_of_the_sensors(rejected))[:1]
 
@@ -266,10 +215,10 @@ def _of_those_left_out(c: Calibration) -> Iterator[str]:
 def _of_what_touched(c: Calibration) -> Iterator[str]:
     """Postures, or stretches of a motion, that something touched."""
     if c.motion is None:
-        touched = [r for r in _many_rejected(c) if r.code not in _SPOILT]
+        touched = [r for r in _many_rejected(c) if r.code not in SPOILT]
         if touched:
             yield (
-                f"find what touched the terminal at postures {_numbers(touched)} (cables, a hand, "
+                f"find what touched the terminal at postures {numbers(touched)} (cables, a hand, "
                 "a stop), free it, and record again"
             )
         return
@@ -316,9 +265,17 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
             yield f"measure more targets, farther apart, or from nearer: {weakest}"
         elif c.fit is not None and c.fit.postures:
             wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
+            harder, seen = _SPARE * worst / limit, c.observability
+            squeeze = f"squeeze the NCPs {harder:.1f} times as hard{_bearable(c)}, or "
+            if not _bearable(c) and (
+                harder > HARDER
+                or seen is None
+                or "squeeze" not in {f.change for f in seen.forecasts}
+            ):
+                squeeze = ""  # it would fill a sensor
             yield (
-                f"squeeze the NCPs {_SPARE * worst / limit:.1f} times as hard, or record {wanted} "
-                f"postures like the {c.fit.postures} of now (tdfscal plan chooses them): {weakest}"
+                f"{squeeze}record {wanted} postures like the {c.fit.postures} of now (tdfscal plan "
+                f"chooses them): {weakest}"
             )
         else:
             yield f"squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
@@ -328,7 +285,7 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
 
 def _remedy(c: Calibration, source: str) -> str:
     """What would lower a source's share of the uncertainty; empty where nothing would."""
-    name, remedy = _source(source)
+    name, remedy = source_words(source)
     if c.motion is not None:
         remedy = _IN_MOTION.get(source, remedy)
     return remedy and f"{remedy} would lower the uncertainty, which is mostly that of {name}"

@@ -7,13 +7,15 @@ from pathlib import PurePath
 
 import numpy as np
 
+from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import p_text, student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
-from tdfscal.reporting.advice import advise, half_widths, headline, within
+from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures.log_time import clock
+from tdfscal.reporting.headline import half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import (
     campaign,
@@ -60,6 +62,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         sections=(
             *layout.illustrated(drawings, blocks),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
+            Section("Lines of the rig file to be confirmed", _draft(c)),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
@@ -80,6 +83,13 @@ def _summary(c: Calibration) -> Table:
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
     caption = "Installation angles in the BCS, mrad, 95 %; Rz(yaw)·Ry(pitch)·Rx(roll)"
     return Table(caption, ("sensor", *ANGLES), tuple(rows))
+
+
+def _draft(c: Calibration) -> tuple[Table, ...]:
+    """Every line of a draft that is still to be confirmed."""
+    said = [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
+    rows = tuple(tuple(line.removesuffix(")").rpartition(" (line ")[2::-2]) for line in said)
+    return (Table("", ("line", "key and value"), rows, left=2),) if rows else ()
 
 
 def _angles(c: Calibration) -> Table:

@@ -17,7 +17,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import probability
 from tdfscal.reporting import layout
-from tdfscal.reporting.advice import half_widths, within
+from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import UNSEALED, measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER

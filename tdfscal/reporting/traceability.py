@@ -186,15 +186,26 @@ def not_whole_sentence(c: Calibration) -> str:
 def exact_sentence(c: Calibration, half_width: float) -> str:
     """What is taken as exact, the worst first, with what a typical error of each would do.
 
-    half_width : rad, of the angles' intervals; what is small against it is not named.
+    half_width : rad, of the angles' intervals; what is small against it is not named, nor what is
+    smaller where something is larger.
     """
-    worst = {q.name: float(_effects(q).max()) for q in c.taken_as_exact}
-    named = [q for q in _by_effect(c) if worst[q.name] > _NOTABLE * half_width][:_NAMED]
+    more = exceeding(c, half_width)
+    least = half_width if more else _NOTABLE * half_width
+    named = [q for q in _by_effect(c) if _effects(q).max() > least][:_NAMED]
     parts = [
-        f"{q.name} ({_typical_error(q)}{by} by {1e3 * worst[q.name]:.2g} mrad)"
+        f"{q.name} ({_typical_error(q)}{by} by {1e3 * _effects(q).max():.2g} mrad)"
         for q, by in zip(named, (" would move an angle", "", ""), strict=False)
     ]
-    return f"Taken as exact: {'; '.join(parts)}." if parts else ""
+    taken = "They may be off by more, for these are taken" if more else "Taken"
+    return f"{taken} as exact: {'; '.join(parts)}." if parts else ""
+
+
+def exceeding(c: Calibration, half_width: float) -> list[str]:
+    """Quantities taken as exact of which a typical error moves an angle by more, the worst first.
+
+    half_width : rad, of the angles' intervals.
+    """
+    return [q.name for q in _by_effect(c) if _effects(q).max() > half_width]
 
 
 def _by_effect(c: Calibration) -> list[ExactQuantityResult]:

@@ -20,21 +20,26 @@ import numpy as np
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.model.statics import Postures
-from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import ROWS, Fit, estimate, fit
-from tdfscal.selfcal.score_tests import best_variance, by_readings, chance
+from tdfscal.selfcal.score_tests import best_variance, by_readings, chance, noise_columns
 from tdfscal.significance import (
     CAUSES_APART,
     GROSS_NOISE_FACTOR,
     GROSS_NOISE_SHARE,
     OUTLYING_POSTURE,
+    OVERSTATED_NOISE,
     UNEQUAL_NOISE,
 )
 
 #: Weight of the stated variance of a channel, in degrees of freedom.
 _STATED = 4.0
 _ROUNDS, _SETTLED = 60, 1e-3
+#: Halvings of a share of a variance: beyond the two digits that are said.
+_HALVINGS = 20
+#: Share of a variance below which there is none.
+_ROUNDING = 1e-12
 #: A channel whose standard deviation exceeds the stated one by less is not named.
 _NAMED = 1.3
 #: Postures that are listed at most.
@@ -134,6 +139,32 @@ def noisier(factor: FloatArray, supports: tuple[str, ...]) -> Finding:
     subject = tuple(dict.fromkeys(supports[i] for i, _ in named))
     values: dict[str, Value] = {"channels": channels}
     return Finding("channels-noisy", subject, float(factor.max()), values=values)
+
+
+def supported(of: Estimate[Fit]) -> dict[str, float]:
+    """Noise, as `DeclaredUncertainty` has it, by which residuals smaller than stated are as large
+    as they should be.
+
+    Of the forces or of the positioners, the likelier, all else being right; 0 where none of it
+    leaves them not improbably small, empty where even that does not help.
+    """
+    fit, (chi2, dof) = of.fit, (of.quality.chi2, of.fit.dof)
+    white = fit.white[: ROWS * len(fit.weight)].reshape(-1, ROWS)
+    keys, found = {"force noise": "force_noise", "position noise": "positioner"}, []
+    for kind, _, columns in noise_columns(fit):
+        stated = float(getattr(fit.rig.declared, keys[kind])) if kind in keys else 0.0
+        values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
+        lost = np.minimum(stated**2 * values, 1.0 - _ROUNDING)
+        along, low, high = np.einsum("kab,ka->kb", vectors, white) ** 2, 0.0, 1.0
+        if 1.0 - chi2_sf(chi2 + np.sum(along * lost / (1.0 - lost)), dof) <= OVERSTATED_NOISE:
+            continue
+        for _ in range(_HALVINGS):  # of the share of the variance that is too much
+            share = (low + high) / 2
+            more = along * share * lost / (1.0 - share * lost)
+            low, high = (low, share) if chi2 + np.sum(more) > dof else (share, high)
+        size = float(f"{stated * np.sqrt(1.0 - high):.1e}")
+        found.append((float(np.sum(more + np.log1p(-share * lost))), keys[kind], size))
+    return dict([min(found)[1:]]) if found else {}
 
 
 def _restricted(channel: FloatArray, left: FloatArray, white: FloatArray) -> FloatArray:

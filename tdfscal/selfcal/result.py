@@ -14,7 +14,7 @@ from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import Observability, require_angles
 from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.estimation.uncertainty import Estimated, Quality, Uncertainty
+from tdfscal.estimation.uncertainty import Estimate, Estimated, Quality, Uncertainty
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, layout, nominal, vector
 from tdfscal.numerics import so3
@@ -23,7 +23,7 @@ from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.noise_components import noisier
+from tdfscal.selfcal.noise_components import noisier, supported
 from tdfscal.selfcal.outliers import CrossValidation, cross_validate
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
@@ -121,7 +121,7 @@ def caveats(
     if rig.declared.force_sensitivity > 0:
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
     if of.quality.birge <= rig.acceptance.birge_max:  # the gate says so else
-        found += _of_the_noise(of.quality, measured_noise=measured_noise)
+        found += _of_the_noise(of.estimate, measured_noise=measured_noise)
     for doubt in of.suspicions:
         if not doubt.harmful:
             found += doubt.findings(rejects=False, held=doubt.move is not None)
@@ -139,14 +139,17 @@ def caveats(
     return tuple(found)
 
 
-def _of_the_noise(stats: Quality, *, measured_noise: bool) -> list[Finding]:
+def _of_the_noise(known: Estimate[Fit], *, measured_noise: bool) -> list[Finding]:
     """Noise that nobody stated, or that was stated too small or too large."""
+    stats = known.quality
     if measured_noise:
         return [Finding("noise-from-residuals")]
     if stats.p_value < MISFIT:
         return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
     if stats.p_value > 1 - OVERSTATED_NOISE:
-        return [Finding("noise-overstated", size=stats.birge, p_value=1 - stats.p_value)]
+        values: dict[str, Value] = {key: f"{size:g}" for key, size in supported(known).items()}
+        p_value = 1 - stats.p_value
+        return [Finding("noise-overstated", size=stats.birge, p_value=p_value, values=values)]
     return []
 
 

@@ -49,7 +49,11 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.significance import MISFIT, UNDECLARED_ERROR, UNDECLARED_FRICTION_SHARE
+from tdfscal.significance import (
+    MISFIT,
+    UNDECLARED_ERROR,
+    UNDECLARED_FRICTION_SHARE,
+)
 
 _HOUR = 3600.0
 
@@ -161,7 +165,7 @@ def scatters(of: Estimate[Fit]) -> list[Suspicion]:
     fit, parts = of.fit, of.parts
     K, found = len(fit.weight), []
     white, left = fit.white[: ROWS * K].reshape(K, ROWS), _left(parts, K)
-    for kind, support, columns in _columns(fit):
+    for kind, support, columns in noise_columns(fit):
         theta, gain = best_variance(columns, white, left)
         through = np.einsum("kap,kab->pkb", left, columns).reshape(left.shape[2], -1)
         found.append(_suspicion(of, kind, support, theta, gain, parts.root @ through))
@@ -237,8 +241,8 @@ def _suspicion(
     return suspicion(of.fit.rig, of.uncertainty, kind, support, unit * size, move, p_value, weight)
 
 
-def _columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
-    """Whitened columns (K, 6, m) of one unit of each suspect's standard deviation."""
+def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
+    """Yield whitened columns (K, 6, m) of one unit of each suspect's standard deviation."""
     at, root, each = fit.at, fit.root, by_readings(fit)
     yield "hinge friction", 0, root[:, :, 3:]
     for i in range(fit.rig.n):

@@ -126,7 +126,7 @@ class _Normal:
 
     def _rest(self, fall: float, size: int) -> float:
         """χ² per degree of freedom without a suspect of this χ² and size."""
-        return max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - size, 1)
+        return float(max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - size, 1))
 
     def p_value(self, step: _Step, *, noise_from_residuals: bool) -> float:
         """That noise alone gives as much, for this suspect alone."""

@@ -240,7 +240,7 @@ def test_what_is_to_be_confirmed_is_said(
     draft = tdfscal.init(log, output=rig)
     text = rig.read_text()
     assert draft.confirm == unconfirmed(text)
-    assert any(key.startswith("supports.ncp2.hinge ") for key in draft.confirm)
+    assert any(key.startswith("supports.ncp2.hinge: [") for key in draft.confirm)
     said = f"{len(draft.confirm)} lines"
     assert any(said in warning for warning in in_words(reference.findings))
     rig.write_text(text.replace("# confirm", "# confirmed"))
@@ -274,7 +274,7 @@ def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
     assert not (tmp_path / "rig.yaml").exists()
     with pytest.raises(TdfscalError, match="nowhere"):
         tdfscal.init(tmp_path / "nowhere.csv")
-    assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a (line 1)"]'
+    assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a: 1 (line 1)"]'
 
 
 def test_one_wrong_cell(frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from tdfscal.catalogue.entry import upwards
 from tdfscal.commands.report import report
 from tdfscal.files.calibration.document import Calibration, load_calibration
-from tdfscal.reporting.advice import half_widths
+from tdfscal.reporting.headline import half_widths
 from tdfscal.reporting.html import render
 from tdfscal.reporting.layout import Report
 from tests.reporting.pages import render_page

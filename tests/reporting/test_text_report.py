@@ -15,9 +15,10 @@ from tdfscal.catalogue import document
 from tdfscal.catalogue.entry import upwards
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding, Value
-from tdfscal.reporting.advice import advise, half_widths
+from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures.log_time import clock
+from tdfscal.reporting.headline import half_widths
 from tdfscal.reporting.history import short
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table
@@ -102,15 +103,27 @@ def test_what_holds_for_all_angles_is_rounded_upwards(size: float, said: str) ->
     assert upwards(size, 2) == said
 
 
-def test_the_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
-    """As many as `init` leaves: runs of lines by their block, and still a terminal's 24 lines."""
+def test_the_lines_of_a_draft_are_the_first_to_act_on() -> None:
+    """As many as `init` leaves: the load's with their values, runs of others by their block."""
     keys = ("gravity", "terminal.mass", *(f"supports.ncp{i}.zero" for i in range(9)))
-    lines = [f"{key} (line {8 + 3 * (k > 0) + k})" for k, key in enumerate(keys)]
+    lines = [f"{key}: {{value: 7}} (line {8 + 3 * (k > 0) + k})" for k, key in enumerate(keys)]
     draft = document(Finding("draft-unconfirmed", tuple(lines), len(lines)))
     c = changed(sample().calibration, status="provisional", findings=[draft])
     text = as_text(calibration_report(c), whole=False)
-    assert "gravity (8), terminal (12), supports (13–21)" in " ".join(text.split("\n\n")[0].split())
     assert len(text.splitlines()) <= 22
+    assert advise(c)[0] in " ".join(text.split())
+    assert "terminal.mass: {value: 7} (line 12)" in advise(c)[0]
+    assert "supports (13–21)" in advise(c)[0]
+    assert all(
+        re.search(rf" {8 + 3 * (k > 0) + k} +{key}: ", render(c)) for k, key in enumerate(keys)
+    )
+
+
+def test_what_is_taken_as_exact_and_outweighs_the_claim_is_measured_first() -> None:
+    """0.1 % of gain, 1 mrad of level: more than ± 0.46 mrad; 0.1 mm of a datum: less."""
+    c = sample().calibration
+    assert [key in advise(c)[0] for key in ("force_sensitivity", "tilt_std", "datum")] == [1, 1, 0]
+    assert "tdfscal validate" in advise(changed(c, taken_as_exact=()))[0]
 
 
 def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
@@ -145,7 +158,6 @@ def test_dates_in_the_log_are_counted_from_its_start(by: float, origin: float) -
 def test_advice_follows_the_cause() -> None:
     c = sample().calibration
     fit = c.model_dump()["fit"]
-    assert "tdfscal validate" in advise(c)[0]
     assert "Do not load this result into a controller" in advise(with_(c))[-1]
     assert "force_sensitivity" in advise(with_(c, fit=fit_with(c, 9.0)))[0]
     gone = [{"index": k, "reason": "contact"} for k in range(3)]

@@ -10,8 +10,8 @@ from typing import Any
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.files.calibration.document import Calibration, file_content
-from tdfscal.reporting.advice import headline
 from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.headline import headline
 from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
@@ -89,7 +89,7 @@ def test_what_is_taken_as_exact() -> None:
     # The same words as in the claim, the worst first.
     named = [q.name for q in sample().calibration.taken_as_exact]
     assert sorted(exact.split("; ")[: len(named)]) == sorted(named)
-    assert f"Taken as exact: {exact.split('; ')[0]} (" in headline(sample().calibration)
+    assert f"taken as exact: {exact.split('; ')[0]} (" in headline(sample().calibration)
     assert "hinges" not in exact.replace("friction of the hinges", "")
     assert "mass" not in exact
     tilted = stated(gravity={"magnitude": 9.80665, "tilt_std": 1e-3})

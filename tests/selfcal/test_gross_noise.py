@@ -128,3 +128,18 @@ def test_a_slip_under_a_heavy_load_is_no_zero_that_jumps() -> None:
     first = result.suspicions[0].causes[0]
     assert (first.code, first.subject) == ("sensor-slipped", ("ncp3",))
     assert result.reasons
+
+
+def test_noise_that_is_overstated_is_said_with_what_the_residuals_support() -> None:
+    """Of 0.1 N in truth: χ² of 135 degrees of freedom knows f² + s² of a mean to 12 %."""
+    batch = simulation.simulate_dwells(RIG, Options(squeeze=100.0), np.random.default_rng(3), 1)
+    dwells, true = batch.dwells(0), RIG.declared.force_noise
+    total = true**2 + np.diagonal(dwells.force_cov, axis1=2, axis2=3).mean()
+    for stated in ({"force_noise": 0.3}, {"positioner": 3e-4}):
+        rig = replace(RIG, declared=replace(RIG.declared, **stated))
+        result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+        (found,) = (each for each in result.findings if each.code == "noise-overstated")
+        assert found.values.keys() == stated.keys()
+        if "force_noise" in stated:
+            said = float(str(found.values["force_noise"]))
+            assert said**2 == pytest.approx(true**2, abs=4 * 0.12 * total)

@@ -73,7 +73,7 @@ def test_the_posture_and_the_turn_are_stated() -> None:
     assert half.max() < 1e-3
     # Postures are counted from 1 in what users read, and from 0 in the simulator.
     assert found.values["posture"] == 11
-    before, after = found.values["between"]
+    before, after = np.array(found.values["between"])
     assert before < after
     # A walk of the zeros takes up some of it, and is no cure.
     assert {finding.code for finding in result.findings} == {

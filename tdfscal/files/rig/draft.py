@@ -120,7 +120,7 @@ def _remark(text: str) -> list[str]:
 
 
 def unconfirmed(text: str) -> tuple[str, ...]:
-    """Return the keys, with their lines, that a rig file still marks to be confirmed."""
+    """Return the keys, with values and lines, that a rig file still marks to be confirmed."""
     found: list[str] = []
     path: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -133,8 +133,12 @@ def unconfirmed(text: str) -> tuple[str, ...]:
         key = match["key"]
         if key == "name" and match["item"]:
             path.append((indent - 1, match["rest"].split("#")[0].strip()))
-        elif _MARK.search(match["rest"]):
-            found.append(f"{'.'.join([*(k for _, k in path), key])} (line {number})")
+        elif mark := _MARK.search(match["rest"]):
+            value = match["rest"][: mark.start()].strip()
+            whole = ".".join([*(k for _, k in path), key])
+            found.append(
+                f"{whole}: {value} (line {number})" if value else f"{whole} (line {number})"
+            )
         else:
             path.append((indent, key))
     return tuple(found)
