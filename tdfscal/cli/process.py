@@ -22,6 +22,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal import memory
+from tdfscal.cli import Signalled
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
 from tdfscal.memory import limit_threads
 
@@ -37,10 +38,6 @@ INTERNAL_ERROR = 70
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Streams that were closed before the program began.
 _closed: set[str] = set()
-
-
-class Signalled(BaseException):
-    """A signal has ended the run."""
 
 
 @dataclass(slots=True)

@@ -426,6 +426,43 @@ def test_a_signal_ends_the_run_though_another_exception_is_made_of_it(home: Path
     assert done.stderr == "tdfscal: interrupted; nothing was written\n"
 
 
+CALLED_BACK = """
+import os, signal, sys, time, weakref
+class Dying:
+    def __del__(self):
+        {deleted}
+def meet(*args):
+    dying = Dying()
+    reference = weakref.ref(dying, lambda _: {released})
+    del dying
+    time.sleep(10)
+    print("it went on")
+from tdfscal import cli
+sys.argv = ["tdfscal", "report", "own.yaml"]
+{line}
+cli.main()
+"""
+LATE = "import tdfscal.commands.report as r; r.read_sources = meet"
+EARLY = "sys.meta_path.insert(0, type('', (), {'find_spec': meet}))"
+
+
+@pytest.mark.parametrize(("line", "status"), [(LATE, 143), (EARLY, 130)])
+@pytest.mark.parametrize("where", ["deleted", "released"])
+def test_a_signal_that_meets_a_callback_ends_the_run(
+    home: Path, line: str, status: int, where: str
+) -> None:
+    """What is raised there Python prints and drops: as an object goes, or a weak reference.
+
+    Before the program listens, the signal is the interruption, that Python itself answers.
+    """
+    call = f"os.kill(os.getpid(), {status - 128}) or len('x')"
+    code = CALLED_BACK.format(**{"deleted": "pass", "released": "None", where: call}, line=line)
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert done.stderr == "tdfscal: interrupted; nothing was written\n"
+
+
 def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
     built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
