@@ -124,6 +124,8 @@ def trial(home: Path, table: list[Results], rng: random.Random) -> tuple[str, st
 def main() -> None:
     """Print the table."""
     kills, seed = numbers(500, 0)
+    for name in SIGNALS[1:]:  # ignored in the background and under nohup, by what is started too
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
     rng, runs, bad, new = random.Random(seed), Counter[str](), Counter[tuple[str, str]](), 0
     with scratch() as home:
         for campaign in (0, 1):

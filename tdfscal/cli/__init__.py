@@ -45,8 +45,12 @@ def _come_again(met: Any) -> None:
     if not isinstance(met.exc_value, KeyboardInterrupt | Signalled):
         sys.__unraisablehook__(met)
         return
-    number = met.exc_value.args[:1] or (2,)  # SIGINT
-    _thread.start_new_thread(lambda: (time.sleep(_SOON), _thread.interrupt_main(*number)), ())
+
+    def again(number: int = 2) -> None:  # SIGINT
+        time.sleep(_SOON)
+        _thread.interrupt_main(number)
+
+    _thread.start_new_thread(again, met.exc_value.args[:1])
 
 
 __all__ = ["main"]

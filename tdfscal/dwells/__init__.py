@@ -2,10 +2,11 @@
 
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
-from tdfscal.dwells.clock_offset import Offset, motion_offset
+from tdfscal.dwells.clock_offset import LARGE, Offset, motion_offset
 from tdfscal.dwells.find import dwells_of_bins, find_dwells
 
 __all__ = [
+    "LARGE",
     "Bins",
     "DwellOptions",
     "Offset",

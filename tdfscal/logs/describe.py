@@ -13,7 +13,9 @@ from typing import Any, Literal
 import numpy as np
 
 from tdfscal.catalogue import told
+from tdfscal.clocks import forces_behind
 from tdfscal.dwells import (
+    LARGE,
     Bins,
     Offset,
     dwells_of_bins,
@@ -34,10 +36,11 @@ from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
 from tdfscal.logs.reader import TimeWindow, iter_log
 from tdfscal.logs.recorders import owns
-from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
+from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock, Series
 
 Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
+_LEAST, _LOOKED_AT = 100, 10_000  # bins in which forces seconds apart are looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,7 @@ class LogInfo:
     recorders : with which the signals were read: the rig's, or the guess. problems : what keeps the
     logs from being used, or wants a look. clocks : of all recorders but the first. samples :
     positions in m and forces in N, (K, n, 3), of instants over the log; None where it was not read.
+    offset : between forces and positions; lag : said instead where it is one of seconds.
     """
 
     contents: tuple[Contents, ...]
@@ -76,6 +80,7 @@ class LogInfo:
     inputs: tuple[InputFile, ...] = ()
     dwells: Dwells | None = None
     offset: Offset | None = None
+    lag: Finding | None = None
     problems: tuple[str, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
     samples: tuple[FloatArray, FloatArray] | None = None
@@ -138,7 +143,8 @@ def describe_logs(
             pieces = iter_log(logs, recorders, supports, window=window, progress=progress)
             dwells, more = _read(clocks.passing(pieces), recorders[0].rows == "postures")
             info = replace(info, inputs=tuple(clocks.inputs), dwells=dwells, **more)
-            problems += map(told, [*clocks.findings, *dwells.findings])
+            lag = [info.lag] if info.lag else []
+            problems += map(told, [*clocks.findings, *dwells.findings, *lag])
             if not len(dwells):
                 absence = no_dwell(dwells)
                 problems.append(f"{absence.what}; {absence.hint}")
@@ -204,7 +210,23 @@ def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]
         return find_dwells(pieces), {}
     bins = reduce_to_bins(pieces)
     dwells = dwells_of_bins(bins)
-    return dwells, {"samples": _sampled(bins), "offset": motion_offset(bins, dwells)}
+    offset, lag = motion_offset(bins, dwells), None
+    if offset is None or offset.std > LARGE:  # as where moves are paired with others
+        lag = _seconds_apart(bins)
+    more = {"samples": _sampled(bins), "offset": None if lag else offset, "lag": lag}
+    return dwells, more
+
+
+def _seconds_apart(bins: Bins) -> Finding | None:
+    """Tell where the forces come seconds after the positions, or before them."""
+    n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))[:_LOOKED_AT]
+    if len(whole) < _LEAST:
+        return None
+    time, mean = bins.start[whole], bins.mean[whole].reshape(-1, 6 * n)
+    behind = forces_behind(Series(time, mean[:, : 3 * n]), Series(time, mean[:, 3 * n :]))
+    if behind is None:
+        return None
+    return Finding("forces-behind", (), abs(behind), "s", values={"late": behind > 0})
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

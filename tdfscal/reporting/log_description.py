@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
+from tdfscal.logs import by_wall_clock
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
 from tdfscal.reporting.layout import begun, told_clock
@@ -71,8 +73,11 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
     rows = []
     for field in fields:
         label = shorten(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
-        known = field.low is not None and field.high is not None
-        span = f"{field.low:.6g} … {field.high:.6g}" if known else ""
+        span = ""
+        if field.low is not None and field.high is not None:
+            dated = field.kind == "date and time" and by_wall_clock(field.low, field.high)
+            form = _date if dated else "{:.6g}".format
+            span = f"{form(field.low)} … {form(field.high)}"
         rows.append((label, field.kind.rsplit("/", 1)[-1], span))
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
     whole = sum(widths) + 6 <= width()
@@ -112,8 +117,25 @@ def _signals(info: LogInfo) -> Iterator[str]:
             "the first recorder.",
             hanging="",
         )
-    if info.offset is not None:
-        yield from wrapped(begun(sentence(info.offset.finding), "."), hanging="")
+    for found in (info.offset.finding if info.offset else None, info.lag):
+        if found is not None:
+            yield from wrapped(begun(sentence(found), "."), hanging="")
+    yield from wrapped(_recorded(info), hanging="")
+
+
+def _recorded(info: LogInfo) -> str:
+    """When the log was recorded, and what says so."""
+    ends = [moment for s in info.signals for moment in (s.start, s.end) if moment is not None]
+    if ends and by_wall_clock(*ends):
+        return f"Recorded {_date(min(ends))} to {_date(max(ends))} UTC, by the log's own clock."
+    return (
+        "The log's clock has no dates: the file's own, which a copy changes, stands for when it "
+        "was recorded unless campaign.date of rig.yaml says it."
+    )
+
+
+def _date(moment: float) -> str:
+    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _dwells(info: LogInfo) -> Iterator[str]:
@@ -129,11 +151,9 @@ def _dwells(info: LogInfo) -> Iterator[str]:
         first = min((s.start for s in info.signals if s.start is not None), default=0.0)
         last = max((s.end for s in info.signals if s.end is not None), default=0.0)
         share = 100 * length.sum() / max(last - first, 1e-9)
-        yield from wrapped(
-            f"{len(dwells)} dwells of {length.min():.2f} to {length.max():.2f} s (median "
-            f"{np.median(length):.2f} s), {share:.0f} % of the log",
-            *_PLAIN,
-        )
+        many = f"s of {length.min():.2f} to {length.max():.2f} s (median {np.median(length):.2f} s)"
+        lengths = many if len(dwells) > 1 else f" of {length[0]:.2f} s"
+        yield from wrapped(f"{len(dwells)} dwell{lengths}, {share:.0f} % of the log", *_PLAIN)
     reasons = Counter(STOPS[out.reason.code] for out in dwells.left_out)
     for reason, count in reasons.most_common():
         yield from wrapped(f"{count} × left out: {reason}", hanging="")

@@ -7,6 +7,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -320,3 +321,34 @@ def test_a_rig_file_that_is_being_written_is_no_hindrance(tmp_path: Path) -> Non
     assert result.problems[0].startswith("the rig file is not used: ")
     with pytest.raises(tdfscal.TdfscalError):
         tdfscal.info(tmp_path, rig=tmp_path / "rig.yaml")
+
+
+def test_a_time_with_a_date_is_shown_as_one(tmp_path: Path) -> None:
+    """And where no clock has dates, that the file's stand for them."""
+    folder = written(tmp_path / "dated", ROWS[:240])
+    head, *lines = (folder / "log.csv").read_text().splitlines()
+    assert "the file's own" in tdfscal.info(folder / "log.csv").text
+    begin = datetime(2026, 11, 20, 23, 59, 58, tzinfo=UTC)
+    dated = [
+        f"{begin + timedelta(seconds=float(time)):%Y-%m-%dT%H:%M:%S.%fZ},{rest}"
+        for time, _, rest in (line.partition(",") for line in lines)
+    ]
+    (folder / "log.csv").write_text("\n".join([head, *dated]) + "\n")
+    text = tdfscal.info(folder / "log.csv").text
+    assert "2026-11-20 23:59:58 … 2026-11-21 00:00:02" in text
+    assert "Recorded 2026-11-20 23:59:58 to 2026-11-21 00:00:02 UTC" in text
+    assert "\n1 dwell of" in text
+
+
+@pytest.mark.parametrize("rows", [-200, -25, 3, 25, 200])
+def test_forces_of_any_lag_are_seen(tmp_path: Path, rows: int) -> None:
+    """From some hundredths of a second, by the moves, to seconds, by the balance."""
+    whole = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)
+    late = np.roll(whole, rows, axis=0)
+    late[:, [0, *POSITIONS]] = whole[:, [0, *POSITIONS]]
+    kept = slice(max(rows, 0), min(rows, 0) or None)
+    found = tdfscal.info(written(tmp_path / "late", late[kept], block=True)).description
+    lag = found.offset.finding if found.offset else found.lag
+    assert lag is not None
+    assert lag.size == pytest.approx(abs(rows) * 0.02, abs=0.02)
+    assert lag.values["late"] is (rows > 0)
