@@ -4,7 +4,6 @@ import _thread
 import gc
 import sys
 import time
-from typing import Any
 
 #: Until a signal that nothing could be raised of comes again, s.
 _SOON = 0.01
@@ -37,7 +36,7 @@ def main() -> None:
     sys.exit(status)
 
 
-def _come_again(met: Any) -> None:
+def _come_again(met: "sys.UnraisableHookArgs") -> None:
     """Let a signal come again that met Python in a callback, out of which nothing is raised.
 
     As a weak reference dies, a module's lock or an object goes, it would be printed and lost.
