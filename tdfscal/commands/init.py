@@ -40,7 +40,7 @@ class InitResult(Result):
         return (
             f"a rig of {n} supports ({', '.join(self._supports)}), {postures} static postures, "
             f"about {self.sketch.mass:.4g} kg\n{len(self.confirm)} lines are marked to be "
-            "confirmed; `tdfscal calibrate` runs with them and says which its result rests on\n"
+            "confirmed;\n`tdfscal calibrate` runs with them and says which its result rests on\n"
         )
 
     @property

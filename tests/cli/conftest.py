@@ -26,6 +26,13 @@ def home(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in the folder; leave out drawing figures, which takes seconds."""
+    monkeypatch.chdir(home)
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
+
+
+@pytest.fixture
 def campaign(tmp_path: Path) -> Path:
     """Copy of the sample campaign in Parquet, without the survey."""
     folder = tmp_path / "campaign"

@@ -6,14 +6,14 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tdfscal.cli import app
-from tdfscal.cli.app import made
+from tdfscal.errors import DataError, NotIdentifiableError, RigError, UsageError
+from tests.cli.cases import CASES, MISTAKES, Case, called
 from tests.cli.running import Run, contents, run
 
 ERRORS = (2, 3, 4)
@@ -21,151 +21,16 @@ ERRORS = (2, 3, 4)
 PROGRESS = re.compile(r"\[ *\d+\.\d s\] .+")
 
 
-@dataclass(frozen=True)
-class Case:
-    """A command line, how it ends, and what it then says: the result, or the message.
-
-    line : the output of an error is the file `kept` of the folder `out`.
-    """
-
-    line: str
-    status: int
-    said: str
-
-    @property
-    def command(self) -> str:
-        return self.line.split()[0]
-
-
-FAST = "--postures 4"
-CASES = [
-    Case("apply own.yaml campaign -o out/w.csv", 0, "largest: force"),
-    Case("apply own.yaml badrig -o out/kept.csv", 2, "mass"),
-    Case("apply own.yaml damaged -o out/kept.csv", 3, "log.parquet"),
-    Case("apply broken.yaml campaign -o out/kept.csv", 3, "broken.yaml"),
-    Case("calibrate campaign -o out/c.yaml --trials 0", 0, "ACCEPTED"),
-    Case("calibrate campaign -o out/kept.yaml --estimator linear --trials 50", 1, "linear method"),
-    Case("calibrate strict -o out/kept.yaml --html out/page.html --trials 0", 1, "REJECTED"),
-    Case("calibrate strict -o out/rejected.yaml --trials 0 --allow-rejected", 1, "REJECTED"),
-    Case("calibrate campaign --html - -o out/kept.yaml", 2, "standard output"),
-    Case("calibrate damaged -o out/kept.yaml", 3, "log.parquet"),
-    Case("calibrate brief -o out/kept.yaml --trials 0", 4, "do not determine"),
-    Case("calibrate brief -o out/kept.yaml --trials 0 --html out/page.html", 4, "page.html shows"),
-    Case("capability own.yaml brief", 0, "smallest contact"),
-    Case("capability own.yaml turned", 1, "NOT AS IT IS"),
-    Case("capability own.yaml", 2, "PATH is missing"),
-    Case("capability own.yaml damaged", 3, "log.parquet"),
-    Case("compare own.yaml rejected.yaml", 1, "Not verified: rejected"),
-    Case("compare own.yaml survey.json", 0, "E_n"),
-    Case("compare own.yaml", 2, "two files"),
-    Case("compare own.yaml nowhere.yaml", 2, "nowhere.yaml"),
-    Case("compare own.yaml broken.yaml", 3, "broken.yaml"),
-    Case("export own.yaml --to urdf", 0, "<robot"),
-    Case("export own.yaml --to dcc", 0, "DRAFT"),
-    Case("export rejected.yaml --to ros --allow-rejected", 0, "REJECTED"),
-    Case("export rejected.yaml --to ros -o out/kept.yaml", 1, "--allow-rejected"),
-    Case("export own.yaml", 2, "--to"),
-    Case("export own.yaml --to csv --capability own.yaml", 2, "holds no thresholds"),
-    Case("export own.yaml --to ros -o own.yaml", 2, "replace an input"),
-    Case("export broken.yaml --to csv -o out/kept.csv", 3, "broken.yaml"),
-    Case("info campaign", 0, "Mapping"),
-    Case("init campaign", 0, "# confirm"),
-    Case("init nowhere", 2, "nowhere"),
-    Case("init empty.csv -o out/kept.yaml", 3, "empty.csv"),
-    Case("info empty.csv", 3, "empty.csv"),
-    Case("monitor own.yaml survey.json", 0, "NO ALARM"),
-    Case("monitor own.yaml turned", 1, "ALARM"),
-    Case("monitor own.yaml", 2, "no history"),
-    Case("monitor own.yaml broken.yaml", 3, "broken.yaml"),
-    Case(f"plan campaign -o out/plan.csv {FAST}", 0, "out/plan.csv"),
-    Case("plan nowhere -o out/kept.csv", 2, "nowhere"),
-    Case(f"plan campaign -o out/kept.csv --given damaged {FAST}", 3, "log.parquet"),
-    Case(f"plan campaign -o out/kept.csv --squeeze 0 {FAST}", 4, "do not determine"),
-    Case("register moved.csv points.csv", 0, "6 points fit"),
-    Case("register moved.csv nowhere.csv", 2, "nowhere.csv"),
-    Case("register moved.csv unitless.csv", 3, "unit"),
-    Case("register line.csv line.csv", 4, "line"),
-    Case("report own.yaml", 0, "ACCEPTED"),
-    Case("report own.yaml survey.json", 0, "survey.json"),
-    Case("report rejected.yaml", 0, "REJECTED"),
-    Case("report nowhere.yaml --html out/kept.html", 2, "nowhere.yaml"),
-    Case("report broken.yaml --html out/kept.html", 3, "broken.yaml"),
-    Case("schema out/schemas", 0, "rig.schema.json"),
-    Case("schema empty.csv", 2, "empty.csv"),
-    Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),
-    Case("simulate campaign", 2, "campaign"),
-    Case("update own.yaml brief -o out/u.yaml --trials 0", 0, "ACCEPTED"),
-    Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
-    Case("update own.yaml campaign -o out/kept.yaml", 2, "the same recording"),
-    Case("update own.yaml damaged -o out/kept.yaml", 3, "log.parquet"),
-    Case("validate own.yaml campaign", 0, "NOT CONTRADICTED"),
-    Case("validate own.yaml turned --html out/v.html", 1, "RECALIBRATE"),
-    Case("validate own.yaml campaign --html -", 2, "standard output"),
-    Case("validate campaign own.yaml", 2, "a calibration file is wanted here"),
-    Case("validate own.yaml nowhere", 2, "nowhere"),
-    Case("validate own.yaml damaged", 3, "log.parquet"),
-]
-#: Mistakes that a person makes: the status, and words of the cure.
-MISTAKES = [
-    ("calibrte campaign", 2, "did you mean calibrate?"),
-    ("calibrate", 2, "Example: tdfscal calibrate campaign"),
-    ("calibrate campain", 2, "campain: there is no such file or folder"),
-    ("calibrate campaign --trails 100", 2, "did you mean --trials?"),
-    ("calibrate campaign --trials many", 2, "'--trials': this is no whole number"),
-    ("calibrate campaign --trials -5", 2, "give 0 or more"),
-    ("calibrate campaign --trials", 2, "--trials"),
-    ("calibrate campaign --method slef", 2, "'self', 'tracker', 'joint'"),
-    ("calibrate campaign -o result.txt", 2, ".json"),
-    ("calibrate campaign -o nowhere/deep/result.yaml", 2, "folder"),
-    ("calibrate campaign --html page.pdf", 2, ".html"),
-    ("calibrate campaign --from noon", 2, "12.5, 1.5min or 2h"),
-    ("calibrate hollow", 2, "rig.yaml"),
-    ("calibrate move.csv", 2, "--rig"),
-    ("calibrate campaign/rig.yaml", 2, "log"),
-    ("calibrate campaign --rig campaign/log.parquet", 2, "campaign/log.parquet"),
-    ("calibrate empty.csv --rig campaign/rig.yaml", 3, "empty.csv"),
-    ("calibrate campaign --method tracker --samples moving", 2, "leave one of the two out"),
-    ("apply own.yaml campaign", 2, "--output"),
-    ("apply own.yaml campaign -o wrench.xls", 2, ".csv, .parquet or .mcap"),
-    ("apply own.yaml campaign -o wrench.csv --filter median", 2, "'kalman'"),
-    ("apply own.yaml campaign -o wrench.csv --at 1,2", 2, "--at"),
-    ("validate campaign/rig.yaml campaign", 3, "Name the file that `tdfscal calibrate` wrote"),
-    ("report own.yaml own.yaml", 2, "name each file once"),
-    ("report - -", 2, "once only"),
-    ("report own.yaml --html no/such/folder.html", 2, "folder is not there"),
-    ("report own.yaml --html -  --json", 2, "name a file"),
-    ("export own.yaml --to xml", 2, "'urdf', 'ros'"),
-    ("register points.csv", 2, "REFERENCE is missing"),
-    ("plan campaign", 2, "--output"),
-    ("plan campaign -o plan.csv --travel far", 2, "0.1,0.1,0.2"),
-    ("plan campaign -o plan.csv --home 1,2", 2, "0,0,0"),
-    ("simulate new --scenario zero-shft", 2, "the nearest one is 'zero-shift'"),
-    ("simulate new --format xlsx", 2, "'csv', 'parquet', 'mcap'"),
-    ("simulate new --postures 0", 2, "give 1 or more"),
-    ("monitor", 2, "Example: tdfscal monitor"),
-    ("info log.csv", 2, "log.csv"),
-    ("calibrate campaign --trials", 2, "'tdfscal calibrate --help'"),
-    ("calibrate campaign --trails 3", 2, "'tdfscal calibrate --help'"),
-    ("--verison", 2, "did you mean --version?"),
-    ("-x", 2, "--help"),
-]
-CASES += [Case(*mistake) for mistake in MISTAKES]
-GOOD = [case for case in CASES if case.status == 0]
-each = pytest.mark.parametrize
-
-
-COMMANDS = {name: made(name) for name in app.COMMANDS}
+#: What Python raises where a command ends with this status.
+RAISED: dict[int, type[Exception] | tuple[type[Exception], ...]] = {
+    2: (UsageError, RigError),
+    3: DataError,
+    4: NotIdentifiableError,
+}
 #: One of each command, which leaves standard output empty with `--json` too.
-FIRST_ERRORS = {
-    case.command: case for case in CASES if case.status in (2, 3) and case.command in COMMANDS
-}.values()
-
-
-@pytest.fixture(autouse=True)
-def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in the folder; leave out drawing figures, which takes seconds too."""
-    monkeypatch.chdir(home)
-    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
+FIRST_ERRORS = {case.command: case for case in CASES if case.status in (2, 3)}.values()
+each = pytest.mark.parametrize
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def messages(seen: Run) -> list[str]:
@@ -174,17 +39,17 @@ def messages(seen: Run) -> list[str]:
     return [line for line in seen.err.splitlines() if not PROGRESS.fullmatch(line)]
 
 
-def test_the_table_knows_every_command() -> None:
-    assert {case.command for case in CASES} >= set(COMMANDS)
-    assert {case.command for case in GOOD} == set(COMMANDS)
+def bare(text: str) -> str:
+    """A text whose options are written as on no side."""
+    return text.replace("`", "").replace("--", "").replace("_", "-")
 
 
-def test_every_command_is_seen_to_succeed_and_to_be_misused() -> None:
-    for name in COMMANDS:
-        assert {0, 2} <= {case.status for case in CASES if case.command == name}, name
+@each("name", app.COMMANDS)
+def test_every_command_is_seen_to_succeed_and_to_be_misused(name: str) -> None:
+    assert {0, 2} <= {case.status for case in [*CASES, *MISTAKES] if case.command == name}
 
 
-@each("case", CASES, ids=lambda case: case.line)
+@each("case", [*CASES, *MISTAKES], ids=lambda case: case.line)
 def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = contents(home)
     seen = run(capsys, *case.line.split())
@@ -205,6 +70,11 @@ def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixtur
         assert line.endswith(".")
         assert case.said.lower() in line.lower()
         assert not re.search(r"Value error|Input should", line)
+        if case in CASES:
+            with pytest.raises(RAISED[case.status]) as caught:
+                called(case.line)
+            assert bare(line) == bare(f"tdfscal: {caught.value}")
+            assert "--" not in str(caught.value)
         return
     assert all(line.startswith("tdfscal: ") for line in said)
     if case.command == "export" and case.status == 1:
@@ -227,7 +97,7 @@ def test_the_bare_program_shows_its_help(capsys: pytest.CaptureFixture[str]) -> 
     assert "Commands:" in seen.err
 
 
-@each("name", ["", *COMMANDS])
+@each("name", ["", *app.COMMANDS])
 def test_help_is_a_result(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     for flag in ("-h", "--help"):
         seen = run(capsys, *name.split(), flag)

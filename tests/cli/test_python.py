@@ -6,7 +6,6 @@ import inspect
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,92 +17,16 @@ from pyarrow import csv
 
 import tdfscal
 from tdfscal.cli import app
-from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
+from tdfscal.errors import (
+    RejectedError,
+    UsageError,
+)
 from tdfscal.files.calibration.document import file_content
+from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
 from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
-SMALL: dict[str, Any] = {"postures": 4}
-
-
-@dataclass(frozen=True)
-class Both:
-    """The same work by the command line and in Python."""
-
-    line: str
-    call: Callable[[], Any]
-
-
-BOTH = [
-    Both("calibrate campaign --trials 20 -o out/c.yaml",
-         lambda: tdfscal.calibrate("campaign", trials=20, output="out/c.yaml")),
-    Both("calibrate campaign --method tracker --trials 50 -o out/t.json",
-         lambda: tdfscal.calibrate(Path("campaign"), method="tracker", trials=50)),
-    Both("validate own.yaml brief", lambda: tdfscal.validate("own.yaml", "brief")),
-    Both("apply own.yaml campaign -o out/w.csv --filter kalman",
-         lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman")),
-    Both("capability own.yaml turned", lambda: tdfscal.capability("own.yaml", "turned")),
-    Both("compare own.yaml survey.json rejected.yaml",
-         lambda: tdfscal.compare("own.yaml", "survey.json", "rejected.yaml")),
-    Both("plan campaign -o out/p.csv --postures 4 --travel ncp1=0.4,0.4,0.4",
-         lambda: tdfscal.plan("campaign", output="out/p.csv", travel={"ncp1": (0.4, 0.4, 0.4)},
-                              **SMALL)),
-    Both("info campaign", lambda: tdfscal.info("campaign")),
-    Both("init campaign -o out/rig.yaml", lambda: tdfscal.init("campaign", output="out/rig.yaml")),
-    Both("report own.yaml survey.json", lambda: tdfscal.report(["own.yaml", "survey.json"])),
-    Both("export own.yaml --to urdf --parent base", lambda: tdfscal.export("own.yaml", "urdf",
-                                                                           parent="base")),
-    Both("register moved.csv points.csv", lambda: tdfscal.register("moved.csv", "points.csv")),
-    Both("update own.yaml brief -o out/u.yaml --trials 0",
-         lambda: tdfscal.update("own.yaml", "brief", output="out/u.yaml", trials=0)),
-    Both("monitor own.yaml turned", lambda: tdfscal.monitor("own.yaml", "turned")),
-    Both("simulate out/new --postures 3 --rate 10 --force",
-         lambda: tdfscal.simulate("out/new", postures=3, rate=10.0, force=True)),
-    Both("schema out/schemas", lambda: tdfscal.schema("out/schemas")),
-]  # fmt: skip
-
-BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
-    ("calibrate nowhere", lambda: tdfscal.calibrate("nowhere"), UsageError),
-    ("calibrate badrig", lambda: tdfscal.calibrate("badrig"), RigError),
-    ("calibrate damaged", lambda: tdfscal.calibrate("damaged"), DataError),
-    ("calibrate brief --trials 0", lambda: tdfscal.calibrate("brief", trials=0),
-     NotIdentifiableError),
-    ("calibrate campaign -o out/c.txt",
-     lambda: tdfscal.calibrate("campaign", output="out/c.txt"), UsageError),
-    ("apply broken.yaml campaign -o out/w.csv",
-     lambda: tdfscal.apply("broken.yaml", "campaign", output="out/w.csv"), DataError),
-    ("compare own.yaml", lambda: tdfscal.compare("own.yaml"), UsageError),
-    ("plan campaign -o out/p.csv --home 1,2",
-     lambda: tdfscal.plan("campaign", home="1,2"), UsageError),
-    ("export rejected.yaml --to ros", lambda: tdfscal.export("rejected.yaml", "ros"),
-     RejectedError),
-    ("register line.csv line.csv", lambda: tdfscal.register("line.csv", "line.csv"),
-     NotIdentifiableError),
-]  # fmt: skip
-
-
-@pytest.fixture
-def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in the folder; draw no figures into files, which takes seconds too."""
-    monkeypatch.chdir(home)
-    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-
-
-COMMANDS = {name: app.made(name) for name in app.COMMANDS}
-
-
-def named(line: str) -> str:
-    """The command of a command line."""
-    return line.split()[0]
-
-
-def function_of(command: str) -> Callable[..., Any]:
-    found: Any = tdfscal
-    for word in command.split():
-        found = getattr(found, word.replace("-", "_"))
-    function: Callable[..., Any] = found
-    return function
 
 
 def lasting(document: dict[str, Any]) -> dict[str, Any]:
@@ -116,16 +39,25 @@ def lasting(document: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("both", BOTH, ids=lambda both: both.line)
+@pytest.mark.parametrize(
+    "case",
+    {(c.command, c.status): c for c in CASES if c.status < 2}.values(),
+    ids=lambda case: case.line,
+)
 def test_python_and_json_are_the_same_numbers(
-    both: Both, capsys: pytest.CaptureFixture[str]
+    case: Case, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And with `-q`, which stands wherever there is progress, little is said beside the result."""
-    quiet = ["-q"] if "quiet" in {p.name for p in COMMANDS[named(both.line)].params} else []
-    seen = run(capsys, *both.line.split(), "--json", *quiet)
-    assert not seen.err or seen.status == 1 or "rejected" in both.line
+    quiet = ["-q"] if "quiet" in {p.name for p in COMMANDS[case.command].params} else []
+    seen = run(capsys, *case.line.split(), "--json", *quiet)
+    assert all(line.startswith("tdfscal: ") for line in seen.err.splitlines())
+    if not seen.out:
+        with pytest.raises(RejectedError) as caught:
+            called(case.line)
+        assert case.status == caught.value.exit_status == 1
+        return
     json.loads(seen.out, parse_constant=pytest.fail)
-    result = both.call()
+    result = called(case.line)
     assert result.exit_status == seen.status, seen.err
     assert capsys.readouterr().out == ""
     assert lasting(json.loads(json.dumps(result.to_dict()))) == lasting(json.loads(seen.out))
@@ -135,12 +67,8 @@ def test_python_and_json_are_the_same_numbers(
     frame = result.to_frame()
     assert isinstance(frame, pd.DataFrame)
     assert len(frame)
-    if not both.line.startswith("schema"):
+    if case.command != "schema":
         assert isinstance(result.plot(), Figure)
-
-
-def test_every_command_is_compared() -> None:
-    assert {named(both.line) for both in BOTH} == set(COMMANDS)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -151,30 +79,6 @@ def test_options_have_the_same_names(command: str) -> None:
     of_both = {p.name for p in app.described(command).parameters}
     assert of_cli == of_both <= set(parameters)
     assert set(parameters) - of_both <= {"progress", "command"}
-
-
-@pytest.mark.usefixtures("here")
-@pytest.mark.parametrize(("line", "call", "kind"), BAD, ids=[line for line, _, _ in BAD])
-def test_errors_are_those_of_the_command(
-    line: str,
-    call: Callable[[], Any],
-    kind: type[tdfscal.TdfscalError],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    quiet = ["-q"] if "quiet" in {p.name for p in COMMANDS[named(line)].params} else []
-    seen = run(capsys, *line.split(), *quiet)
-    with pytest.raises(tdfscal.TdfscalError) as caught:
-        call()
-    assert isinstance(caught.value, kind)
-    assert caught.value.exit_status == seen.status
-    said = seen.err.splitlines()[-1]
-    assert bare(said) == bare(f"tdfscal: {caught.value}")
-    assert "--" not in str(caught.value)
-
-
-def bare(text: str) -> str:
-    """A text whose options are written as on no side."""
-    return text.replace("`", "").replace("--", "").replace("_", "-")
 
 
 @pytest.mark.usefixtures("here")

@@ -100,21 +100,24 @@ def test_other_encodings(tmp_path: Path) -> None:
         assert read.point[0] == "Prüfpunkt"
 
 
-def test_expanded_uncertainties_are_halved_and_said_so(tmp_path: Path) -> None:
-    text = LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n"
-    read = read_point_file(write(tmp_path, text), length_unit=None)
-    assert read.points.xyz == pytest.approx(np.array([[1.0, 2.0, 3.0]]), rel=1e-15)
-    assert read.points.std is not None
-    assert read.points.std[0] == pytest.approx([5e-5, 1e-4, 1.5e-4], rel=1e-12)
-    assert "uncertainty-expanded" in codes(read)
+PLAIN_U = "group,point,x [mm],y [mm],z [mm],ux,uy,uz\n"
 
 
-def test_standard_uncertainties_are_taken_as_they_are(tmp_path: Path) -> None:
-    text = "group,point,x,y,z,ux,uy,uz\nncp1,P1,1,2,3,0.1,0.2,0.3\n"
+@pytest.mark.parametrize(
+    ("text", "std", "said"),
+    [
+        (LEICA + "ncp1;P1;1;2;3;0,1;0,2;300\n", [5e-5, 1e-4, 1.5e-4], ["uncertainty-expanded"]),
+        (PLAIN_U + "ncp1,P1,1,2,3,0.1,0.2,0.3\n", [1e-4, 2e-4, 3e-4], []),
+    ],
+)
+def test_expanded_uncertainties_are_halved_and_said_so(
+    tmp_path: Path, text: str, std: list[float], said: list[str]
+) -> None:
     read = read_point_file(write(tmp_path, text), length_unit="mm")
+    assert read.points.xyz == pytest.approx(1e-3 * METRES[:1], rel=1e-15)
     assert read.points.std is not None
-    assert read.points.std[0] == pytest.approx([1e-4, 2e-4, 3e-4], rel=1e-12)
-    assert codes(read) == []
+    assert read.points.std[0] == pytest.approx(std, rel=1e-12)
+    assert codes(read) == said
 
 
 def test_columns_not_used_are_said(tmp_path: Path) -> None:
@@ -212,17 +215,12 @@ def test_spatial_analyzer_uncertainties(
     assert np.isnan(read.points.std[1]).all()
 
 
-@pytest.mark.parametrize("names", ["[U-x, U-y, U-z]", "[U-x], [U-y], [U-z]"])
-def test_names_bracketed_as_optional(tmp_path: Path, names: str) -> None:
-    text = SA_U.format(d=", ", blank="", sigma="1.0 sigma").replace("U-x, U-y, U-z", names)
-    std = read_points(write(tmp_path, text), length_unit=None).std
-    assert std is not None
-    assert std[0] == pytest.approx([2e-5, 4e-5, 6e-5], rel=1e-12)
-
-
-def test_spatial_analyzer_uncertainties_without_column_names(tmp_path: Path) -> None:
-    lines = SA_U.format(d=" ", blank="", sigma="1 sigma").splitlines()
-    text = "\n".join(lines[:3] + lines[4:])
+@pytest.mark.parametrize("names", ["[U-x, U-y, U-z]", "[U-x], [U-y], [U-z]", None])
+def test_names_bracketed_as_optional_or_left_out(tmp_path: Path, names: str | None) -> None:
+    text = SA_U.format(d=", ", blank="", sigma="1.0 sigma")
+    if names is None:
+        text = "\n".join(line for line in text.splitlines() if "Collection" not in line)
+    text = text.replace("U-x, U-y, U-z", names or "")
     std = read_points(write(tmp_path, text), length_unit=None).std
     assert std is not None
     assert std[0] == pytest.approx([2e-5, 4e-5, 6e-5], rel=1e-12)

@@ -149,6 +149,11 @@ def error_vector(truth: FloatArray, estimate: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_matrix(turns).as_rotvec()).reshape(-1)
 
 
+def squared(error: FloatArray, covariance: FloatArray) -> float:
+    """Squared distance of an error, in its covariance."""
+    return float(error @ np.linalg.solve(covariance, error))
+
+
 def chi2_bounds(dof: int, tail: float = 1e-4) -> tuple[float, float]:
     """Interval that χ² leaves on either side with probability `tail`."""
     from scipy.special import chdtri
