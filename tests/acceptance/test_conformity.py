@@ -1,4 +1,4 @@
-"""Lengths of normal vectors by closed forms, and the decision rule."""
+"""Conformity where the contact wrench can be written out; lengths of normal vectors."""
 
 from __future__ import annotations
 
@@ -7,15 +7,110 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.special import ndtri
 
-from tdfscal.acceptance.gate import Conformity, assess, coverage_radius, within
-from tdfscal.model.calibrated import Calibrated
+from tdfscal.acceptance.gate import (
+    Conformity,
+    assess,
+    assess_stated,
+    at_rest,
+    conforming_months,
+    coverage_radius,
+    judge,
+    within,
+)
+from tdfscal.model.calibrated import Calibrated, independent
+from tdfscal.records import FloatArray
 from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import wrenches
-from tests.words import in_words
-from tests.wrench.held_out import RIG, world
 
-GIVEN = world(1).given[0]
+from .test_gate import FINE, LEVEL, exact
+
+STD = 1e-3
+
+
+def given(inertial_mass: float = 500.0) -> Calibrated:
+    rig = exact()
+    rig = replace(rig, mass=replace(rig.mass, value=np.asarray(inertial_mass)))
+    return independent(rig, LEVEL, STD**2 * np.eye(9))
+
+
+def by_hand(calibrated: Calibrated) -> FloatArray:
+    """Covariance of force and moment: each sensor carries a third of a centred terminal."""
+    rig = calibrated.rig
+    F = np.array([0, 0, float(rig.mass.value) * rig.gravity / 3])
+    total = np.zeros((6, 6))
+    for hinge in rig.hinge:
+        for d in STD * np.eye(3):
+            f = np.cross(d, F)
+            w = np.concatenate([f, np.cross(hinge, f)])
+            total += np.outer(w, w)
+    return total
+
+
+def test_covariance_is_that_of_turned_thirds_of_the_weight() -> None:
+    found = assess(given())
+    assert np.allclose(found.covariance, by_hand(given()), rtol=0, atol=1e-9)
+    assert (found.force.quantity, found.force.unit) == ("force", "N")
+    assert (found.torque.quantity, found.torque.unit) == ("torque", "N·m")
+    std = np.sqrt(np.diagonal(by_hand(given())))
+    assert np.allclose([*found.force.std, *found.torque.std], std, rtol=1e-9, atol=1e-9)
+    # Two equal horizontal directions and none upright: χ² with two degrees of freedom.
+    assert found.force.expanded == pytest.approx(std[0] * np.sqrt(-2 * np.log(0.0455)), rel=1e-4)
+    assert found.conforms
+    assert found.findings == ()
+
+
+def limited(of: Calibrated, force: float | None = None, torque: float | None = None) -> Conformity:
+    """Judged by these limits in its rig file."""
+    stated = replace(of.rig.acceptance, contact_force=force, contact_torque=torque)
+    return assess(replace(of, rig=replace(of.rig, acceptance=stated)))
+
+
+@pytest.mark.parametrize("quantity", ["force", "torque"])
+def test_the_limit_is_guarded_by_the_expanded_uncertainty(quantity: str) -> None:
+    U = getattr(assess(given()), quantity).expanded
+    for factor in (1.0, 1.0001, 0.9999):
+        found = limited(given(), **{quantity: factor * U})
+        judged, other = found.force, found.torque
+        if quantity == "torque":
+            judged, other = other, judged
+        assert (judged.limit, other.limit) == (factor * U, np.inf)
+        assert found.conforms == judged.conforms == (factor >= 1)
+        assert sum(finding.rejects for finding in found.findings) == (factor < 1)
+        assert judged.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
+    assert len(limited(given(), force=1e-3, torque=1e-3).findings) == 2
+
+
+def test_the_posture_is_the_rig_files_and_at_rest() -> None:
+    rpy = (0.05, -0.03, 0.2)
+    stated = replace(given().rig.acceptance, contact_rpy=rpy)
+    assert assess(replace(given(), rig=replace(given().rig, acceptance=stated))).rpy == rpy
+    value = wrenches(given(), np.zeros(1), *at_rest(given(), rpy)).value
+    assert np.abs(value).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "judged"),
+    [(None, None, False), (1.0, None, True), (None, 1.0, True), (1.0, 1.0, True)],
+)
+def test_nothing_is_judged_where_the_rig_file_states_no_limit(
+    force: float | None, torque: float | None, judged: bool
+) -> None:
+    stated = replace(given().rig.acceptance, contact_force=force, contact_torque=torque)
+    found = assess_stated(replace(given(), rig=replace(given().rig, acceptance=stated)))
+    assert (found is not None) == judged
+    if found is not None:
+        assert found.force.limit == (np.inf if force is None else force)
+
+
+def test_an_open_quantity_exceeds_every_limit_but_none() -> None:
+    unknown = np.zeros_like(given().open)
+    unknown[9:12] = True
+    found = limited(replace(given(), open=unknown), force=1e9)
+    assert found.force.expanded == np.inf
+    assert found.force.exceeding == 1.0
+    assert assess(replace(given(), open=unknown)).force.exceeding == 0.0
 
 
 def test_coverage_radius_in_one_two_and_three_dimensions() -> None:
@@ -35,34 +130,45 @@ def test_probability_of_an_ellipsoid_by_monte_carlo() -> None:
     assert abs(inside.mean() - p) < 5 * np.sqrt(p * (1 - p) / draws)
 
 
-def limited(of: Calibrated, force: float) -> Conformity:
-    """Judged by this limit in its rig file."""
-    stated = replace(of.rig.acceptance, contact_force=force)
-    return assess(replace(of, rig=replace(of.rig, acceptance=stated)))
+def test_lengths_scale_with_the_noise() -> None:
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(3, 3))
+    one = coverage_radius(A @ A.T)
+    assert within(A @ A.T, one) == pytest.approx(0.9545, abs=1e-4)
+    assert coverage_radius(4 * A @ A.T) == pytest.approx(2 * one, rel=1e-9)
+    half = coverage_radius(A @ A.T, 0.5)
+    assert within(A @ A.T, half) == pytest.approx(0.5, abs=1e-9)
 
 
-def test_guard_band() -> None:
-    U = assess(GIVEN).force.expanded
-    assert limited(GIVEN, 1.0001 * U).conforms
-    tight = limited(GIVEN, 0.9999 * U)
-    assert not tight.conforms
-    assert len(tight.findings) == 1
-    assert "contact force" in in_words(tight.findings)[0]
-    assert tight.force.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
+def test_an_error_far_smaller_than_the_ball_is_within() -> None:
+    assert within(1e-4 * np.eye(3), 4.5) == pytest.approx(1.0, abs=1e-12)
+    assert within(1e4 * np.eye(3), 1e-3) == pytest.approx(0.0, abs=1e-12)
+    assert within(np.zeros((3, 3)), 5.0) == 1.0
 
 
-def test_limits_come_from_the_rig_file() -> None:
-    limits = replace(RIG.acceptance, contact_force=1e-3, contact_rpy=(0.02, -0.01, 0.1))
-    found = assess(replace(GIVEN, rig=replace(RIG, acceptance=limits)))
-    assert found.rpy == (0.02, -0.01, 0.1)
-    assert not found.force.conforms
-    assert found.torque.conforms
-    assert found.force.exceeding == pytest.approx(1.0, abs=1e-4)
+def test_a_contact_of_the_limit_may_conform_and_still_not_be_seen() -> None:
+    one = assess(given()).force
+    # 1.67 σ stop one machine in ten within an hour, 1.645 σ more is what 95 % stay below.
+    worst = (ndtri(1.0 - (1.0 - np.exp(-0.1)) / 2.0) + ndtri(0.95)) * one.std.max()
+    assert one.smallest_contact == pytest.approx(worst, rel=1e-12)
+    assert one.expanded < 0.99 * worst
+    assert not limited(given(), force=1.01 * worst).findings
+    unseen = limited(given(), force=0.99 * worst)
+    assert [f.code for f in unseen.findings] == ["contact-below-threshold"]
+    assert not any(f.rejects for f in judge(given().rig, FINE, 1.0, conformity=unseen))
 
 
-def test_the_posture_is_at_rest() -> None:
-    from tdfscal.acceptance.gate import at_rest
+def test_a_walk_ends_conformity_when_its_variance_fills_the_room() -> None:
+    one = given()
+    U = assess(one).force.expanded
+    assert conforming_months(one, 1e-4) == {}
 
-    position, reading = at_rest(GIVEN, (0.05, -0.03, 0.2))
-    value = wrenches(GIVEN, np.zeros(1), position, reading).value
-    assert np.abs(value).max() < 1e-8
+    def within_limit(limit: float) -> Calibrated:
+        limits = replace(one.rig.acceptance, contact_force=limit)
+        return replace(one, rig=replace(one.rig, acceptance=limits))
+
+    assert conforming_months(within_limit(2.0 * U), 0.0) == {"force": np.inf}
+    assert conforming_months(within_limit(0.9 * U), 1e-4) == {"force": 0.0}
+    # Turns alone make this wrench: twice their uncertainty has four times their variance.
+    months = conforming_months(within_limit(2.0 * U), 1e-4)["force"]
+    assert months == pytest.approx(3.0 * STD**2 / 1e-4**2, rel=1e-6)
