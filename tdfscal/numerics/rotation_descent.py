@@ -41,22 +41,19 @@ def costs(root: FloatArray, rotation: FloatArray) -> FloatArray:
     return np.asarray(np.sum(residual**2, axis=-1))
 
 
-def gradients(root: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Half the gradient (T, 3n) of the costs by left turns, of rotations (T, n, 3, 3)."""
-    return _turning(_pulled(root, rotation))
+def crossed(rotation: FloatArray, slope: FloatArray) -> FloatArray:
+    """X Gᵀ (T, n, 3, 3), G = ½ ∂cost/∂X, of the slope ½ ∂cost/∂y (T, 9n + 1)."""
+    G = slope[:, :-1].reshape(rotation.shape)
+    return np.asarray(rotation @ np.swapaxes(G, -1, -2))
 
 
-def _pulled(root: FloatArray, rotation: FloatArray) -> FloatArray:
-    """X Gᵀ (T, n, 3, 3), G = ½ ∂cost/∂X."""
-    residual = root @ stacked(rotation)[..., None]
-    pull = (np.swapaxes(root, -1, -2) @ residual)[..., :-1, 0].reshape(rotation.shape)
-    return np.asarray(rotation @ np.swapaxes(pull, -1, -2))
+def turning(across: FloatArray) -> FloatArray:
+    """Half the gradient (T, n, 3) by left turns: <G, [e_j]× X> = (Σ_b x_b × g_b)_j.
 
-
-def _turning(pulled: FloatArray) -> FloatArray:
-    """Half the gradient (T, 3n): <G, [e_j]× X> = (Σ_b x_b × g_b)_j over the columns of X and G."""
-    parts = [pulled[..., a, b] - pulled[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
-    return np.stack(parts, axis=-1).reshape(len(pulled), -1)
+    across : X Gᵀ (T, n, 3, 3), over whose columns is summed.
+    """
+    parts = [across[..., a, b] - across[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1)
 
 
 def descend(
@@ -130,8 +127,9 @@ def _expansion(
         for i in range(n):
             seen = (gram[:, 9 * i : 9 * i + 9] @ columns[:, i]).reshape(T, n, 9, 3)
             normal[:, :, 3 * i : 3 * i + 3] = (across @ seen).reshape(T, 3 * n, 3)
-    pulled = _pulled(root, rotation)
-    gradient = _turning(pulled)
+    residual = root @ stacked(rotation)[..., None]
+    pulled = crossed(rotation, (np.swapaxes(root, -1, -2) @ residual)[..., 0])
+    gradient = turning(pulled).reshape(T, -1)
     if not curved:
         return normal, gradient, normal
     # Second order of exp: X → ½ [δ]×² X = ½ (δδᵀ − |δ|²) X.

@@ -39,9 +39,10 @@ def _angle(v: npt.NDArray[Any]) -> npt.NDArray[Any]:
 def exp(v: npt.ArrayLike) -> FloatArray:
     """Rotation by the vector v (..., 3) in rad: Rodrigues' formula, exact at 0."""
     v = np.asarray(v)
-    a, k = _angle(v), hat(v)
-    # (1 − cos a)/a² = ½ sinc²(a/2) keeps all digits near 0.
-    return np.asarray(np.eye(3) + _sinc(a) * k + 0.5 * _sinc(a / 2) ** 2 * (k @ k))
+    half, k = _angle(v) / 2, hat(v)
+    # (1 − cos a)/a² = ½ sinc²(a/2) keeps all digits near 0; sin a = 2 sin(a/2) cos(a/2).
+    s = _sinc(half)
+    return np.asarray(np.eye(3) + s * np.cos(half) * k + 0.5 * s * s * (k @ k))
 
 
 def log(R: npt.ArrayLike) -> FloatArray:

@@ -6,14 +6,16 @@ those of a perturbed campaign, (A + D)ᵀ(A + D) = (R + QᵀD)ᵀ(R + QᵀD) + D
 covariance that is summed over the postures once, and D⊥ᵀD⊥, which no part of A sees, is its mean:
 turned forces of one sensor with noise alike in all directions cost the same whatever the turn. So
 a trial is drawn on a few dozen numbers, exactly in what is linear in the noise and in the mean in
-what is quadratic, and costs the same for ten postures as for ten thousand.
+what is quadratic, and costs the same for ten postures as for ten thousand. Of QᵀD a trial near the
+estimate needs no more than what it makes of the estimate and of its slopes by turns.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import Estimate, simulate_angles
@@ -21,13 +23,13 @@ from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.rotation_descent import descend, gradients
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.numerics.rotation_descent import crossed, descend, stacked, turning
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit, statistic
 from tdfscal.selfcal.mounting_search import Profile, profile
 
 #: Trials solved together: what fits into a cache.
-CHUNK = 250
+CHUNK = 1_000
 #: Steps with the estimate's own Hessian, and damped Newton steps for the trials that need them.
 _STEPS, _DAMPED = 8, 100
 #: A trial is solved when its next step would be below this many standard uncertainties.
@@ -36,8 +38,21 @@ _SOLVED = 1e-3
 _NOISE = np.float32
 #: Noise of a sensor's axes that differs by less than this share counts as the same in all.
 _ALIKE = 0.02
+#: Turns up to which what the noise makes of the balance is linear in them, rad.
+_NEAR = 0.05
 #: A direction with turns less certain than this is that of a sensor which lacks an axis, rad.
 _UNMEASURED = 0.3 * EVEN_TURN
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Noise of T perturbed campaigns.
+
+    numbers : (T, M) per sensor, standard normal. common : (T, r), of poses, hinges and priors.
+    """
+
+    numbers: tuple[npt.NDArray[np.float32], ...]
+    common: FloatArray
 
 
 class Sampler:
@@ -72,17 +87,22 @@ class Sampler:
         cov = self.inflate**2 * unmix @ at.seen.force_cov[used] @ np.swapaxes(unmix, -1, -2)
         axes = np.linalg.eigh(cov.mean(axis=0))[1]  # (n, 3, 3), columns
         variance = np.einsum("knas,nas->kns", cov @ axes, axes)
-        self.mixing, rest = [], []
+        self.mixing, self.axes, self.effects, rest = [], axes, [], []
         for i in range(n):
             VB = whitener @ at.wrench[used][:, i]  # (K, 6, 3)
             own = (np.swapaxes(Q, 1, 2) @ VB).reshape(len(VB), -1)  # (K, 3r)
             loose = np.swapaxes(VB, 1, 2) @ VB
             seen = np.swapaxes(spanned, 1, 2) @ VB
             loose -= np.swapaxes(seen, 1, 2) @ seen
-            # (3r, m) for each axis of the noise, then (m, r, 3 of the force, 3 of the reading)
-            mixes = [_root(own * np.sqrt(variance[:, i, s])[:, None]) for s in range(3)]
-            felt = [mix.T[..., None] * axes[i][:, s] for s, mix in enumerate(mixes)]
-            self.mixing.append([part.reshape(len(part), -1).astype(_NOISE) for part in felt])
+            # (m, r, 3 of the force) for each axis of the noise.
+            roots = [_root(own * np.sqrt(variance[:, i, s])[:, None]) for s in range(3)]
+            self.mixing.append([root.T.reshape(root.shape[1], -1, 3) for root in roots])
+            # Forces of a unit reading on each axis, and how turns by x, y, z change them.
+            force = (fit.state.rotation[i] @ axes[i]).T
+            change = np.stack([force, *np.swapaxes(so3.hat(np.eye(3)) @ force.T, 1, 2)], axis=1)
+            each = zip(self.mixing[i], change, strict=True)
+            effect = np.concatenate([np.swapaxes(root @ by.T, 1, 2) for root, by in each])
+            self.effects.append(effect.reshape(len(effect), -1).astype(_NOISE))
             rows = _loose(loose, variance[:, i], axes[i])
             rest.append(np.pad(rows, ((0, 0), (9 * i, 9 * (n - i) - 8))))
         self.rest = np.concatenate(rest)
@@ -95,46 +115,66 @@ class Sampler:
             prior[-len(fit.rig.earlier.root) :] *= self.inflate
         self.common = _root_of(other + prior.T @ prior)
 
-    def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
-        """Roots (T, r, 9n + 1) of perturbed campaigns, without the rows that all share."""
-        n, rank = self.fit.rig.n, len(self.root)
-        noise = np.empty((trials, rank, 9 * n + 1))
-        for i, parts in enumerate(self.mixing):
-            drawn = [rng.standard_normal((trials, len(mix)), dtype=_NOISE) for mix in parts]
-            mixed = np.concatenate(drawn, axis=1) @ np.concatenate(parts)
-            noise[:, :, 9 * i : 9 * i + 9] = mixed.reshape(trials, rank, 9)
-        noise[:, :, -1] = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
-        noise += self.root
-        return noise
+    def draw(self, rng: np.random.Generator, trials: int) -> Drawn:
+        """Draw the noise of perturbed campaigns."""
+        sizes = [len(effect) for effect in self.effects]
+        numbers = [rng.standard_normal((trials, size), dtype=_NOISE) for size in sizes]
+        common = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
+        return Drawn(tuple(numbers), common)
 
-    def solve(self, roots: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def roots(self, drawn: Drawn, which: IntArray) -> FloatArray:
+        """Roots (T, m, 9n + 1) of some of the perturbed campaigns."""
+        T, (rank, width) = len(which), self.root.shape
+        noise = np.zeros((T, rank, width))
+        noise[:, :, -1] = drawn.common[which]
+        for i, (mixes, numbers) in enumerate(zip(self.mixing, drawn.numbers, strict=True)):
+            ends = np.cumsum([len(mix) for mix in mixes])[:-1]
+            parts = zip(np.split(numbers[which], ends, axis=1), mixes, strict=True)
+            felt = np.stack([np.tensordot(own, mix, 1) for own, mix in parts], axis=-1)
+            noise[:, :, 9 * i : 9 * i + 9] = (felt @ self.axes[i].T).reshape(T, rank, 9)
+        rest = np.broadcast_to(self.rest, (T, *self.rest.shape))
+        return np.concatenate([self.root + noise, rest], axis=1)
+
+    def solve(self, drawn: Drawn) -> tuple[FloatArray, BoolArray]:
         """Rotations (T, n, 3, 3) of the trials, and which settled.
 
-        Steps with the estimate's Hessian and each trial's exact gradient: where these do not
-        contract (weak rigs) a damped Newton iteration from the estimate takes over.
+        Steps with the estimate's Hessian and each trial's gradient: where these do not contract
+        (weak rigs), or lead far, a damped Newton iteration from the estimate takes over.
         """
-        T, base = len(roots), self.fit.state.rotation
-        rotation = np.broadcast_to(base, (T, *base.shape)).copy()
+        T, base, rank = len(drawn.common), self.fit.state.rotation, len(self.root)
+        each = zip(drawn.numbers, self.effects, strict=True)
+        noise = [(z @ effect).reshape(T, 4, rank) for z, effect in each]
+        felt = drawn.common + sum(own[:, 0] for own in noise)
+        rotation, turn = np.broadcast_to(base, (T, *base.shape)), np.zeros((T, len(base), 3))
         scale = np.sqrt(np.diagonal(self.covariance))
         scale = np.where(scale > 0, scale, np.inf)  # what no posture sees stays where it is
-        size = np.full(T, np.inf)
+        gram, shrinks, size = self.rest.T @ self.rest, np.ones(T), np.full(T, np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(_STEPS):
-                step = gradients(roots, rotation) + gradients(self.rest, rotation)
-                step = -step @ self.covariance
-                rotation = so3.exp(step.reshape(T, -1, 3)) @ rotation
+            for look in range(_STEPS):
+                y = stacked(rotation)
+                residual = y @ self.root.T + felt
+                for i, own in enumerate(noise if look else ()):
+                    residual += np.einsum("tjr,tj->tr", own[:, 1:], turn[:, i].astype(_NOISE))
+                gradient = turning(crossed(rotation, residual @ self.root + y @ gram))
+                left = residual.astype(_NOISE)
+                for i, own in enumerate(noise):
+                    gradient[:, i] += np.einsum("tjr,tr->tj", own[:, 1:], left)
+                step = -gradient.reshape(T, -1) @ self.covariance
                 before, size = size, np.abs(step / scale).max(axis=1)
+                step = step.reshape(turn.shape)
+                rotation, turn = so3.exp(step) @ rotation, turn + step
                 # Steps shrink by the same factor each time: so large will the next one be.
-                ahead = size * np.minimum(size / before, 1.0)
-                if (ahead < _SOLVED).all() or not (size < 0.7 * before).any():
+                shrinks = np.minimum(size / before, 1.0) if look else shrinks
+                solved = size * shrinks < _SOLVED
+                if solved.all() or not (size < 0.7 * before).any():
                     break
-        hard = np.flatnonzero(~(ahead < _SOLVED))
+        hard = np.flatnonzero(~(solved & (np.abs(turn).max(axis=(1, 2)) < _NEAR)))
         settled = np.ones(T, dtype=np.bool_)
         if len(hard):
             start = np.broadcast_to(base, (len(hard), *base.shape))
-            rest = np.broadcast_to(self.rest, (len(hard), *self.rest.shape))
-            whole = np.concatenate([roots[hard], rest], axis=1)
-            found = descend(whole, start, iterations=_DAMPED, tolerance=_SOLVED, curved=True)
+            found = descend(
+                self.roots(drawn, hard), start, iterations=_DAMPED, tolerance=_SOLVED, curved=True
+            )
             rotation[hard], settled[hard] = found.rotation, found.settled
         return rotation, settled
 

@@ -93,6 +93,19 @@ def test_monte_carlo_agrees_with_the_covariance() -> None:
     assert np.abs(np.corrcoef(white) - np.eye(9)).max() < stats.norm.ppf(1 - 1e-6) / np.sqrt(T)
 
 
+def test_trials_are_solved_to_the_end() -> None:
+    parts = information(RESULT.fit)
+    sampler = Sampler(RESULT.fit, parts, 1.0)
+    drawn = sampler.draw(np.random.default_rng(4), 200)
+    rotation, _ = sampler.solve(drawn)
+    whole = sampler.roots(drawn, np.arange(200))
+    start = np.broadcast_to(RESULT.fit.state.rotation, rotation.shape)
+    best = descend(whole, start, iterations=100, tolerance=1e-6, curved=True).rotation
+    std = np.sqrt(np.diagonal(evaluate(RESULT.fit, parts, 1.0).covariance))
+    off = so3.log(rotation @ np.swapaxes(best, -1, -2)).reshape(200, -1)
+    assert np.abs(off / std).max() < 1e-3  # single precision, and the last step
+
+
 def redrawn(result: Fit, rng: np.random.Generator) -> FloatArray:
     """Rotations (n, 3, 3) of one campaign whose readings, poses and priors are drawn anew."""
     seen, at, rig = result.at.seen, result.at, result.rig
