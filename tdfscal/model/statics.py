@@ -69,7 +69,6 @@ class Balance:
     turn : (K, n, 3, 3), that rotation for a displacement of each position, rad/m. turn_cov :
     (K, 3, 3), rad², its covariance.
     rotation : (K, 3, 3), pose R. arm : (K, n, 3), ρ_i, m, BCS.
-    cov : (K, 6, 6), covariance of e by noise alone, free forces apart.
     centre : (3,), c in the LCS. hinge, datum, compliance : values about which ψ counts them.
     """
 
@@ -81,11 +80,20 @@ class Balance:
     turn_cov: FloatArray
     rotation: FloatArray
     arm: FloatArray
-    cov: FloatArray
     centre: FloatArray
     hinge: FloatArray
     datum: FloatArray
     compliance: FloatArray
+
+    @property
+    def cov(self) -> FloatArray:
+        """Covariance (K, 6, 6) of e by noise alone, free forces apart."""
+        seen, B, turn = self.seen, self.noise_force, self.noise_turn
+        both = seen.measured[:, :, None] & seen.measured[:, None, :]
+        cov = (B @ np.where(both, seen.force_cov, 0.0) @ np.swapaxes(B, 2, 3)).sum(axis=1)
+        cov += turn @ self.turn_cov @ np.swapaxes(turn, 1, 2)
+        cov[:, 3:, 3:] += seen.moment_var * np.eye(3)
+        return np.asarray(cov)
 
     @property
     def wrench(self) -> FloatArray:
@@ -167,11 +175,6 @@ def _linearised(posture: Postures, state: State, centre: FloatArray, g: float) -
     noise_turn = np.zeros((K, 6, 3))
     noise_turn[:, 3:] = A
     turn_cov = (P_turn @ posture.position_cov @ np.swapaxes(P_turn, 2, 3)).sum(axis=1)
-    both = posture.measured[:, :, None] & posture.measured[:, None, :]
-    own = noise_force @ np.where(both, posture.force_cov, 0.0) @ np.swapaxes(noise_force, 2, 3)
-    cov = own.sum(axis=1)
-    cov += noise_turn @ turn_cov @ np.swapaxes(noise_turn, 1, 2)
-    cov[:, 3:, 3:] += posture.moment_var * np.eye(3)
     return Balance(
         seen=posture,
         design=_design(posture, R, F, B, -A[:, None] @ P_turn),
@@ -181,7 +184,6 @@ def _linearised(posture: Postures, state: State, centre: FloatArray, g: float) -
         turn_cov=turn_cov,
         rotation=R,
         arm=arm,
-        cov=cov,
         centre=centre,
         hinge=state.hinge,
         datum=state.datum,

@@ -203,7 +203,7 @@ class NormalEquations:
         """
         weight = self._variance / self._model.variance(self._bins, log_density)
         single, joined = weight[: self._complex], weight[self._complex :]
-        part = self._single * np.concatenate([single, single])[:, None]
-        normal = np.tensordot([*joined, 1.0], self._gram, axes=1) + part.T @ self._single
+        part = self._single * np.sqrt(np.concatenate([single, single]))[:, None]
+        normal = np.tensordot([*joined, 1.0], self._gram, axes=1) + part.T @ part
         root = gram_root(normal[1:, 1:], self._rows)
         return -root @ (root.T @ normal[1:, 0]), root

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import TdfscalError
-from tdfscal.estimation.fit import information
+from tdfscal.estimation.fit import factored_information, information
 from tdfscal.estimation.uncertainty import (
     UNDECLARED,
     Estimate,
@@ -311,7 +311,7 @@ def with_moves(rig: Rig, slow: Slow, delay: UncertainValue, still: State) -> Flo
         few = blocks[:: -(-len(blocks) // _FEW)]
         priors = MovingPriors(rig, slow, delay)
         fit = estimate_noise(at_state(priors, few, priors.start(still), None))
-        turns = information(fit).root[: 3 * rig.n]
+        turns = factored_information(fit).root[: 3 * rig.n]
         std = np.sqrt(so3.rpy_variance(still.rotation, turns @ turns.T))
     except (TdfscalError, np.linalg.LinAlgError):
         return None
