@@ -61,7 +61,7 @@ def lag_by_moves(
     way : moves, s, of the first clock. lag : to begin with, right to a part of a rest.
     """
     found = []
-    for begin, end in way[:: max(len(way) // _MOST, 1)]:
+    for begin, end in way[:: max(-(-len(way) // _MOST), 1)]:
         time = np.arange(begin - _REST, end + _REST, max(0.005, 0.25 * period))
         passed = []
         for streams in (positions, forces):
