@@ -127,7 +127,7 @@ def test_a_recorder_that_ends_early_is_told(
     report = calibration_report(found)
     assert f"{cut.size:.1f} s of {name}" in report.claim
     assert cut.cure is not None
-    assert cut.cure[1:] in report.advice[0]
+    assert any(cut.cure[1:] in advice for advice in report.advice)
 
 
 @pytest.fixture(scope="module")
