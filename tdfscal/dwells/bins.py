@@ -120,13 +120,10 @@ class _Binner:
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
             self.streams.add(stream, found)
-        while len(self.streams) > self._most():
+        # More bins are held once wider ones would hide a stop of a second.
+        while len(self.streams) > self.limit * (1 if self.width < _WIDEST else _LONG):
             self.streams.coarsen()
             self.width *= 2
-
-    def _most(self) -> int:
-        """Bins to hold: more once wider ones would hide a stop of a second."""
-        return self.limit if self.width < _WIDEST else _LONG * self.limit
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""

@@ -96,24 +96,22 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     """Statistics of K dwells. Each stream's axes in the unit of the stream."""
     shape = (len(extents), bins.count.shape[1], 3)
     own = _own(bins, extents)
-    ratio = np.ones(shape)
     zero = np.zeros((*shape, 3))
-    pooled = np.zeros(shape)
+    level = _pooled(own.scatter, own.count) if extents else np.zeros(shape[1:])
+    larger = _log_ratio(own.scatter, level, own.count) > _LARGER if extents else np.zeros(shape)
+    # Variance relative to the pooled one: 1 where compatible or smaller, else its own.
+    ratio = np.divide(own.scatter, level, out=np.ones(shape), where=larger * level > 0)
     spectra = _spectra(bins, extents)
     ordinates: dict[tuple[int, ...], Ordinates | None] = {}
     length = np.array([extent.used.sum() for extent in extents])
     campaign = float(bins.start[-1] - bins.start[0]) / bins.width
     for stream in range(shape[1] if extents else 0):
-        scatter, count = own.scatter[:, stream], own.count[:, stream]
-        ratio[:, stream] = _excess_scatter(scatter, count)
-        level = _pooled(scatter, count)
-        pooled[:, stream] = level * ratio[:, stream]
         alike = (ratio[:, stream] == 1.0).all(axis=1)
         usable = tuple(i for i, (k, _) in enumerate(spectra) if alike[k])
         if usable not in ordinates:  # one for all streams, as a rule
             ordinates[usable] = together([spectra[i][1] for i in usable])
         root = np.sqrt(ratio[:, stream])
-        common = density(ordinates[usable], stream, level, length, campaign)
+        common = density(ordinates[usable], stream, level[stream], length, campaign)
         zero[:, stream] = common * root[:, :, None] * root[:, None, :]
     n = np.maximum(own.count, 1)
     # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.
@@ -121,7 +119,7 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     rounding = _rounding(typical, bins.quantum)
     variance = np.asarray(np.diagonal(zero, axis1=2, axis2=3))
     total = variance.sum(axis=2)
-    share = np.divide(pooled.sum(axis=2), total, out=np.ones(shape[:2]), where=total > 0)
+    share = np.divide((level * ratio).sum(axis=2), total, out=np.ones(shape[:2]), where=total > 0)
     sd = np.sqrt(variance)
     return Moments(
         mean=own.mean,
@@ -251,9 +249,9 @@ def _rounding(scatter: FloatArray, quantum: FloatArray) -> FloatArray:
 
 
 def _pooled(scatter: FloatArray, count: IntArray) -> FloatArray:
-    """(3,), the sample variance that most dwells have: weighted mean of the compatible ones."""
+    """(S, 3), the sample variance that most dwells have: weighted mean of the compatible ones."""
     middle = np.median(scatter, axis=0)
-    weight = count[:, None] * (_log_ratio(scatter, middle, count) <= _LARGER)
+    weight = count[..., None] * (_log_ratio(scatter, middle, count) <= _LARGER)
     total = np.maximum(weight.sum(axis=0), 1)
     return np.asarray(np.where(weight.any(axis=0), (weight * scatter).sum(axis=0) / total, middle))
 
@@ -262,13 +260,6 @@ def _log_ratio(scatter: FloatArray, middle: FloatArray, count: IntArray) -> Floa
     """log(variance / middle) in standard deviations, as spread among the dwells or as sampled."""
     tiny = np.finfo(np.float64).tiny
     log = np.log(np.maximum(scatter, tiny)) - np.log(np.maximum(middle, tiny))
-    sampled = np.sqrt(2.0 / np.maximum(count - 1, 1))[:, None]
+    sampled = np.sqrt(2.0 / np.maximum(count - 1, 1))[..., None]
     spread = 1.4826 * np.median(np.abs(log), axis=0)
     return np.asarray(log / np.maximum(sampled, spread))
-
-
-def _excess_scatter(scatter: FloatArray, count: IntArray) -> FloatArray:
-    """(K, 3), variance relative to the pooled one: 1 where compatible or smaller, else its own."""
-    pooled = _pooled(scatter, count)
-    larger = (_log_ratio(scatter, pooled, count) > _LARGER) & (pooled > 0)
-    return np.divide(scatter, pooled, out=np.ones_like(scatter), where=larger)

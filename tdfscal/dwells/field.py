@@ -35,7 +35,7 @@ from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG
 
 _ROUNDS = 4
-_SPAN = 2**14  # bins whose differences are taken at once; they stay in the cache
+_SPAN = 2**12  # bins whose differences are taken at once; they stay in the cache
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
 _SHORTEST = 0.2  # s
@@ -79,19 +79,18 @@ def mark_changes(
 
 def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) -> list[FloatArray]:
     """By how much the differences of each scale exceed their limit, the largest of all axes."""
-    axes, bins = signal.value.shape
+    bins = signal.value.shape[1]
     reach = 2**SCALES - 1  # bins that the widest difference takes beyond its first
-    levels = [np.full(max(bins - 2 ** (scale + 1) + 1, 0), -np.inf) for scale in range(SCALES)]
+    levels = [np.empty(max(bins - 2 ** (scale + 1) + 1, 0)) for scale in range(SCALES)]
 
     def exceeded(begin: int) -> None:
-        for axis in range(axes):
-            row = signal.value[axis, begin : begin + _SPAN + reach]
-            factor = None if noisier is None else noisier[axis, begin : begin + _SPAN]
-            for scale, (_, difference) in enumerate(differences(row, SCALES)):
-                excess = np.abs(difference[:_SPAN], out=difference[:_SPAN])
-                here = slice(begin, begin + len(excess))
-                excess -= limit[scale, axis] * (1.0 if factor is None else factor[: len(excess)])
-                np.maximum(levels[scale][here], excess, out=levels[scale][here])
+        some = slice(begin, begin + _SPAN)
+        rows = signal.value[:, begin : begin + _SPAN + reach]
+        for scale, (_, difference) in enumerate(differences(rows, SCALES)):
+            excess = np.abs(difference[:, :_SPAN], out=difference[:, :_SPAN])
+            own = limit[scale][:, None]
+            excess -= own if noisier is None else own * noisier[:, some][:, : excess.shape[1]]
+            levels[scale][some] = excess.max(axis=0)
 
     in_threads(exceeded, range(0, bins, _SPAN))
     return levels
@@ -113,26 +112,20 @@ def quiet_seed(signal: Signals, base: BoolArray, width: float) -> BoolArray:
     without noise, a servo that is off) counts as quiet, yet does not set the scale.
     """
     size = max(5, round(_SEED_WINDOW / width))
-    reach = np.zeros(signal.value.shape[1])
-    for row in signal.value:
-        np.maximum(reach, _ranges(row, size), out=reach)
+    ends = ((0, 0), (size // 2, size - 1 - size // 2))
+    high = low = np.pad(signal.value, ends, mode="symmetric")
+    seen = 1  # bins whose highest and lowest these are
+    while seen < size:
+        more = min(seen, size - seen)
+        high = np.maximum(high[:, :-more], high[:, more:])
+        low = np.minimum(low[:, :-more], low[:, more:])
+        seen += more
+    reach = (high - low).max(axis=0)
     tiny = 8.0 * np.finfo(np.float64).eps * np.abs(signal.value).max(initial=0.0)
     alive = reach[(reach > tiny) & ~base]
     if not len(alive):
         return base
     return np.asarray((reach > 2.0 * np.quantile(alive, _SEED_QUANTILE)) | base)
-
-
-def _ranges(row: FloatArray, size: int) -> FloatArray:
-    """Range of the values in a window about each of them (N,), mirrored at the ends."""
-    high = low = np.pad(row, (size // 2, size - 1 - size // 2), mode="symmetric")
-    seen = 1
-    while seen < size:
-        more = min(seen, size - seen)
-        high = np.maximum(high[:-more], high[more:])
-        low = np.minimum(low[:-more], low[more:])
-        seen += more
-    return np.asarray(high - low)
 
 
 def segment(
@@ -216,7 +209,8 @@ def prepare(bins: Bins) -> Field:
     step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
     gap = every.gap | (step > 1.5 * bins.width)  # or a stretch without any sample before it
     moving, position_noise = segment(positions, gap, bins.width)
-    moving = _dilated(moving)
+    # A bin at the edge of a move may hold its first samples.
+    moving = np.asarray(np.convolve(moving, np.ones(3), mode="same") > 0)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
     if rate.any():
@@ -251,14 +245,6 @@ def within(field: Field, extents: list[Extent]) -> Field:
     for extent in extents:
         out[extent.rows] = False
     return replace(field, noise=without_creep(difference_noise(field.signals, out, LONGEST)))
-
-
-def _dilated(flag: BoolArray) -> BoolArray:
-    """One bin more on either side: a bin at the edge of a move may hold its first samples."""
-    wide = flag.copy()
-    wide[1:] |= flag[:-1]
-    wide[:-1] |= flag[1:]
-    return wide
 
 
 def common_drift(slope: FloatArray, length: FloatArray) -> FloatArray:

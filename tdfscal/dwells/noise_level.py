@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 SCALES = 6  # windows of 1 … 32 bins show changes; what is slower is settling or drift, or noise
@@ -124,21 +123,20 @@ def _back_to_last_sample(silent: BoolArray, present: BoolArray) -> BoolArray:
     return np.asarray(~present & hit[group])
 
 
-def differences(row: FloatArray, scales: int) -> Iterator[tuple[int, FloatArray]]:
-    """(W, D) with D[i] = mean(row[i+W : i+2W]) − mean(row[i : i+W]); exact for constant rows.
+def differences(value: FloatArray, scales: int) -> Iterator[tuple[int, FloatArray]]:
+    """(W, D) with D[…, i] = mean(value[…, i+W : i+2W]) − mean(value[…, i : i+W]) of (A, N).
 
-    D is good until the next is taken; it may be changed in place.
+    Exact for constant rows. D is good until the next is taken; it may be changed in place.
     """
-    mean, width = row, 1
-    difference, *spare = (np.empty(len(row)) for _ in range(3))
+    mean, width = value, 1
+    difference, *spare = (np.empty(value.shape) for _ in range(3))
     for scale in range(scales):
-        size = len(mean) - width
+        size = mean.shape[1] - width
         if size <= 0:
             return
-        yield width, np.subtract(mean[width:], mean[:size], out=difference[:size])
-        wider = np.add(mean[width:], mean[:size], out=spare[scale % 2][:size])
-        wider *= 0.5
-        mean = wider
+        yield width, np.subtract(mean[:, width:], mean[:, :size], out=difference[:, :size])
+        mean = np.add(mean[:, width:], mean[:, :size], out=spare[scale % 2][:, :size])
+        mean *= 0.5
         width *= 2
 
 
@@ -169,20 +167,15 @@ def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
             follow = scale, index[:: max(len(index) // _ENOUGH, 1)]
     smooth = np.ones(axes, dtype=np.bool_)
     result = np.zeros((len(some), axes))
-
-    def measure(axis: int) -> None:
-        for scale, (width, difference) in enumerate(differences(signal.value[axis], len(some))):
-            if len(some[scale]) >= 8:
-                result[scale, axis] = _spread(np.abs(difference[some[scale]]), signal.quantum[axis])
-            if few[scale]:
-                white = result[scale - 1, axis] / np.sqrt(2.0)
-                result[scale, axis] = max(result[scale, axis], white)
-            if follow is not None and follow[0] == scale:
-                first, second = difference[follow[1]], difference[follow[1] + width]
-                # Mean products, not medians: a stop shows one or two of the longest windows.
-                smooth[axis] = first @ second > 0.25 * (first @ first + second @ second)
-
-    in_threads(measure, range(axes))
+    for scale, (width, difference) in enumerate(differences(signal.value, len(some))):
+        if len(some[scale]) >= 8:
+            result[scale] = _spread(np.abs(difference[:, some[scale]]), signal.quantum)
+        if few[scale]:
+            result[scale] = np.maximum(result[scale], result[scale - 1] / np.sqrt(2.0))
+        if follow is not None and follow[0] == scale:
+            first, second = difference[:, follow[1]], difference[:, follow[1] + width]
+            # Mean products, not medians: a stop shows one or two of the longest windows.
+            smooth = np.sum(first * second - 0.25 * (first**2 + second**2), axis=1) > 0
     return Noise(result, signal.quantum, smooth)
 
 
@@ -194,16 +187,17 @@ def _apart(index: IntArray, length: int) -> float:
     return float(runs_of + (len(index) - runs_of) / length)
 
 
-def _spread(size: FloatArray, quantum: float) -> float:
-    """Standard deviation of differences of some size (N,).
+def _spread(size: FloatArray, quantum: FloatArray) -> FloatArray:
+    """Standard deviations (A,) of differences of some size (A, N).
 
     Most differences of readings that are coarser than their noise are zero, or one step, whatever
     the noise: then the larger ones tell.
     """
-    half, most = len(size) // 2, 9 * len(size) // 10
-    ranked = np.partition(size, (half, most))
-    middle = _MAD * float(ranked[half])
-    return middle if middle >= quantum else max(middle, float(ranked[most]) / _P90)
+    half, most = size.shape[1] // 2, 9 * size.shape[1] // 10
+    ranked = np.partition(size, (half, most), axis=1)
+    middle = _MAD * ranked[:, half]
+    wide = np.maximum(middle, ranked[:, most] / _P90)
+    return np.asarray(np.where(middle >= quantum, middle, wide))
 
 
 def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:

@@ -112,13 +112,13 @@ class Ordinates:
     """Spectra of several runs together, in the order of frequency.
 
     frequency : (F,). amplitude : (S, 3, F). shape : (S, 3, F), of short runs the spectrum that
-    their autocovariances tell, relative to that at 0. slow : (S, 3), of longer ones the fitted
-    spectrum where the noise is slower than a run.
+    their autocovariances tell, relative to that at 0; None of longer ones. slow : (S, 3), of
+    longer ones the fitted spectrum where the noise is slower than a run.
     """
 
     frequency: FloatArray
     amplitude: FloatArray
-    shape: FloatArray
+    shape: FloatArray | None
     slow: list[list[SlowNoise | None]]
 
 
@@ -141,7 +141,7 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
         *_slow(frequency, amplitude[:half], length),
         *_slow(frequency, amplitude[half:], length),
     ]
-    return Ordinates(frequency, amplitude, np.ones_like(amplitude), slow)
+    return Ordinates(frequency, amplitude, None, slow)
 
 
 def _slow(
@@ -176,9 +176,11 @@ def density(
     for axis, slow in enumerate(found.slow[stream]):
         # The level at 0, from as many ordinates as are flat, as they are or less their shape.
         power = amplitude[axis] ** 2
-        plain = _widest_flat_band(found.frequency, power)
-        whitened = _widest_flat_band(found.frequency, power / found.shape[stream, axis])
-        level[:, axis], width[axis] = whitened if whitened[1] > plain[1] else plain
+        level[:, axis], width[axis] = _widest_flat_band(found.frequency, power)
+        if found.shape is not None:
+            flat, wide = _widest_flat_band(found.frequency, power / found.shape[stream, axis])
+            if wide > width[axis]:
+                level[:, axis], width[axis] = flat, wide
         if slow is not None:
             level[:, axis] = slow.of_mean(length, campaign)
     band = amplitude[:, : int(width.min())]

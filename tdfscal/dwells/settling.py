@@ -103,18 +103,16 @@ class Stretch:
         else:
             z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
             z2[(variance == 0) & (excess > 0)] = np.inf
-        positions, forces = z2[..., : self.forces], z2[..., self.forces :]
-        return np.logical_or(_too_large(positions, p), _too_large(forces, p))
-
-
-def _too_large(z2: FloatArray, p: float) -> BoolArray:
-    """Squares of standard normal axes (..., A) whose sum or largest one is improbable."""
-    total, largest = _limits(z2.shape[-1], p)
-    return np.asarray((z2.sum(axis=-1) > total) | (z2.max(axis=-1) > largest))
+        found = np.zeros(z2.shape[:-1], dtype=np.bool_)
+        for own in (z2[..., : self.forces], z2[..., self.forces :]):
+            total, largest = _limits(own.shape[-1], p)
+            found |= (own.sum(axis=-1) > total) | (own.max(axis=-1) > largest)
+        return found
 
 
 @cache
 def _limits(axes: int, p: float) -> tuple[float, float]:
+    """χ² of so many axes that is improbable, and the largest of their squares that is."""
     return float(chdtri(axes, p)), float(chdtri(1, p / axes))
 
 
