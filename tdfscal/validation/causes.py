@@ -12,6 +12,7 @@ import numpy as np
 
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.information import Contrast
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.score_tests import best_variance
@@ -24,6 +25,7 @@ from tdfscal.validation.verdict import (
     Causes,
     Kind,
     Model,
+    explained,
     fitted,
 )
 
@@ -151,13 +153,10 @@ def _stepping(
 def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
     """The posture from which on a step lowers χ² most.
 
-    With A the whitening, y = Aᵀ r and AᵀA = I − M Mᵀ, score and information of every step are sums
-    of its postures' own blocks.
+    Score and information of every step are sums of its postures' own blocks.
     """
     K, order = len(given.own), np.argsort(given.course.time, kind="stable")
-    H, F = given.common, given.free
-    M = np.hstack([H * np.sqrt(2.0 - np.sum(H**2, axis=0)), F - H @ (H.T @ F)])
-    y = given.residual - H @ (H.T @ given.residual)
+    y, M = given.unfolded
     begin = layout(given.sensors)[_STEPPING[kind]].start + 3 * sensor
     columns = given.plain[:, begin : begin + 3]
 
@@ -290,11 +289,6 @@ def _scatter_cause(
     )
 
 
-def _contact(given: Whitened, postures: Sequence[int]) -> Model:
-    white = given.white(_touching(given.own, postures))
-    return Model("contact", None, tuple(sorted(postures)), white)
-
-
 def _touching(own: FloatArray, postures: Sequence[int]) -> FloatArray:
     """Derivative (6K, 6c) of residual wrenches by a contact wrench in each of c postures."""
     columns = np.zeros((len(own), 6, 6 * len(postures)))
@@ -304,18 +298,33 @@ def _touching(own: FloatArray, postures: Sequence[int]) -> FloatArray:
 
 
 def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
-    """Contact in one posture each; where none explains all, in more of them, one by one."""
+    """Contact in one posture each; where none explains all, in more of them, one by one.
+
+    Score and information of a wrench in each come from the suspects' own blocks.
+    """
     K = len(given.own)
     if K < 2:
         return []
     off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
-    suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
-    found = [fitted(_contact(given, [k]), given) for k in suspects]
-    best = max(found, key=WEIGHT)
-    while not best.explains and not rival.explains and len(best.postures) + 1 <= _TOUCHED * K:
-        more = [[*best.postures, k] for k in suspects if k not in best.postures]
+    suspects = np.argsort(off)[::-1][:_SUSPECTS]
+    own, (y, M) = given.own[suspects], given.unfolded
+    score = np.einsum("kba,kb->ka", own, y.reshape(K, 6)[suspects]).ravel()
+    common = np.einsum("kba,kbm->kam", own, M.reshape(K, 6, -1)[suspects]).reshape(len(score), -1)
+    each = block_diagonal(*np.swapaxes(own, 1, 2) @ own)
+    seen = Contrast(each - common @ common.T, score)
+
+    def touched(places: Sequence[int]) -> Cause:
+        rows = (6 * np.array(places)[:, None] + np.arange(6)).ravel()
+        postures = tuple(sorted(suspects[list(places)].tolist()))
+        return explained(given, "contact", *seen.chi2(rows), postures=postures)
+
+    found = [touched([k]) for k in range(len(suspects))]
+    places = [int(np.argmax([cause.weight for cause in found]))]
+    best = found[places[0]]
+    while not best.explains and not rival.explains and len(places) + 1 <= _TOUCHED * K:
+        more = [[*places, k] for k in range(len(suspects)) if k not in places]
         if not more:
             break
-        best = max((fitted(_contact(given, postures), given) for postures in more), key=WEIGHT)
+        best, places = max(((touched(p), p) for p in more), key=lambda one: one[0].weight)
         found.append(best)
     return found

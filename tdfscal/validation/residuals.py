@@ -127,6 +127,16 @@ class Whitened:
         """−2 ln of the residuals' likelihood, but for a constant of the log."""
         return float(self.chi2 + self.spread + self.worth * self.free.shape[1])
 
+    @property
+    def unfolded(self) -> tuple[FloatArray, FloatArray]:
+        """y (m,) and M (m, r + f): with A the whitening, y = Aᵀ residual and AᵀA = I − M Mᵀ.
+
+        By them score and information of columns come from the rows where these are not 0.
+        """
+        H, F = self.common, self.free
+        M = np.hstack([H * np.sqrt(2.0 - np.sum(H**2, axis=0)), F - H @ (H.T @ F)])
+        return self.residual - H @ (H.T @ self.residual), M
+
     def white(self, columns: FloatArray) -> FloatArray:
         """Columns (6K, c), whitened posture by posture already, made white altogether."""
         white = columns - self.common @ (self.common.T @ columns)

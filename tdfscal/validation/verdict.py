@@ -48,6 +48,9 @@ NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges
 STEPS: tuple[Kind, ...] = ("sensor slipped", "zero jumped")
 COURSES: tuple[Kind, ...] = (*STEPS, "zeros drift", "zeros follow temperature")
 
+#: Of a contact, which is told by the residual wrench.
+NO_SIZE = np.zeros(0)
+
 #: Order of causes, by the odds for them.
 WEIGHT = attrgetter("weight")
 
@@ -142,21 +145,34 @@ def fitted(model: Model, given: Whitened) -> Cause:
     along = U[:, seen].T @ given.residual
     gain, q = float(along @ along), int(seen.sum())
     root = (Vt[seen].T / s[seen]) / size[:, None]
-    rest = max(given.chi2 - gain, 0.0)
-    contact = model.kind == "contact"
     if model.shape is not None:
         root = model.shape @ root
+    sizes = -(root @ along), np.linalg.norm(root, axis=1)
+    return explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
+
+
+def explained(
+    given: Whitened,
+    kind: Kind,
+    gain: float,
+    unknowns: int,
+    support: int | None = None,
+    postures: tuple[int, ...] = (),
+    value: FloatArray = NO_SIZE,
+    std: FloatArray = NO_SIZE,
+) -> Cause:
+    """A cause of so many unknowns that lowers χ² of the residuals by `gain`; the rest as there."""
     return Cause(
-        kind=model.kind,
-        support=model.support,
-        postures=model.postures,
-        value=np.zeros(0) if contact else -(root @ along),
-        std=np.zeros(0) if contact else np.linalg.norm(root, axis=1),
+        kind=kind,
+        support=support,
+        postures=postures,
+        value=value,
+        std=std,
         gain=gain,
-        weight=gain - (q + (model.kind in STEPS)) * given.worth,
-        unknowns=q,
-        p_value=float(chi2_sf(gain, q)),
-        remaining_p=float(chi2_sf(rest, given.dof - q)),
+        weight=gain - (unknowns + (kind in STEPS)) * given.worth,
+        unknowns=unknowns,
+        p_value=float(chi2_sf(gain, unknowns)),
+        remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
     )
 
 
