@@ -149,6 +149,8 @@ exact-moves-untold warns
 calibration-open warns
   the calibration leaves zeros, mass or barycentre open: the uncertainty of the
   components that they touch is unknown (empty)
+posture-used-before warns
+  it is of {subject}, which went into this calibration
 log-used-before warns
   {subject} went into this calibration: what it shows is no proof
 noise-of-calibration notes

@@ -20,11 +20,12 @@ from tdfscal.catalogue.inputs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
+from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, by_wall_clock, iter_log
-from tdfscal.records import Dwells, InputFile, Log, Measured, RecorderClock, Rig
+from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3
@@ -67,15 +68,17 @@ class Settings:
 class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
-    inputs : files that were read. messages : what the logs say of themselves, each once. stops :
-    what became of most of them, where few are dwells. begin, end : s, from when to when all signals
-    were recorded, by the first recorder's clock. samples : what tells a copy of them; repeats :
-    those that the logs hold twice. clocks : of the other recorders.
+    inputs : files that were read; ends : s, the log's last time up to each. messages : what the
+    logs say of themselves, each once. stops : what became of most of them, where few are dwells.
+    begin, end : s, from when to when all signals were recorded, by the first recorder's clock.
+    samples : what tells a copy of them; repeats : those that the logs hold twice. clocks : of the
+    other recorders.
     """
 
     campaign: Campaign
     settings: Settings
     inputs: list[InputFile] = field(default_factory=list)
+    ends: list[float] = field(default_factory=list)
     messages: list[Finding] = field(default_factory=list)
     begin: float = float("inf")
     end: float = float("-inf")
@@ -111,6 +114,7 @@ class LogPass:
                         last[number] = float(series.time[-1])
                 self.begin = max(first.values(), default=self.begin)
                 self.end = min(last.values(), default=self.end)
+                self.ends += [max(last.values(), default=self.end)] * len(piece.inputs)
                 yield piece
 
     def dwells(self) -> Dwells:
@@ -132,6 +136,10 @@ class LogPass:
         self._note(dwells.findings)
         self.stops = _lost_stops(dwells, self.rig)
         return dwells
+
+    def files_at(self, times: FloatArray) -> list[InputFile]:
+        """Return the files (T,) that hold these times, s of the log's clock."""
+        return [self.inputs[k] for k in np.searchsorted(self.ends[:-1], times)]
 
     def _note(self, findings: Iterable[Finding]) -> None:
         self.messages += [finding for finding in findings if finding not in self.messages]
@@ -220,14 +228,9 @@ def day(moment: float) -> str:
     return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
-#: Mean forces of two recordings differ by more than this share of their standard uncertainty in
-#: one of nine channels or more; chance alone would bring them as near once in 10¹⁵ dwells.
-_SAME = 0.02
-
-
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What tells one recording from another. dwells, samples : None where not at hand."""
+    """What tells one recording from another. dwells, samples, means : None where not at hand."""
 
     name: str
     inputs: Sequence[InputFile]
@@ -235,6 +238,14 @@ class Recording:
     rig: Rig | None = None
     dwells: Dwells | None = None
     samples: RepeatedSamples | None = None
+    means: Readings | None = None
+
+    @property
+    def readings(self) -> Readings | None:
+        """Mean readings of its dwells."""
+        if self.rig is None or self.dwells is None:
+            return self.means
+        return readings(self.rig, self.dwells)
 
 
 def refuse_repeated(recordings: Sequence[Recording]) -> None:
@@ -266,18 +277,12 @@ def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
 
 def _alike(a: Recording, b: Recording) -> bool:
     """Whether half of the dwells of the shorter one, or more, are also the other's."""
-    if a.dwells is None or b.dwells is None or a.rig is None:
+    if a.readings is None or b.readings is None:
         return False
-    few, many = sorted((a.dwells, b.dwells), key=len)
-    if not len(few) or few.force.shape[1:] != many.force.shape[1:]:
+    few, many = sorted((a.readings, b.readings), key=lambda one: len(one.force))
+    if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
         return False
-    variance = np.diagonal(few.force_cov, axis1=-2, axis2=-1) + a.rig.declared.force_noise**2
-    within = _SAME * np.sqrt(variance)
-    same = sum(
-        bool((np.abs(many.force - force) <= limit).all(axis=(1, 2)).any())
-        for force, limit in zip(few.force, within, strict=True)
-    )
-    return 2 * same >= len(few)
+    return bool(2 * repeated(many, few).sum() >= len(few.force))
 
 
 def _copied(a: Recording, b: Recording) -> bool:

@@ -17,7 +17,7 @@ from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
-from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated, stated_date
+from tdfscal.commands.log_pass import Settings, refuse_repeated, stated_date
 from tdfscal.commands.options import Option
 from tdfscal.commands.read_campaigns import Read, read_campaigns, require_one_rig
 from tdfscal.commands.result import Result, by_column
@@ -139,7 +139,7 @@ def monitor(
         )
     settings = Settings(progress)
     reads, unusable = read_campaigns(groups, settings, like=like)
-    refuse_repeated([*(Recording(e.name, e.inputs, None) for e in known), *reads])
+    refuse_repeated([*(e.recording() for e in known), *reads])
     usable = usable_campaigns(reads, unusable)
     if not known and not usable:
         raise unusable.first

@@ -32,6 +32,7 @@ from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.errors import UsageError
 from tdfscal.estimation.observation import eliminate, of_estimate
+from tdfscal.files.calibration.compared import readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
@@ -67,13 +68,19 @@ class Earlier(EarlierCalibration):
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
         if not self.file.campaigns:
-            return [Recording(self.name, self.inputs, self.measured)]
+            return [replace(self.recording(), measured=self.measured)]
         return [
             Recording(
                 c.name, [i.record() for i in c.inputs], c.measured.record() if c.measured else None
             )
             for c in self.file.campaigns
         ]
+
+    def recording(self) -> Recording:
+        """Its own recording, whose hours may be those of its campaigns."""
+        return Recording(
+            self.name, self.inputs, None, means=readings_of(self.file, self.rig.supports)
+        )
 
     def history(self) -> tuple[dict[str, Any], ...]:
         """The calibrations that one which stands on this one stands on."""

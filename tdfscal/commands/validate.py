@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
@@ -18,10 +18,12 @@ from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
+from tdfscal.comparison.shared_data import readings, repeated
 from tdfscal.errors import TdfscalError
+from tdfscal.files.calibration.compared import readings_of
 from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import Dwells, FloatArray, InputFile
+from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
@@ -138,7 +140,8 @@ def validate(
     with log.explaining():
         result = _tested(use, log, samples)
     # What the log says of itself comes with its dwells.
-    found = (*use.findings, *_used_before(use, log, result), *_left_out(result), *result.findings)
+    own = (Finding("log-used-before", (path,)) for path in result.own)
+    found = (*use.findings, *own, *_left_out(result), *result.findings)
     asked, inputs = (use.name, command), tuple(log.inputs)
     return ValidateResult(result, use.calibration, found, inputs, asked)
 
@@ -162,7 +165,11 @@ def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | M
 
 def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     log.progress.stage("testing the calibration on the motion")
-    return validate_moving(use.given, slow, delay_of(use.campaign.rig), rig=use.campaign.rig.rig)
+    delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
+    found = validate_moving(use.given, slow, delay, rig=rig)
+    span = np.array([[found.begin, found.begin + found.seconds]])
+    used = {entry.sha256 for entry in use.calibration.inputs if _met(use.calibration, span).any()}
+    return replace(found, own=tuple(e.path for e in log.inputs if e.sha256 in used))
 
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
@@ -171,9 +178,18 @@ def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
     if len(dwells):
         warm = None if dwells.temperature is None else dwells.temperature[0]
         age = zero_age(use, float(dwells.start[0]), warm)
-    return residual_wrench.validate(
-        use.given, dwells, rig=rig, noise=use.reading_noise, known=_known_noise(use), age=age
+    own = _used_before(use, log, dwells)
+    alone = len(dwells) - len(own) < ENOUGH  # too few others to judge by
+    found = residual_wrench.validate(
+        use.given,
+        dwells,
+        rig=rig,
+        noise=use.reading_noise,
+        known=_known_noise(use),
+        age=age,
+        aside={} if alone else {k: Finding("posture-used-before", (own[k],)) for k in own},
     )
+    return replace(found, own=tuple(dict.fromkeys(own.values())) if alone else ())
 
 
 def _known_noise(use: InUse) -> KnownNoise:
@@ -187,15 +203,17 @@ def _known_noise(use: InUse) -> KnownNoise:
     return KnownNoise(channels, fit.kurtosis, fit.postures, max(1.0, fit.birge), fit.dof)
 
 
-def _used_before(use: InUse, log: LogPass, tested: Validation | MovingValidation) -> list[Finding]:
-    """Name the logs that went into the calibration itself, where what is tested did."""
-    used = {entry.sha256 for entry in use.calibration.inputs}
-    known, new = _times_used(use.calibration), _times_tested(tested)
-    if known is not None and not np.any((new[:, :1] <= known[:, 1]) & (known[:, 0] <= new[:, 1:])):
-        return []
-    return [
-        Finding("log-used-before", (entry.path,)) for entry in log.inputs if entry.sha256 in used
-    ]
+def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
+    """Dwells that went into the calibration itself, each with its log.
+
+    By the log's digest and the hours that were used, or by the readings.
+    """
+    c, rig = use.calibration, use.campaign.rig.rig
+    used, files = {entry.sha256 for entry in c.inputs}, log.files_at(dwells.end)
+    own = repeated(readings_of(c, rig.supports), readings(rig, dwells))
+    named = np.array([file.sha256 in used for file in files], dtype=np.bool_)
+    own |= named & _met(c, np.column_stack([dwells.start, dwells.end]))
+    return {k: files[k].path for k in np.flatnonzero(own).tolist()}
 
 
 def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
@@ -207,19 +225,17 @@ def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
     return [Finding("postures-left-out", size=len(tested.left_out), values=values)]
 
 
-def _times_used(c: Calibration) -> FloatArray | None:
-    """Begin and end (T, 2), s of the log, of what a calibration stands on; None where untold."""
+def _met(c: Calibration, times: FloatArray) -> BoolArray:
+    """Whether stretches (T, 2), s of the log, hold some of what a calibration stands on.
+
+    Where that is not told they do.
+    """
     parts = []
     if c.postures is not None:
         parts.append(np.column_stack([c.postures.start, c.postures.end]))
     if c.motion is not None:
         parts.append(np.array([[c.motion.begin, c.motion.begin + c.motion.seconds]]))
-    return np.concatenate(parts) if parts and len(c.campaigns) < 2 else None
-
-
-def _times_tested(tested: Validation | MovingValidation) -> FloatArray:
-    """Begin and end (T, 2), s of the log, of what was tested."""
-    if isinstance(tested, MovingValidation):
-        return np.array([[tested.begin, tested.begin + tested.seconds]])
-    dwells = tested.dwells
-    return np.column_stack([dwells.start[tested.used], dwells.end[tested.used]])
+    if not parts or len(c.campaigns) > 1:
+        return np.ones(len(times), dtype=np.bool_)
+    known = np.concatenate(parts)
+    return np.asarray(((times[:, :1] <= known[:, 1]) & (known[:, 0] <= times[:, 1:])).any(axis=1))

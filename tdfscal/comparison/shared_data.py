@@ -1,10 +1,23 @@
-"""What data two estimates share."""
+"""What data two estimates share: by the files they come from, and by the readings themselves.
+
+Noise does not repeat itself: the mean readings of two recordings, even of the same postures, differ
+as their standard errors say or farther. Means that agree better, over many dwells, are of the same
+samples, whatever became of file, clock and digits, and though the dwells' edges moved when a part
+was cut out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import gammainc, gammaln
+
+from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
+from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
 
 #: first, second: the recordings of this one all went into the other too, which has more.
 Relation = Literal["apart", "first", "second", "same", "overlapping"]
@@ -53,3 +66,88 @@ def relation(first: Collection[Recorded], second: Collection[Recorded]) -> Relat
     if all(any(b.lies_in(a) for a in first) for b in second):
         return "second"
     return "overlapping"
+
+
+#: Factor within which standard errors are known from the scatter of samples.
+_NOISE_KNOWN = 1.2
+#: Share of its variance by which the same mean may have moved in digits and edges, at least.
+_MOVED = 1e-6
+#: Chance of a dwell that agrees as well as those of a recording that is known again.
+_ALONE = 0.01
+#: Dwells that a cut at either end may have left as others.
+_CUT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Mean readings of K dwells, by which their recording is known again.
+
+    force : (K, n, 3), N, sensor frames. noise : (n, 3), N, typical standard error of a mean, by the
+    samples' noise alone; 0 where that is not known, or where there is none.
+    """
+
+    force: FloatArray
+    noise: FloatArray
+
+
+def readings(rig: Rig, dwells: Dwells) -> Readings:
+    """Return the mean readings of dwells.
+
+    What rounding to coarse steps adds to a standard error is no noise: it is the same again. So
+    the extremes bound it, as those of normal samples. Of averaged postures only the rig file states
+    a noise, by a guess; far below it they differ too.
+    """
+    variance = np.diagonal(dwells.force_cov, axis1=-2, axis2=-1)
+    far = np.sqrt(2 * np.log(np.maximum(dwells.count, 3)))  # of the extremes (Gumbel's law)
+    far -= (np.log(far**2 / 2) + np.log(4 * np.pi)) / (2 * far)
+    scatter = (dwells.force_max - dwells.force_min) / (2 * far[..., None])
+    variance = np.minimum(variance, scatter**2 / np.maximum(dwells.effective, 1)[..., None])
+    noise = np.zeros(rig.axes.shape)
+    if len(dwells):  # what does not move within a dwell may be the same again
+        noise = np.where(variance.all(axis=0), np.sqrt(np.median(variance, axis=0)), 0.0)
+    if not dwells.force_cov.any():
+        noise = np.full(rig.axes.shape, rig.declared.force_noise / GROSS_NOISE_FACTOR)
+    return Readings(np.where(rig.axes, dwells.force, 0.0), np.where(rig.axes, noise, 0.0))
+
+
+def repeated(known: Readings, seen: Readings) -> BoolArray:
+    """Which of K dwells (K,) hold samples of the known ones, beyond chance.
+
+    Of the j dwells that agree best with a known one the squares sum up to less than χ² does by
+    chance, for all choices of j of K, and of the known ones within reach. Then any more are among
+    them that agree so well by themselves.
+    """
+    K, variance = len(seen.force), known.noise**2 + seen.noise**2
+    told = variance > 0
+    dof = np.count_nonzero(told)
+    if not dof or not K or not len(known.force):
+        return np.zeros(K, dtype=np.bool_)
+    std = np.sqrt(variance[told])
+    tree, own = cKDTree(known.force[:, told] / std), seen.force[:, told] / std
+    square = tree.query(own)[0] ** 2 + dof * _MOVED
+    within = np.maximum(tree.query_ball_point(own, np.sqrt(dof), return_length=True), 1)
+    order, j = np.argsort(square, kind="stable"), np.arange(1, K + 1)
+    half, total = dof * j / 2, np.cumsum(square[order]) * _NOISE_KNOWN**2 / 2
+    choices = gammaln(K + 1) - gammaln(j + 1) - gammaln(K - j + 1)
+    choices += np.cumsum(np.log(within[order])) + np.log(K)
+    # The lower tail of χ² is below its first term times a geometric series.
+    total = np.minimum(total, half)
+    rest = np.log1p(-total / (half + 1))
+    chance = half * np.log(total) - total - gammaln(half + 1) - rest + choices
+    best = int(np.argmin(chance))
+    if chance[best] >= np.log(REPEATED_BY_CHANCE):
+        return np.zeros(K, dtype=np.bool_)
+    alone = np.asarray(gammainc(dof / 2, square * _NOISE_KNOWN**2 / 2) * within < _ALONE)
+    alone[order[: best + 1]] = True
+    return alone
+
+
+def relation_of_readings(first: Readings, second: Readings) -> Relation:
+    """What two estimates have in common by their readings.
+
+    One of which all lie in the other counts as the same, as parts of one file do.
+    """
+    known = repeated(first, second), repeated(second, first)
+    if not any(each.any() for each in known):
+        return "apart"
+    return "same" if any(np.sum(~each) <= _CUT for each in known) else "overlapping"

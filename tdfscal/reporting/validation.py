@@ -31,7 +31,7 @@ from tdfscal.reporting.validation_claim import (
 )
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.in_motion import MovingValidation
-from tdfscal.validation.residual_wrench import ENOUGH, Validation
+from tdfscal.validation.residual_wrench import Validation
 from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -49,6 +49,15 @@ _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
+_AGAIN = (
+    "Free what was touched and record this check again, before anything else.",
+    "Until then it says nothing of the calibration, neither for it nor against it.",
+)
+_SAID = {
+    "holds": ("still valid", _KEEP),
+    "touched": ("record again", _AGAIN),
+    "changed": ("recalibrate", _RENEW),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +80,7 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
     return layout.document(
         v,
         "holds chi2 dof p_value search_p_value=search_p",
-        verdict=_verdict(v, findings)[0],
+        verdict=_verdict(v)[0],
         why=" ".join(_why(v, findings)),
         decided_by="search" if v.decided_by_search else "chi2",
         search_limit=SEARCH_LIMIT,
@@ -103,15 +112,11 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
     )
 
 
-def _verdict(v: Tested, findings: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
-    """The verdict, and what next: what proves nothing does not say that it holds."""
-    if not v.holds:
-        return "recalibrate", _RENEW
-    if _own(findings):
-        return "not contradicted", _ANOTHER
-    if isinstance(v, Validation) and len(v.used) < ENOUGH:
-        return "not contradicted", _MORE
-    return "still valid", _KEEP
+def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
+    """The verdict, and what next."""
+    if v.outcome == "unproven":
+        return "not contradicted", _ANOTHER if v.own else _MORE
+    return _SAID[v.outcome]
 
 
 def _own(findings: Sequence[Finding]) -> list[str]:
@@ -121,7 +126,7 @@ def _own(findings: Sequence[Finding]) -> list[str]:
 
 def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
     """The headline's sentences; a log of the calibration's own would not have shown any turn."""
-    own = _own(findings) if v.holds else []
+    own = _own(findings) if v.holds and v.own else []
     return [*own, *reasons(v)[: -1 if own else None]]
 
 
@@ -197,7 +202,7 @@ def validation_report(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
     zeros = _zero_table(v)
-    verdict, advice = _verdict(v, findings)
+    verdict, advice = _verdict(v)
     report = Report(
         title=v.rig.name,
         verdict=verdict.upper(),

@@ -6,7 +6,9 @@ to them, only the dwells' own noise is not (theory, section 7).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -54,6 +56,11 @@ class Validation(Verdict):
     calibrated: FloatArray
     std: FloatArray
 
+    @property
+    def few(self) -> bool:
+        """Its postures are fewer than are enough."""
+        return len(self.used) < ENOUGH
+
 
 def validate(
     given: Calibrated,
@@ -63,6 +70,7 @@ def validate(
     noise: float | None = None,
     known: KnownNoise = AS_STATED,
     age: ZeroAge | None = None,
+    aside: Mapping[int, Finding] = MappingProxyType({}),
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
@@ -72,6 +80,7 @@ def validate(
     known : what the calibration found of the noise. A single posture, and how far any of them
     scatters, is judged by its tails.
     age : of the calibration's zeros at the first dwell, from which on they move as is declared.
+    aside : dwells that take no part, with the reason.
 
     Raises
     ------
@@ -86,7 +95,7 @@ def validate(
     log_against_rig.check_unit(rig, dwells.force)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     screened = faulty_sensors.screen(rig, dwells)
-    used = np.flatnonzero(screened.keep)
+    used = np.setdiff1d(np.flatnonzero(screened.keep), list(aside))
     if not used.size:
         reasons = tuple(screened.reasons.values())
         raise DataError(Finding("dwells-unusable"), findings=reasons[:1])
@@ -113,7 +122,7 @@ def validate(
         rig=rig,
         dwells=dwells,
         used=used,
-        left_out=screened.reasons,
+        left_out={**screened.reasons, **aside},
         nominal=before,
         calibrated=after,
         std=_std(balanced, slopes @ block_diagonal(given.root, at.own_root)),

@@ -129,7 +129,7 @@ class Whitened:
 
     @property
     def unfolded(self) -> tuple[FloatArray, FloatArray]:
-        """y (m,) and M (m, r + f): with A the whitening, y = Aᵀ residual and AᵀA = I − M Mᵀ.
+        """Return y (m,) and M (m, r + f): y = Aᵀ residual, AᵀA = I − M Mᵀ, A the whitening.
 
         By them score and information of columns come from the rows where these are not 0.
         """

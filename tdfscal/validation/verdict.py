@@ -25,6 +25,9 @@ from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.residuals import Whitened
 
+#: Does it hold; unproven: nothing speaks against it, but the log cannot show that it holds;
+#: touched: the check is what is wrong, not the calibration.
+Outcome = Literal["holds", "unproven", "touched", "changed"]
 Kind = Literal[
     "sensor turned",
     "load changed",
@@ -259,13 +262,28 @@ class Verdict:
     """Verdict on a calibration: on angles, load and gain, by zeros that may have been tared anew.
 
     rig : of the log. judged : the test. zeros : whether they moved.
-    findings : what is to be said of log and noise.
+    findings : what is to be said of log and noise. own : logs that went into the
+    calibration itself, where what was tested is theirs.
     """
 
     rig: Rig
     judged: Judged
     zeros: Zeros
     findings: tuple[Finding, ...]
+    own: tuple[str, ...] = ()
+
+    @property
+    def few(self) -> bool:
+        """Too little was tested to show more than a gross change."""
+        return False
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the test says of the calibration; what is touched by the likeliest cause."""
+        if not self.holds:
+            likeliest = next(iter(self.suspected), None)
+            return "touched" if likeliest and likeliest.kind == "contact" else "changed"
+        return "unproven" if self.own or self.few else "holds"
 
     @property
     def white(self) -> Whitened:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,21 @@ from tdfscal.comparison.compatibility import (
 )
 from tdfscal.comparison.pooling import Recorded as Campaign
 from tdfscal.comparison.pooling import pool
-from tdfscal.comparison.shared_data import Recorded, Relation, relation
+from tdfscal.comparison.shared_data import (
+    Readings,
+    Recorded,
+    Relation,
+    readings,
+    relation,
+    relation_of_readings,
+    repeated,
+)
+from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.records import Drift, FloatArray, Rig, Rotations
-from tdfscal.simulation import Recorder, reference_rig
+from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
+from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
+from tdfscal.simulation.campaign import record_means
+from tdfscal.simulation.postures import set_stage
 from tests.cli.running import run
 from tests.comparison.histories import history
 from tests.comparison.test_pooling import estimate
@@ -129,6 +141,46 @@ def test_parts_of_one_recording() -> None:
     assert relation([begin], [most]) == "same"
     assert relation([begin], [most, Recorded("b")]) == "first"
     assert relation([most], [begin, Recorded("b")]) == "overlapping"
+
+
+RIG = replace(reference_rig(), declared=replace(reference_rig().declared, force_noise=0.0))
+
+
+@pytest.mark.parametrize("sd", [1.5, 1e-3])
+def test_the_same_plan_driven_again_is_another_recording(sd: float) -> None:
+    """Nothing but the sensors' noise differs: 240 ordered pairs of sixteen days."""
+    options, rng = (
+        Options(postures=12, recorder=Recorder(force_sd=(sd, sd))),
+        np.random.default_rng(2),
+    )
+    stage = set_stage(RIG, options, rng, 1)
+    days = [readings(RIG, record_means(RIG, options, stage, rng).dwells(0)) for _ in range(16)]
+    assert not any(repeated(*pair).any() for pair in permutations(days, 2))
+    for day in days:
+        moved = day.force + 0.1 * day.noise * rng.standard_normal(day.force.shape)
+        assert repeated(day, replace(day, force=moved[::-1][:5])).all()
+
+
+def test_parts_cut_out_by_hand_are_known_by_their_readings() -> None:
+    """Other begins and ends, another clock, fewer digits."""
+    done = simulate_campaign(RIG, Options(postures=12), np.random.default_rng(6))
+
+    def part(first: float, last: float, digits: int = 9) -> Readings:
+        def cut(one: Series) -> Series:
+            keep = (one.time >= first) & (one.time < last)
+            return Series(one.time[keep] - 0.7 * first, one.value[keep])
+
+        force = tuple(replace(s, value=s.value.round(digits)) for s in map(cut, done.log.force))
+        position = tuple(map(cut, done.log.position))
+        return readings(RIG, find_dwells([replace(done.log, position=position, force=force)]))
+
+    whole = part(0.0, np.inf)
+    begin, end = part(0.0, done.start[8] + 2.0), part(done.start[4] + 1.0, np.inf, digits=1)
+    assert relation_of_readings(whole, begin) == relation_of_readings(end, whole) == "same"
+    assert relation_of_readings(begin, end) == "overlapping"
+    assert relation_of_readings(part(0.0, done.end[5] + 0.5), part(done.end[5], np.inf)) == "apart"
+    coarse = part(0.0, np.inf, digits=-2)  # nothing moves: it would be the same on any day
+    assert not repeated(coarse, coarse).any()
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,7 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
+from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.filtering import WALK, Walk
 from tests.cli.running import run
 from tests.words import found
@@ -183,9 +184,25 @@ def test_contact_is_named_and_fails(places: Places, capsys: pytest.CaptureFixtur
     seen = run(capsys, "validate", places.calibration, places.touched, "--json")
     assert seen.status == 1
     found = json.loads(seen.out)
-    assert found["verdict"] == "recalibrate"
+    assert found["verdict"] == "record again"
     assert found["suspected"][0]["kind"] == "contact"
     assert found["suspected"][0]["postures"] == [OFF - USED]
+
+
+def test_what_the_calibration_stands_on_is_left_out(places: Places, tmp_path: Path) -> None:
+    """Cut out of its own log by hand it proves nothing, and beside another log it is named."""
+    used = campaign()
+    cut = replace(used, log=between(used.log, used.start[3] + 1.0, used.end[9] - 0.5))
+    write_campaign(cut, tmp_path / "cut", format="mcap")
+    part = tdfscal.validate(places.calibration, tmp_path / "cut")
+    assert part.validation.outcome == "unproven"
+    assert part.to_dict()["verdict"] == "not contradicted"
+    write_campaign(used, tmp_path / "all", format="mcap")
+    both = tdfscal.validate(places.calibration, tmp_path / "all").validation
+    assert isinstance(both, Validation)
+    assert (both.outcome, list(both.used)) == ("holds", list(range(USED, USED + HELD)))
+    log = (str(tmp_path / "all" / "log.mcap"),)
+    assert {why.subject for why in both.left_out.values()} == {log}
 
 
 def edited(path: Path, change: Any) -> Path:

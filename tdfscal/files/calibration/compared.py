@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -14,7 +15,12 @@ from tdfscal.comparison.compatibility import (
     compare_pair,
     in_order_of,
 )
-from tdfscal.comparison.shared_data import Recorded, relation
+from tdfscal.comparison.shared_data import (
+    Readings,
+    Recorded,
+    relation,
+    relation_of_readings,
+)
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Measured, Rotations
@@ -36,6 +42,9 @@ def compared(
     order = A.rotations() if order is None else order
     given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
     common = relation(_recordings(A), _recordings(B))
+    if common == "apart":
+        own = (readings_of(c, order.supports) for c in (A, B))
+        common = relation_of_readings(*own)
     if common in ("first", "second"):
         return _nested(first, second, 1 if common == "first" else 0, given)
     pair = compare_pair(given[0], given[1])
@@ -113,6 +122,19 @@ def _recordings(c: Calibration) -> frozenset[Recorded]:
         for name, digest in named
         if name not in wanted
     )
+
+
+def readings_of(c: Calibration, supports: Sequence[str]) -> Readings:
+    """Mean readings of the dwells that a calibration tells of; none from several campaigns.
+
+    supports : in whose order.
+    """
+    table, zeros = c.dwells, np.zeros((len(supports), 3))
+    if table is None or c.campaigns:
+        return Readings(np.zeros((0, *zeros.shape)), zeros)
+    order = [c.support_names.index(name) for name in supports]
+    noise = zeros if table.noise is None else np.array(table.noise)[order]
+    return Readings(np.array(table.force)[order].swapaxes(0, 1), noise)
 
 
 def _span(c: Calibration) -> tuple[float, float] | None:

@@ -131,7 +131,7 @@ def _shape(c: Calibration) -> Iterator[Statement]:
     n = len(c.supports)
     yield from _rows(("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high", "histogram"), n)
     yield from _rows(("fit",), c.fit, ("channel_noise",), n)
-    yield from _rows(("dwells",), c.dwells, ("force",), n)
+    yield from _rows(("dwells",), c.dwells, ("force", "noise"), n)
     for k, campaign in enumerate(c.campaigns):
         yield from _rows(("campaigns", k), campaign, ("zero", "zero_std"), n)
     for k, method in enumerate(c.methods or ()):

@@ -567,6 +567,7 @@ class DwellTable(Strict):
     end: Numbers = key("s: end of each dwell")
     force: tuple[Vectors, ...] = key("N: per support the mean reading of each dwell, sensor frame")
     temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
+    noise: Vectors | None = key("N: per support, a mean's typical standard error by noise", None)
 
 
 class MethodAngles(Strict):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.comparison.shared_data import readings
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import Observability, load_directions
 from tdfscal.files.calibration.parts import EDGES
@@ -186,13 +187,14 @@ def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
     found = result.dwells
     if len(found) > _LOOKED_AT:
         return None
-    force = np.where(result.rig.axes, found.force, 0.0)
+    means = readings(result.rig, found)
     warm = None if found.temperature is None else found.temperature.mean(axis=1)
     return {
         "start": found.start,
         "end": found.end,
-        "force": np.swapaxes(force, 0, 1),
+        "force": np.swapaxes(means.force, 0, 1),
         "temperature": warm,
+        "noise": means.noise,
     }
 
 
