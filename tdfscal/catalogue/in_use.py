@@ -111,7 +111,7 @@ calibration-unsealed notes
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties
   (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})
-  ? above ; {above} of {of} angles alone exceed E_n = 1, as chance has it
+  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, as chance has it
 calibrations-incompatible rejects
   not compatible: {first} and {second} differ beyond their uncertainties (joint
   {p}), in {above} of {of} angles by themselves (worst: {angle} of {support}:

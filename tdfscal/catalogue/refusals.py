@@ -127,8 +127,9 @@ zero-tared refuses
   the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and
   {first:.0f} ({end:.1f} and {begin:.1f} s){tared:, as a tare makes it|}; without it
   the residuals fall from {before:.2g} to {after:.2g} times what is stated
-  -> give the parts before and after as two campaigns, each in a folder with a
-    rig.yaml (zeros are each campaign's own), or one of them by --from or --to
+  -> {check:tare and record this check again, or validate one part of it, by --to or
+    --from|give the parts before and after as two campaigns, each in a folder with a
+    rig.yaml (zeros are each campaign's own), or one of them by --from or --to}
   @ log forces
 forces-mirrored refuses
   the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the

@@ -6,7 +6,7 @@ Self-calibration and laser tracker of one rig are then joined into what both say
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -32,7 +32,8 @@ class Comparison:
     other. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π]; rpy_std : its
     standard uncertainty. en : (n, 3), |rpy| / (2 rpy_std).
     chi2 of all rotation vectors together, its dof (3n; fewer where little was added) and p_value.
-    verified : χ² is plausible; E_n only explains, since of nine angles one exceeds 1 by chance in a
+    verified : χ² is plausible, at one level for all `tests` that are judged together (Bonferroni);
+    E_n only explains, since of nine angles one exceeds 1 by chance in a
     third of sound comparisons.
     detectable : (n, 3), rad, the smallest change of each angle alone that the test would have seen
     with probability `significance.DETECTION_POWER`. obstacle : what makes of them no pair to be
@@ -52,16 +53,29 @@ class Comparison:
     verified: bool
     detectable: FloatArray
     obstacle: Finding | None = None
+    tests: int = 1
+
+    @property
+    def compatible(self) -> bool:
+        """Whether the numbers agree, whatever keeps them from being verified."""
+        return compatible(self.p_value, self.tests)
 
     @property
     def finding(self) -> Finding:
         """Whether they agree, with the angle that departs most."""
-        return verdict(self.names, self.supports, self.rpy, self.en, self.p_value)
+        return verdict(self.names, self.supports, self.rpy, self.en, self.p_value, self.tests)
 
 
-def compatible(p_value: float) -> bool:
+def compatible(p_value: float, tests: int = 1) -> bool:
     """Whether two calibrations agree, by the p-value of all their differences together."""
-    return p_value >= INCOMPATIBLE
+    return p_value * tests >= INCOMPATIBLE
+
+
+def _together(pairs: Sequence[Comparison]) -> tuple[Comparison, ...]:
+    """Pairs that are judged together."""
+    tests = max(sum(np.isfinite(pair.p_value) for pair in pairs), 1)
+    known = (replace(pair, tests=tests) for pair in pairs)
+    return tuple(replace(p, verified=p.compatible and p.obstacle is None) for p in known)
 
 
 def verdict(
@@ -70,12 +84,13 @@ def verdict(
     rpy: FloatArray,
     en: FloatArray,
     p_value: float,
+    tests: int = 1,
 ) -> Finding:
     """Whether two calibrations agree, with the angle that departs most; as in `Comparison`."""
     i, k = np.unravel_index(int(np.argmax(en)), en.shape)
     above = int(np.sum(en > 1))
     code = "calibrations-compatible"
-    if not compatible(p_value):
+    if not compatible(p_value, tests):
         code = "calibrations-incompatible" if above else "calibrations-incompatible-together"
     values: dict[str, Value] = {
         "first": names[0],
@@ -85,6 +100,7 @@ def verdict(
         "difference": 1e3 * float(rpy[i, k]),
         "en": float(en[i, k]),
         "above": above,
+        "single": above == 1,
         "of": en.size,
     }
     return Finding(code, names, p_value=p_value, values=values)
@@ -137,7 +153,7 @@ def compare(
     ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
     pair = pair or (lambda later, earlier: compare_pair(ordered[later], ordered[earlier]))
     count = range(1, len(ordered))
-    against_first = tuple(pair(k, 0) for k in count)
+    against_first = _together([pair(k, 0) for k in count])
     rpy = np.stack([so3.to_rpy(r.rotation) for _, r in ordered])
     zero = np.zeros((1, *rpy.shape[1:]))
     return History(
@@ -148,7 +164,7 @@ def compare(
         drift=np.concatenate([zero, [c.rpy for c in against_first]]),
         drift_std=np.concatenate([zero, [c.rpy_std for c in against_first]]),
         against_first=against_first,
-        steps=tuple(pair(k, k - 1) for k in count),
+        steps=_together([pair(k, k - 1) for k in count]),
     )
 
 

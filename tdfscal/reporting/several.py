@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History, compare, compatible
+from tdfscal.comparison.compatibility import Comparison, History, compare
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
@@ -49,8 +49,8 @@ class Several:
     @property
     def departs(self) -> bool:
         """One is not compatible with the first, at one level for all (Bonferroni)."""
-        known = [p.p_value for p in self.history.against_first if np.isfinite(p.p_value)]
-        return not all(compatible(p * len(known)) for p in known)
+        pairs = self.history.against_first
+        return not all(pair.compatible for pair in pairs if np.isfinite(pair.p_value))
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:

@@ -245,8 +245,13 @@ def misread(
     present: Fit,
     number: IntArray | None = None,
     time: FloatArray | None = None,
+    *,
+    check: bool = False,
 ) -> DataError:
-    """The error that names a mistake with its evidence; parameters as in `misreading`."""
+    """The error that names a mistake with its evidence; parameters as in `misreading`.
+
+    check : the postures are those of a check, which has no zeros to calibrate.
+    """
     if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
@@ -272,6 +277,7 @@ def misread(
         "end": float(time[last]),
         "begin": float(time[first]),
         "tared": found.tared,
+        "check": check,
     }
     size = float(np.linalg.norm(found.jump))
     return DataError(Finding("zero-tared", subject, size, "N", values=values))

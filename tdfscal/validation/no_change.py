@@ -177,7 +177,7 @@ def refuse_misread(
             best = now.causes.best[0]
             if (best.kind, best.support) != ("zero jumped", found.support):
                 return
-            raise misread(known, found, present, number, time)
+            raise misread(known, found, present, number, time, check=True)
         without = judge(found.fit.postures, some)
         # What has a number is no likelier by little, nor beside a second cause.
         apart = 0.0 if found.exact else CAUSES_APART
@@ -185,4 +185,4 @@ def refuse_misread(
             found.exact or without.holds
         ):
             return
-    raise misread(known, found, present, number, time)
+    raise misread(known, found, present, number, time, check=True)

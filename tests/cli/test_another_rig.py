@@ -68,7 +68,10 @@ def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
     later = run(capsys, "validate", target, SAMPLES / "parquet", "--from", split, "-q")
     assert "went into this calibration" not in later.err + later.out
     assert "STILL VALID" in later.out
-    again = run(capsys, "validate", target, SAMPLES / "parquet", "-q")
+    both = run(capsys, "validate", target, SAMPLES / "parquet", "-q")
+    assert f"6 of {len(log)} postures" in " ".join(both.out.split())
+    assert "which went into this calibration" in both.err
+    again = run(capsys, "validate", target, SAMPLES / "parquet", "--to", split, "-q")
     assert "went into this calibration" in again.err + again.out
     assert "NOT CONTRADICTED" in again.out
     assert "would have been detected" not in " ".join(again.out.split())

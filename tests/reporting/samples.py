@@ -127,12 +127,12 @@ def changed(c: Calibration, **changes: Any) -> Calibration:
 
 
 def of_another_log(c: Calibration, name: str = "other") -> Calibration:
-    """The same file, but from inputs of its own."""
+    """The same file, but from inputs of its own, of which it tells no dwells."""
     inputs = [
         {**one, "sha256": sha256(f"{name} {one['sha256']}".encode()).hexdigest()}
         for one in c.model_dump()["inputs"]
     ]
-    return changed(c, inputs=inputs)
+    return changed(c, inputs=inputs, dwells=None)
 
 
 def without_parameters(content: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History, compatible, verdict
+from tdfscal.comparison.compatibility import Comparison, History, verdict
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import EDGES, Budget, MonteCarloResult
 from tdfscal.numerics import so3
@@ -160,7 +160,7 @@ def drift(h: History) -> Drawing:
     said = (
         f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
         f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
-        f"E_n = {en[f, i, j]:.2f}; {'within' if compatible(worst.p_value) else 'beyond'} the "
+        f"E_n = {en[f, i, j]:.2f}; {'within' if worst.compatible else 'beyond'} the "
         f"uncertainties of all angles together, {p_text(worst.p_value)}."
     )
     return Drawing("drift", "Change of each angle", said, lambda: _changes(pairs))
