@@ -16,58 +16,58 @@ SUSPECTS: dict[str, Entry] = entries(
     """
 zero-suspected warns
   the zero of {subject} is not what is stated
-  -> tare again, or write `zero.std: {stated}` for {subject} in rig.yaml
+  -> tare again, or write `zero.std: {stated}` for {subject} in rig.yaml (N)
 sensitivity-suspected warns
   gain or crosstalk of {subject} is not what is stated
   -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
-    {stated}` in rig.yaml
+    {stated}` in rig.yaml (relative)
 gain-suspected warns
   the gain of {subject} is not what is stated
   -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
-    {stated}` in rig.yaml
+    {stated}` in rig.yaml (relative)
 mounting-suspected warns
   the sensor of {subject} is not mounted as stated
   -> see how it sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for
-    {subject} in rig.yaml
+    {subject} in rig.yaml (rad)
 mass-suspected warns
   the mass is not what is stated
-  -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml
+  -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
 barycentre-suspected warns
   the barycentre is not where it is stated
-  -> correct it, or write `terminal.barycenter.std: {stated}` in rig.yaml
+  -> correct it, or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
 hinge-suspected warns
   the hinge of {subject} is not where it is stated
-  -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml
+  -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml (m)
 datum-suspected warns
   the servo coordinates of {subject} are offset
-  -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml
+  -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml (m)
 tilt-suspected warns
   gravity is not along -Z of the BCS
-  -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml
+  -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)
 compliance-suspected warns
   the NCPs give between encoder and hinge
   -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
-    vertical: {stated}}}` in rig.yaml
+    vertical: {stated}}}` in rig.yaml (m/N)
 hysteresis-suspected warns
   the hinges hold back against the turn by which a posture is reached
   -> see whether the hinges move freely, or write `uncertainty.hinge_moment:
-    {stated}` in rig.yaml
+    {stated}` in rig.yaml (N·m)
 hinge-friction-suspected warns
   the moments scatter as friction of {stated} N·m in the hinges would make them
   -> see whether the hinges move freely and the NCPs repeat as stated, or write
-    `uncertainty.hinge_moment: {stated}` in rig.yaml
+    `uncertainty.hinge_moment: {stated}` in rig.yaml (N·m)
 force-noise-suspected warns
   the forces scatter by {stated} N per axis and posture beyond what is stated
   -> see what shakes or hums, or write `uncertainty.force_noise: {stated}` in
-    rig.yaml
+    rig.yaml (N)
 sensor-noise-suspected warns
   the forces of {subject} scatter by {stated} N per axis and posture beyond what is
   stated
   -> look at the sensor of {subject}, its cable and amplifier, or write
-    `uncertainty.force_noise: {stated}` in rig.yaml
+    `uncertainty.force_noise: {stated}` in rig.yaml (N)
 positioner-noise-suspected warns
   the NCPs repeat {stated} m per axis worse than stated
-  -> see what is loose, or write `uncertainty.positioner: {stated}` in rig.yaml
+  -> see what is loose, or write `uncertainty.positioner: {stated}` in rig.yaml (m)
 zero-drift warns
   the zero of {subject} drifts over the campaign
   -> warm up and tare again, or write `drift.time: .inf` in rig.yaml
@@ -83,17 +83,17 @@ zeros-temperature warns
 zero-walk warns
   the zero of {subject} wanders at random
   -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
-    rig.yaml
+    rig.yaml (N/√h)
 zeros-walk warns
   the zeros of all sensors wander at random
   -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
-    rig.yaml
+    rig.yaml (N/√h)
 zero-parabola warns
   the zero of {subject} drifts other than along a line
-  -> record faster, or write `drift.walk: {stated}` in rig.yaml
+  -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 zeros-parabola warns
   the zeros of all sensors drift other than along a line
-  -> record faster, or write `drift.walk: {stated}` in rig.yaml
+  -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
   of the BCS before posture {posture}{between:time}

@@ -19,7 +19,7 @@ from tdfscal.logs.plausible_units import (
     resampled,
     time_unit,
 )
-from tdfscal.logs.request import unit_factor
+from tdfscal.logs.request import by_scale, unit_factor
 from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
@@ -98,6 +98,9 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         none = f"no mapping is guessed: {found}; three of each are needed"
+        for role in ("position", "force"):
+            units = {v.unit: by_scale(role, v.unit) for v in vectors if v.unit is not None}
+            none += "".join(f"; {unit}: {line}" for unit, line in units.items() if line)
         if twice := ", ".join(name for c in files.values() for name in c.repeated):
             none += f"; columns that are there more than once are passed over: {twice}"
         return Guess((), (none, *(note for c in files.values() for note in _joints(c))))

@@ -22,10 +22,17 @@ UNITS: Final[dict[Quantity, dict[str, float]]] = {
 }
 """Units that can be declared, and their factors to SI."""
 _SPELLINGS: Final = {"µm": "um", "μm": "um", "µs": "us", "μs": "us", "sec": "s"}
-# Units that recorders write and that are none of ours: naming one is a disagreement, not a name.
-_FOREIGN: Final = frozenset(
-    {"in", "inch", "ft", "cm", "dm", "km", "mil", "lbf", "lb", "kp", "kgf", "gf", "mN", "MN", "dN"}
-    | {"daN", "V", "mV", "mV/V", "A", "deg", "rad", "g", "kg", "h", "min", "counts", "raw", "%"}
+FOREIGN: Final[dict[Quantity, dict[str, float]]] = {
+    "position": {"cm": 1e-2, "dm": 1e-1, "km": 1e3, "ft": 0.3048, "mil": 2.54e-5}
+    | dict.fromkeys(("in", "inch"), 0.0254),
+    "force": {"mN": 1e-3, "dN": 0.1, "daN": 10.0, "MN": 1e6, "gf": 9.80665e-3}
+    | dict.fromkeys(("kp", "kgf", "kg"), 9.80665)
+    | dict.fromkeys(("lbf", "lb"), 4.4482216152605),
+}
+"""Units that recorders write and that are none of ours, by the scale of the rig file for each."""
+# Naming one is a disagreement too, and not a name.
+_OTHERS: Final = frozenset(
+    ("V", "mV", "mV/V", "A", "deg", "rad", "g", "h", "min", "counts", "raw", "%")
 )
 
 
@@ -42,7 +49,17 @@ def unit_factor(quantity: Quantity, unit: str) -> float | None:
 def is_unit(text: str) -> bool:
     """Tell whether a text is a unit of measurement, ours or another."""
     unit = canonical(text)
-    return unit in _FOREIGN or any(unit in table for table in UNITS.values())
+    tables = (_OTHERS, *UNITS.values(), *FOREIGN.values())
+    return any(unit in table for table in tables)
+
+
+def by_scale(quantity: Quantity, unit: str) -> str | None:
+    """Return how a rig file states a unit that it does not know by name; None of one unknown."""
+    factor = FOREIGN.get(quantity, {}).get(unit.strip())
+    if factor is None:
+        return None
+    line = f"{quantity}_scale: {factor:.14g}"
+    return f"write `{line}` beside the {quantity} fields of each support in the log block"
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,8 +90,10 @@ def _by_block(lines: Iterable[str]) -> str:
 def advise(c: Calibration) -> tuple[str, ...]:
     """Return sentences in the order in which to act: the first is the cure that counts most."""
     if c.status == "rejected":
-        cures = tuple(filter(None, _cures(c)))
-        first, *others = cures[:_TRIED] or (
+        each: dict[str, str] = {}  # one that is told apart by its numbers only is the same
+        for cure in filter(None, _cures(c)):
+            each.setdefault(re.sub("`[^`]*`", "", cure), cure)
+        first, *others = tuple(each.values())[:_TRIED] or (
             "record again: hold each posture for 3 s and touch nothing",
         )
         return (

@@ -15,7 +15,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, placed
-from tdfscal.logs.request import UNITS, Quantity, Request, Signal, canonical, unit_factor
+from tdfscal.logs.request import UNITS, Quantity, Request, Signal, by_scale, canonical, unit_factor
 from tdfscal.logs.table import (
     DATES,
     columns_of,
@@ -190,8 +190,8 @@ def _unit(
             f"column {cell!r} is in {stated}, the mapping says {declared}",
             hint=f"state the unit of the {quantity} in the log block of rig.yaml"
             if factor is not None
-            else f"record the {quantity} in one of {', '.join(UNITS[quantity])}",
-            fields=(cell, split_label(cell)[0]),
+            else by_scale(quantity, stated)
+            or f"record the {quantity} in one of {', '.join(UNITS[quantity])}",
         )
     return factor
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,8 +107,15 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
     assert_plain(read(tmp_path, content, replace(mapping, length_unit="mm")), 1e-3)
     # Without a log block nothing contradicts what the file says.
     assert_plain(read(tmp_path, content.replace(b"t,", b"time,", 1), None), 1e-3)
-    with pytest.raises(DataError, match="is in lbf, the mapping says N"):
-        read(tmp_path, content.replace(b"a.fx", b"a.fx [lbf]"), replace(mapping, length_unit="mm"))
+    in_mm = replace(mapping, length_unit="mm")
+    pounds = content.replace(b"a.fx", b"a.fx [lbf]")
+    with pytest.raises(DataError, match="is in lbf, the mapping says N") as refused:
+        read(tmp_path, pounds, in_mm)
+    # The line that it names reads it: 1 lbf is 0.45359237 kg of 9.80665 m/s².
+    scale = float(re.findall(r"`force_scale: ([\d.]+)`", str(refused.value))[0])
+    assert scale == pytest.approx(0.45359237 * 9.80665, rel=1e-12)
+    log = read(tmp_path, pounds, replace(in_mm, force_scale=((scale,) * 3,)))
+    assert_plain(log, 1e-3, scale)
     with pytest.raises(DataError, match="different units"):
         read(tmp_path, content.replace(b"t,", b"time,", 1).replace(b"a.x [mm]", b"a.x [m]"), None)
 
