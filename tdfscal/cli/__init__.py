@@ -47,7 +47,7 @@ def _come_again(met: "sys.UnraisableHookArgs") -> None:
 
     def again(number: int = 2) -> None:  # SIGINT
         time.sleep(_SOON)
-        _thread.interrupt_main(number)
+        _thread.interrupt_main(number)  # type: ignore[arg-type]
 
     _thread.start_new_thread(again, met.exc_value.args[:1])
 
