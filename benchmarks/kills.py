@@ -38,6 +38,8 @@ LINES = (
 )
 #: What differs between equal runs: when they ran, and numbers that follow from it.
 WHEN = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d|[0-9a-f]{64}|[Rr]eport [0-9a-f]{8}")
+#: A line of a traceback in a function of ours.
+OURS = re.compile(r"/tdfscal/.*, in (?!<module>)")
 Files = dict[str, bytes]
 
 
@@ -103,7 +105,7 @@ def faults(of: Results, name: str, status: int, said: str, now: Files) -> set[st
         if "nothing was written" in said and kept != names:
             found.add("`nothing was written` is said though something was")
     # Before our first line Python answers an interruption in its own way.
-    if "Traceback" in said and "/tdfscal/" in said:
+    if OURS.search(said):
         found.add("traceback")
     return found
 
