@@ -40,6 +40,7 @@ def test_errors_are_the_projects_own() -> None:
         lambda: tdfscal.find_dwells(None),  # type: ignore[arg-type]
         lambda: tdfscal.find_dwells([3]),  # type: ignore[list-item]
         lambda: tdfscal.find_dwells([], options=3),  # type: ignore[arg-type]
+        lambda: tdfscal.DwellOptions("0.5"),  # type: ignore[arg-type]
         lambda: tdfscal.read_log(None, None),  # type: ignore[arg-type]
         lambda: tdfscal.read_log([3], SAMPLES / "csv" / "rig.yaml"),  # type: ignore[list-item]
         lambda: tdfscal.dwells_frame(3),  # type: ignore[arg-type]
@@ -52,6 +53,28 @@ def test_errors_are_the_projects_own() -> None:
 def test_what_is_of_another_kind_is_told_what_is_wanted(call: Callable[[], object]) -> None:
     with pytest.raises(tdfscal.TdfscalError, match=r"expected \w.*, got |Give "):
         call()
+
+
+@pytest.mark.parametrize("name", ["nul\0", "\ud800", 5000 * "x"])
+@pytest.mark.parametrize(
+    "call",
+    [
+        tdfscal.calibrate,
+        tdfscal.info,
+        tdfscal.load_calibration,
+        tdfscal.load_rig,
+        tdfscal.report,
+        tdfscal.schema,
+        tdfscal.simulate,
+        lambda name: tdfscal.register(name, name),
+        lambda name: tdfscal.info(SAMPLES / "csv" / "log.csv", rig=name),
+    ],
+)
+def test_what_no_file_is_called(call: Callable[[str], object], name: str) -> None:
+    """Neither a name that ends within, nor one without bytes, nor one of too many."""
+    with pytest.raises(tdfscal.TdfscalError) as caught:
+        call(name)
+    assert len(str(caught.value)) < 500
 
 
 def test_a_calibration_is_saved_under_a_name(sample: tdfscal.Calibration) -> None:

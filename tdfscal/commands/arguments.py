@@ -87,7 +87,7 @@ def at_hand(value: Any) -> Any:
 
 def one(path: PathLike | None) -> Path | None:
     """Return a path that may be missing."""
-    return None if path is None else Path(path)
+    return None if path is None else as_path(path)
 
 
 def numbers(option: str, value: Numbers) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from tdfscal.commands import arguments
-from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, at_hand, one
+from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, at_hand, listed, one
 from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
@@ -277,7 +277,7 @@ def _paths_in(value: Any) -> list[Path]:
     """Paths, not what is in memory."""
     if isinstance(value, list | tuple):
         return [path for one in value for path in _paths_in(one)]
-    return [Path(value)] if isinstance(value, str | PathLike) else []
+    return listed(value) if isinstance(value, str | PathLike) else []
 
 
 def _write_files(

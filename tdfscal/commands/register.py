@@ -17,6 +17,7 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.errors import UsageError
 from tdfscal.files.points.reading import read_point_file
+from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
@@ -98,8 +99,8 @@ def register(
     """
     instrument = _instrument(range, range_ppm, angle_arcsec)
     pairs = _pairs(groups)
-    first = read_point_file(Path(measured), length_unit=unit)
-    second = read_point_file(Path(reference), length_unit=unit)
+    first = read_point_file(as_path(measured), length_unit=unit)
+    second = read_point_file(as_path(reference), length_unit=unit)
     fit = trackercal.register(
         first.points, second.points, instrument=instrument, match=match, groups=pairs, scale=scale
     )

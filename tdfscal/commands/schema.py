@@ -11,6 +11,7 @@ from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.files.schema import write_schemas
+from tdfscal.files.yaml import as_path
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -46,4 +47,4 @@ def schema(
     UsageError
         The folder cannot be written.
     """
-    return SchemaResult(write_schemas(Path(folder)))
+    return SchemaResult(write_schemas(as_path(folder)))

@@ -13,6 +13,7 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
+from tdfscal.files.yaml import as_path
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
@@ -86,7 +87,7 @@ def simulate(
     UsageError, RigError, NotConvergedError
     """
     scenario = scenario.lower()
-    check_folder(Path(folder), force)
+    check_folder(as_path(folder), force)
     loaded = rig_named(rig) if rig else None
     progress.stage(f"simulating {postures} postures")
     played = simulate_to_folder(

@@ -16,6 +16,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
+from tdfscal.reporting.traceability import measured_on
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 _URDF = """\
@@ -112,8 +113,8 @@ def origin(c: Calibration) -> list[str]:
     """Lines that say what the numbers are, from what, and how to use them."""
     lines = [
         f"Installation rotations of the force sensors of: {c.rig.name}",
-        f"{c.software.name} {c.software.version}, method {c.method}, created {c.created}, "
-        f"{c.status}",
+        f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
+        f"{c.created}, {c.status}",
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
     ]

@@ -7,6 +7,7 @@ object.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -114,9 +115,14 @@ def parse_document(
 def as_path(given: str | PathLike[str]) -> Path:
     """Return a path. Raises UsageError for what names no file."""
     try:
-        return Path(given)
+        path = Path(given)
+        path.lstat()
     except TypeError:
         raise UsageError(f"{given!r:.40} names no file", hint="give a path") from None
+    except (ValueError, OSError) as fault:
+        if isinstance(fault, ValueError) or fault.errno == errno.ENAMETOOLONG:
+            raise unreadable(path, fault) from fault
+    return path
 
 
 def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
