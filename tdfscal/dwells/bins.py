@@ -44,7 +44,7 @@ class DwellOptions:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if value is not None and not (isinstance(value, Real) and 0 < value < np.inf):
+            if value is not None and not (isinstance(value, Real) and 0 < float(value) < np.inf):
                 raise UsageError(
                     f"dwell option {field.name} is {value!r}",
                     hint="give a positive, finite number, or leave it out",
