@@ -68,7 +68,7 @@ def headline(c: Calibration) -> str:
             f"they are right, the angles are known, {said}."
         )
     exact = exact_sentence(c, half_widths(c).max())
-    return " ".join(filter(None, (loaded, not_whole_sentence(c), exact, _rests_on(c))))
+    return " ".join(filter(None, (loaded, exact, not_whole_sentence(c), _rests_on(c))))
 
 
 def draft_lines(c: Calibration) -> list[str]:
