@@ -30,7 +30,9 @@ from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 
 def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out a calibration; drawings are those of a page."""
-    names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
+    files = [PurePath(entry.path) for entry in c.inputs]
+    alike = len({file.name for file in files}) < len(files)  # of several campaigns
+    names = ", ".join("/".join(file.parts[-2:]) if alike else file.name for file in files)
     rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
     pieces = (c.postures.left_out or ()) if c.postures is not None else ()

@@ -119,6 +119,14 @@ def test_the_lines_of_a_draft_are_the_first_to_act_on() -> None:
     )
 
 
+def test_campaigns_of_logs_that_are_called_alike_are_told_by_their_folders() -> None:
+    content = sample().calibration.model_dump()
+    (log,) = content["inputs"]
+    both = [log | {"path": f"/rig/2026-0{month}/log.csv"} for month in (3, 4)]
+    subtitle = calibration_report(Calibration.model_validate(content | {"inputs": both})).subtitle
+    assert "from 2026-03/log.csv, 2026-04/log.csv" in subtitle
+
+
 def test_what_is_taken_as_exact_and_outweighs_the_claim_is_measured_first() -> None:
     """0.1 % of gain, 1 mrad of level: more than ± 0.46 mrad; 0.1 mm of a datum: less."""
     c = sample().calibration
