@@ -10,6 +10,7 @@ from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
 from tdfscal.simulation.equilibrium import Load, settle
 from tdfscal.simulation.faults import Place
+from tdfscal.simulation.inertia import draw_inertia, inertial
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import Postures, Stage, reading, set_stage, stand
 from tdfscal.simulation.time_course import (
@@ -57,7 +58,7 @@ def simulate_campaign(
     Raises UsageError for options that do not fit the rig, RigError for a scatter that cannot be
     simulated, NotConvergedError where the terminal finds no rest.
     """
-    stage_rng, record_rng = rng.spawn(2)
+    stage_rng, record_rng, inertia_rng = rng.spawn(3)
     stage = set_stage(rig, options, stage_rng, 1, truth)
     if options.rows == "postures":
         batch = record_means(rig, options, stage, record_rng)
@@ -68,10 +69,11 @@ def simulate_campaign(
         timeline = draw_timeline(options.recorder, options.count, timeline_rng)
         start, end = timeline.start, timeline.end
         stamps = timeline.samples(options.recorder.force_rate)
+        inertia = draw_inertia(rig, stage.truth.trial(0), inertia_rng)
         log = Log(
             supports=rig.supports,
             position=_record_positions(rig, options, stage, timeline, position_rng),
-            force=_record_forces(rig, options, stage, timeline, force_rng),
+            force=_record_forces(rig, options, stage, timeline, inertia, force_rng),
             temperature=faults.thermometer(options.faults, stamps, timeline.place(stamps)),
         )
     return Campaign(
@@ -98,15 +100,20 @@ def _record_positions(
 
 
 def _record_forces(
-    rig: Rig, options: Options, stage: Stage, timeline: Timeline, rng: np.random.Generator
+    rig: Rig,
+    options: Options,
+    stage: Stage,
+    timeline: Timeline,
+    inertia: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[Series, ...]:
     recorder = options.recorder
     sd_rng, shake_rng, noise_rng, walk_rng = rng.spawn(4)
     time = timeline.samples(recorder.force_rate)
     moment = timeline.at(time)
     truth = stage.truth.trial(0)
-    force = _true_forces(rig, options, stage, timeline, time)
-    force += shaking(recorder, timeline, time, rig.n, shake_rng)
+    force = _true_forces(rig, options, stage, timeline, inertia, time)
+    force += shaking(recorder, timeline, time, stage.rest.pose.place(rig.hinge)[0], shake_rng)
     sd = sd_rng.uniform(*recorder.force_sd, rig.n)
     place = timeline.place(time)
     signal = (
@@ -120,9 +127,17 @@ def _record_forces(
 
 
 def _true_forces(
-    rig: Rig, options: Options, stage: Stage, timeline: Timeline, time: FloatArray
+    rig: Rig,
+    options: Options,
+    stage: Stage,
+    timeline: Timeline,
+    inertia: FloatArray,
+    time: FloatArray,
 ) -> FloatArray:
-    """Forces of the NCPs on the terminal, (N, n, 3), N, BCS, in quasi-static motion."""
+    """Forces of the NCPs on the terminal, (N, n, 3), N, BCS; its carriages follow at once.
+
+    inertia : (3, 3), kg m², about the LCS origin.
+    """
     moment = timeline.at(time)
     force = stage.rest.force[0][moment.index]
     blow = np.zeros((len(time), 3))
@@ -134,11 +149,13 @@ def _true_forces(
     solve = (moment.share > 0.0) | np.any(blow != 0.0, axis=1)
     if np.any(solve):
         part = Moment(moment.index[solve], moment.share[solve], moment.speed[solve])
-        truth = stage.truth.trial(0)
-        postures = between(stage.postures.trial(0), part)
+        truth, driven = stage.truth.trial(0), stage.postures.trial(0)
+        postures = between(driven, part)
         _, where = stand(truth, options, postures.target(rig.hinge), part.blend(stage.repeat[0]))
         contact = part.blend(stage.load.contact[0])
         contact[:, 0] += blow[solve]
+        course = lambda at: between(driven, timeline.at(at)).pose  # noqa: E731
+        contact += inertial(course, truth, inertia, time[solve])[0]
         load = Load(contact, part.blend(stage.load.friction[0]))
         force[solve] = settle(truth, where, load, postures.pose).force
     return np.asarray(force, dtype=np.float64)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Rig
-from tdfscal.simulation import faults, rotations
+from tdfscal.simulation import faults
 from tdfscal.simulation.equilibrium import Load, Pose, settle
+from tdfscal.simulation.inertia import draw_inertia, inertial
 from tdfscal.simulation.options import MovingOptions, Options
 from tdfscal.simulation.postures import internal_part, reading
 from tdfscal.simulation.time_course import Trajectory, correlated, draw_trajectory, streams
@@ -66,7 +67,9 @@ def simulate_moving(
     truth_rng, way_rng, field_rng, record_rng, inertia_rng = rng.spawn(5)
     machine = Options(stiffness=np.diag(options.stiffness), rpy=options.rpy)
     truth = truth or draw_truths(rig, machine, truth_rng, 1).trial(0)
-    inertia = _true_inertia(rig, options, truth, inertia_rng)
+    inertia = options.inertia
+    if inertia is None:
+        inertia = draw_inertia(rig, truth, inertia_rng)
     way = way or draw_trajectory(options, rig.n, way_rng)
     field = draw_field(rig.n, rig.declared.positioner, options.field_correlation, field_rng)
 
@@ -76,7 +79,8 @@ def simulate_moving(
     knots = np.arange(-lead, options.duration + lead, 1 / _SOLVED)
     servo = _servo(rig, truth, way, knots)
     where = servo + truth.datum + field(servo)
-    pose, load = way.pose(knots), _inertial_load(way, truth, inertia, options.friction, knots)
+    pose, (push, turning) = way.pose(knots), inertial(way.pose, truth, inertia, knots)
+    load = Load(push, _hinge_friction(options.friction, truth, turning))
     force = CubicSpline(knots, settle(truth, where, load, pose).force)(stamp - options.delay)
     force = force + _touched(options, truth, where, load, pose, knots, stamp - options.delay)
 
@@ -117,49 +121,6 @@ def _servo(rig: Rig, truth: Truth, way: Trajectory, time: FloatArray) -> FloatAr
     force = internal_part(place, (way.squeeze(time) @ modes.T).reshape(-1, n, 3))
     give = np.linalg.inv(truth.stiffness)
     return np.asarray(place + np.einsum("nij,knj->kni", give, force) - truth.datum)
-
-
-def _true_inertia(
-    rig: Rig, options: MovingOptions, truth: Truth, rng: np.random.Generator
-) -> FloatArray:
-    """Inertia about the LCS origin, (3, 3), kg m²."""
-    if options.inertia is not None:
-        return options.inertia
-    draw = rng.standard_normal((3, 3))
-    draw = (draw + draw.T) / 2
-    if rig.inertia is not None and np.all(np.isfinite(rig.inertia.std)):
-        return np.asarray(rig.inertia.value + rig.inertia.std * draw)
-    # A body with the hinges' radius of gyration over √2, and its barycentre off the origin.
-    size = 0.5 * float(truth.mass) * np.mean(np.sum(truth.hinge**2, axis=1))
-    r = truth.barycentre
-    own = 0.5 * size * (np.diag([1.0, 1.1, 1.3]) + 0.05 * draw)
-    return np.asarray(own + truth.mass * (r @ r * np.eye(3) - np.outer(r, r)))
-
-
-def _inertial_load(
-    way: Trajectory, truth: Truth, inertia: FloatArray, friction: float, time: FloatArray
-) -> Load:
-    """D'Alembert's force and moment about the LCS origin, and friction, at times (N,)."""
-    h = 5.0e-3
-    back, here, ahead = (way.pose(time + shift) for shift in (-h, 0.0, h))
-    R = here.rotation
-    after = rotations.log(ahead.rotation @ np.swapaxes(R, 1, 2))
-    before = rotations.log(R @ np.swapaxes(back.rotation, 1, 2))
-    turning, turning_rate = (after + before) / (2 * h), (after - before) / h**2
-    rise = (ahead.translation - 2 * here.translation + back.translation) / h**2
-    bary = R @ truth.barycentre
-    centre = rise + np.cross(turning_rate, bary)
-    centre += np.cross(turning, np.cross(turning, bary))
-    # About the barycentre: I_O less the parallel axes' part.
-    r = truth.barycentre
-    own = inertia - truth.mass * (r @ r * np.eye(3) - np.outer(r, r))
-    J = R @ own @ np.swapaxes(R, 1, 2)
-    spin = np.einsum("kab,kb->ka", J, turning)
-    gyro = np.einsum("kab,kb->ka", J, turning_rate) + np.cross(turning, spin)
-    push = -truth.mass * centre
-    moment = -gyro + np.cross(bary, push)
-    in_lcs = np.stack([push, moment], axis=1) @ R  # rows vᵀR are the components in the LCS
-    return Load(np.asarray(in_lcs), _hinge_friction(friction, truth, turning))
 
 
 def _hinge_friction(friction: float, truth: Truth, turning: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.faults import Place
 from tdfscal.simulation.options import MovingOptions, Recorder
-from tdfscal.simulation.postures import Postures
+from tdfscal.simulation.postures import Postures, internal_part
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,19 +83,25 @@ def between(postures: Postures, moment: Moment) -> Postures:
 
 
 def shaking(
-    recorder: Recorder, timeline: Timeline, time: FloatArray, n: int, rng: np.random.Generator
+    recorder: Recorder,
+    timeline: Timeline,
+    time: FloatArray,
+    hinge: FloatArray,
+    rng: np.random.Generator,
 ) -> FloatArray:
     """Vibration in the moves and settling after them, (N, n, 3), N, to be added to the forces.
 
     Settling: a relaxation and an oscillation of equal size, both falling to 5 % in
-    `recorder.settling`; they build up during the move before the stop.
+    `recorder.settling`. The relaxation builds up during the move before the stop; of internal
+    forces, since nothing else could hold it in balance. hinge : (K, n, 3), m, BCS, at the stops.
     """
-    K = len(timeline.start)
-    shape = (K, n, 3)
+    shape = hinge.shape
+    K, n = shape[:2]
     moment = timeline.at(time)
     hum_rate, hum_phase = rng.uniform(8.0, 25.0, shape), rng.uniform(-np.pi, np.pi, shape)
     ring_rate = rng.uniform(5.0, 12.0, shape)
     relax, ring = recorder.settling_force * rng.standard_normal((2, *shape)) / np.sqrt(2.0)
+    relax = internal_part(hinge, relax) * np.sqrt(3 * n / (3 * n - 6))  # as large as drawn
     relax[0] = ring[0] = 0.0  # the first dwell follows no move
     k = moment.index
     since = (time - timeline.start[k])[:, None, None]

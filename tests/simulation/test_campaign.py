@@ -110,6 +110,21 @@ def test_move_is_of_minimum_jerk() -> None:
     np.testing.assert_allclose(p, expected, atol=1e-14)
 
 
+def test_a_move_takes_the_force_that_its_mass_needs() -> None:
+    """Newton's m a of the same move, whose terminal does not turn."""
+    recorder = replace(SILENT, dwell=(1.0, 1.0), move=(2.0, 2.0))
+    options = still(postures=2, tilt=0.0, rpy=np.zeros((3, 3)), recorder=recorder)
+    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(4))
+    u = np.linspace(0.0, 1.0, 201)[1:-1]
+    way = (campaign.servo[1] - campaign.servo[0]).mean(axis=0)
+    expected = 500.0 * (60 * u - 180 * u**2 + 120 * u**3)[:, None] * way / 2.0**2
+    expected += [0.0, 0.0, 500.0 * 9.80665]
+    net = forces(campaign.log)[101:300].sum(axis=1)
+    # Differences over 5 ms: a twelfth of the step squared times the fourth derivative of the way.
+    atol = 500.0 * 5e-3**2 / 12 * 360 / 2.0**4 * np.abs(way).max()
+    np.testing.assert_allclose(net, expected, atol=1.01 * atol)
+
+
 def test_settled_means_agree_with_the_truth() -> None:
     rig = replace(exact_rig(), declared=DeclaredUncertainty(positioner=1e-5))
     options = Options(rpy=np.zeros((3, 3)), postures=12)
