@@ -287,6 +287,9 @@ holes-more warns
   {number:.0f} more holes in all streams, cut likewise
 dwells-few notes
   {number:.0f} static dwells are too few: the motion between them was taken
+dwells-unjudged notes
+  {number:.0f} static {several:dwells do|dwell does} not suffice to be judged alone: what
+  touched the terminal there only the other campaigns can tell
 moves-add-nothing notes
   the moves add nothing to the dwells: {why}
 stops-left-out warns

@@ -61,17 +61,17 @@ def judged(read: Read) -> Judged:
     rig, month, alone = read.rig, read.measured.month, None
     if read.dwells is None:
         given = Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
-        return Judged(given, None, remark(read, None))
+        return Judged(given, None, _remark(read, None))
     with naming(read.name), read.log.explaining():
         moving = calibrate_motion(read.log, read.dwells, rig)
         if moving is not None:
             exact = exact_quantities(moving.fit)
             given = Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
-            return Judged(given, _rejected(read, moving), remark(read, moving))
+            return Judged(given, _rejected(read, moving), _remark(read, moving))
         given = Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
     with suppress(TdfscalError):
         alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    return Judged(given, _rejected(read, alone), remark(read, alone))
+    return Judged(given, _rejected(read, alone), _remark(read, alone))
 
 
 def _rejected(read: Read, alone: Own | None) -> Finding | None:
@@ -91,7 +91,7 @@ def _rejected(read: Read, alone: Own | None) -> Finding | None:
     return Finding("campaign-left-out", (read.name,), values=values)
 
 
-def remark(read: Read, alone: Own | None) -> Finding | None:
+def _remark(read: Read, alone: Own | None) -> Finding | None:
     """What a reader must know of a campaign that takes part."""
     said = "; ".join(_told(read, alone))
     return Finding("campaign-remark", (read.name,), values={"said": said}) if said else None
@@ -114,6 +114,8 @@ def _told(read: Read, alone: Own | None) -> list[str]:
     elif alone is not None and not isinstance(alone, SelfCalibration):
         found += (one for one in alone.findings if one.code == "dwells-few")
         found += (stretch.finding for stretch in alone.rejected)
+    elif alone is None and read.dwells is not None:
+        found.append(Finding("dwells-unjudged", size=len(read.dwells)))
     first = {one.code: one for one in reversed(found)}
     said = [sentence(first[code]) for code in dict.fromkeys(one.code for one in found)][:_REMARKS]
     more = len(found) - len(said)

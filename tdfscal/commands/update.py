@@ -25,7 +25,6 @@ from tdfscal.commands.several_campaigns import (
     calibrate_informed,
     judged,
     misfit_finding,
-    remark,
     wanted,
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
@@ -221,13 +220,14 @@ def update(
                 if read is reads[-1]:
                     updated = _updated(standing, read, trials, beside)
                     continue
-                updated = _updated(standing, read, 0)
-                if all(reason.code in PRECISION for reason in updated.reasons):
-                    standing, said = read_earlier(updated), remark(read, None)
-                elif (said := judged(read).rejected) is None:
-                    # It fits in itself, and what follows would fit no better.
-                    return _updated(standing, read, trials, beside)
-                beside += [said] if said else []
+                own = judged(read)
+                if own.rejected is None:
+                    updated = _updated(standing, read, 0)
+                    if any(reason.code not in PRECISION for reason in updated.reasons):
+                        # It fits in itself, and what follows would fit no better.
+                        return _updated(standing, read, trials, beside)
+                    standing = read_earlier(updated)
+                beside += [said for said in (own.rejected or own.remark,) if said]
         if len(unusable) == known:
             return updated
         reads = [read for read in reads if read.name not in unusable]

@@ -150,6 +150,19 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     assert len(monitored(capsys, 0, *sound, cut)["checks"]) == 3
 
 
+def test_a_month_too_short_to_be_judged_alone_counts_and_says_so(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = Path(shutil.copytree(home / "sound6", tmp_path / "short"))
+    log = short / "log.csv"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:3]))
+    result = monitored(capsys, 0, home / "sound1", home / "sound2", short)
+    (found,) = result["findings"]
+    assert found["subject"] == [str(short)]
+    assert "2 static dwells" in found["text"]
+    assert len(result["checks"]) == 3
+
+
 def test_a_month_in_motion_that_is_rejected_takes_no_part(
     home: Path, checks: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
