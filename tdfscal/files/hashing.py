@@ -54,7 +54,9 @@ def content_sha256(content: Mapping[str, Any]) -> str:
 def _without_nulls(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_nulls(each) for key, each in value.items() if each is not None}
-    return [_without_nulls(each) for each in value] if isinstance(value, list) else value
+    if not isinstance(value, list) or set(map(type, value)) <= {float, str}:
+        return value
+    return [_without_nulls(each) for each in value]
 
 
 @contextmanager

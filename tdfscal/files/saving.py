@@ -56,6 +56,8 @@ def to_yaml(content: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
+    if type(value) in (float, int, str):  # nearly all there is
+        return value
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if dataclasses.is_dataclass(value):

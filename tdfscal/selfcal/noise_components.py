@@ -177,16 +177,17 @@ def _restricted(channel: FloatArray, left: FloatArray, white: FloatArray) -> Flo
     J, e = left[:rows].reshape(K, ROWS, -1), white[:rows].reshape(K, ROWS)
     prior = left[rows:].T @ left[rows:]
     prior_pull = left[rows:].T @ white[rows:]
-    theta = np.ones(channel.shape[2])
+    theta, across = np.ones(channel.shape[2]), np.swapaxes(channel, 1, 2)
     for _ in range(_ROUNDS):
-        W = np.linalg.inv(np.eye(ROWS) + (channel * (theta - 1.0)) @ np.swapaxes(channel, 1, 2))
-        WJ = W @ J
-        root = np.linalg.inv(np.linalg.cholesky(np.einsum("kap,kaq->pq", J, WJ) + prior))
-        pull = np.einsum("kap,ka->p", WJ, e) + prior_pull
-        rest = (W @ (e - J @ (root.T @ (root @ pull)))[..., None])[..., 0]
-        score = np.sum(np.einsum("kac,ka->kc", channel, rest) ** 2, axis=0)
-        mean = np.einsum("kac,kab,kbc->c", channel, W, channel, optimize=True)
-        mean -= np.sum(np.einsum("kac,kap->ckp", channel, WJ @ root.T) ** 2, axis=(1, 2))
+        W = np.linalg.inv(np.eye(ROWS) + (channel * (theta - 1.0)) @ across)
+        WJ = (W @ J).reshape(rows, -1)
+        root = np.linalg.inv(np.linalg.cholesky(left[:rows].T @ WJ + prior))
+        pull = root.T @ (root @ (WJ.T @ white[:rows] + prior_pull))
+        rest = W @ (e - (left[:rows] @ pull).reshape(e.shape))[..., None]
+        score = np.sum((across @ rest) ** 2, axis=(0, 2))
+        taken = (WJ @ root.T).reshape(J.shape)  # by the parameters
+        kept = W - taken @ np.swapaxes(taken, 1, 2)
+        mean = np.sum(channel * (kept @ channel), axis=(0, 1))
         ratio = (score + _STATED / theta**2) / (np.maximum(mean, 0.0) + _STATED / theta)
         new: FloatArray = theta * np.sqrt(ratio)
         if np.max(np.abs(np.log(new / theta))) < _SETTLED:

@@ -26,7 +26,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import ROWS, Fit, fit, spread
+from tdfscal.selfcal.estimator import ROWS, Fit, at_state, fit, spread
 from tdfscal.selfcal.mounting_search import Rival, best_start, rivals
 from tdfscal.significance import OUTLYING_POSTURE
 
@@ -209,6 +209,8 @@ def _to_origin(at: Balance, used: IntArray) -> FloatArray:
 #: six. Steps of each, linear; the best that are followed to their end, and their steps.
 _STARTS, _DRAWN, _STEPS = 100, 4, 5
 _FOLLOWED, _FITS = 3, 3
+#: Postures that are searched, drawn of more: they agree as all do.
+_SEARCHED = 1000
 
 
 def hidden_contact(rig: Rig, postures: Postures, whole: Fit) -> RobustFit | None:
@@ -216,22 +218,35 @@ def hidden_contact(rig: Rig, postures: Postures, whole: Fit) -> RobustFit | None
 
     whole : the fit by all of them, every weight 1.
     """
-    K = len(postures)
-    half = K // 2 + 1
-    if half < 2 * _DRAWN:
+    K, rng = len(postures), np.random.default_rng(0)
+    if _half(K) < 2 * _DRAWN:
         return None
-    best: Fit | None = None
-    for used in _agreeing(whole, half)[:_FOLLOWED]:
-        found = fit(rig, postures, whole.state, used.astype(np.float64))
+    some = np.arange(K) if K <= _SEARCHED else np.sort(rng.choice(K, _SEARCHED, replace=False))
+    few, best = postures.subset(some), None
+    for used in _agreeing(whole, some, rng)[:_FOLLOWED]:
+        found = fit(rig, few, whole.state, used.astype(np.float64))
         for _ in range(_FITS):
-            weight = np.zeros(K)
-            weight[np.argsort(found.distance)[:half]] = 1.0
-            found = fit(rig, postures, found.state, weight)
+            found = fit(rig, few, found.state, _nearest(found.distance).astype(np.float64))
         best = found if best is None or found.cost < best.cost else best
     assert best is not None
+    if len(some) < K:
+        every = at_state(rig, postures, best.state, np.ones(K))
+        best = fit(rig, postures, best.state, _nearest(every.distance).astype(np.float64))
     result = settled(rig, postures, best)
     out = int(np.sum(result.weight == 0))
-    return RobustFit.of(result) if 0 < out <= K - half else None
+    return RobustFit.of(result) if 0 < out <= K - _half(K) else None
+
+
+def _half(count: int) -> int:
+    """More than half of so many."""
+    return count // 2 + 1
+
+
+def _nearest(distance: FloatArray) -> BoolArray:
+    """More than half of the postures (K,), those of the least distance."""
+    near = np.zeros(len(distance), dtype=np.bool_)
+    near[np.argsort(distance)[: _half(len(distance))]] = True
+    return near
 
 
 def worth(of: Fit, whole: Fit) -> float:
@@ -247,12 +262,12 @@ def worth(of: Fit, whole: Fit) -> float:
     return misfit(whole) - misfit(of) - unknowns * float(np.log(max(whole.rows, 2)))
 
 
-def _agreeing(whole: Fit, half: int) -> list[BoolArray]:
-    """Sets of so many postures (K,) that agree, as the linearised fit has it; the best first."""
-    K, rng = len(whole.weight), np.random.default_rng(0)
+def _agreeing(whole: Fit, some: IntArray, rng: np.random.Generator) -> list[BoolArray]:
+    """Halves of some postures that agree, as the linearised fit has it; the best first."""
     white, J = whole.whitened()
-    r, prior_r = white[: ROWS * K].reshape(K, ROWS), white[ROWS * K :]
-    prior_J, J = J[ROWS * K :], J[: ROWS * K].reshape(K, ROWS, -1)
+    rows = ROWS * len(whole.weight)
+    prior_r, prior_J = white[rows:], J[rows:]
+    r, J = white[:rows].reshape(-1, ROWS)[some], J[:rows].reshape(-1, ROWS, J.shape[1])[some]
     own, pull = np.swapaxes(J, 1, 2) @ J, np.einsum("kap,ka->kp", J, r)
 
     def distances(used: BoolArray) -> FloatArray:
@@ -264,11 +279,9 @@ def _agreeing(whole: Fit, half: int) -> list[BoolArray]:
 
     found: dict[bytes, tuple[float, BoolArray]] = {}
     for _ in range(_STARTS):
-        used = np.zeros(K, dtype=np.bool_)
-        used[rng.choice(K, _DRAWN, replace=False)] = True
+        used = np.zeros(len(some), dtype=np.bool_)
+        used[rng.choice(len(some), _DRAWN, replace=False)] = True
         for _ in range(_STEPS):
-            off = distances(used)
-            used = np.zeros(K, dtype=np.bool_)
-            used[np.argsort(off)[:half]] = True
+            used = _nearest(distances(used))
         found[used.tobytes()] = float(distances(used)[used].sum()), used
     return [used for _, used in sorted(found.values(), key=lambda each: each[0])]
