@@ -79,6 +79,11 @@ OVERSTATED_NOISE: Final = 1e-4
 #: too many costs data and puzzles the operator, and the contacts that spoil angles are far above.
 CONTACT_IN_MOTION: Final = 1e-4
 
+# Planning -----------------------------------------------------------------------------------------
+
+#: Share of a sensor's capacity that a plan uses.
+OF_CAPACITY: Final = 0.9
+
 # Thresholds of a machine --------------------------------------------------------------------------
 
 #: That a path without contact is said to hold one, of all six components of the wrench.

@@ -26,7 +26,6 @@ from tdfscal.model.statics import wrench as lever
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig, Rotations
 from tdfscal.significance import EXPANDED_COVERAGE, MOST_REJECTED
-from tdfscal.wrench.contact_wrench import covariance
 
 #: A turn goes by the angle's name where its axis is the angle's own within this, rad.
 _SAME_AXIS = np.radians(20.0)
@@ -193,6 +192,8 @@ def assess(given: Calibrated) -> Conformity:
 
     A limit that is stated nowhere is ∞.
     """
+    from tdfscal.wrench.contact_wrench import covariance  # where limits of it are stated
+
     stated = given.rig.acceptance
     cov = covariance(given, *at_rest(given, stated.contact_rpy))[0]
     force, torque = (
@@ -210,6 +211,8 @@ def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
 
     walk : rad/√month per axis, by which the sensors' mountings walk from now on.
     """
+    from tdfscal.wrench.contact_wrench import covariance
+
     stated = given.rig.acceptance
     turns = slice(0, 3 * given.rig.n)
     month = np.zeros_like(given.covariance)

@@ -22,10 +22,10 @@ from tdfscal.logs.formats import (
     check_regular,
     check_text,
     entries_of,
+    owns,
     read_bag,
     refuse_unfinished,
 )
-from tdfscal.logs.recorders import owns
 from tdfscal.records import LogMapping
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.

@@ -1,6 +1,5 @@
 """From a log to static dwells: stretches where all NCPs are at rest and all forces settled."""
 
-from tdfscal.dwells.absence import no_dwell
 from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
 from tdfscal.dwells.clock_offset import LARGE, Offset, motion_offset
 from tdfscal.dwells.find import dwells_of_bins, find_dwells
@@ -13,6 +12,5 @@ __all__ = [
     "dwells_of_bins",
     "find_dwells",
     "motion_offset",
-    "no_dwell",
     "reduce_to_bins",
 ]

@@ -10,13 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.bins import Bins, zeros
 from tdfscal.dwells.noise_level import runs, signals
 from tdfscal.errors import DataError
-from tdfscal.findings import Finding, Value
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
 
-_ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
 _SLOW = 0.2  # of the usual speed of a move: below it a stop, or what looks like one
 _THIRDS = 6  # bins at least that are parted in three
 _ALIKE = 0.9  # correlation of the changes in successive parts of a decay
@@ -57,17 +55,6 @@ def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
             "terminal",
         )
     )
-
-
-def zeros(bins: Bins) -> Finding | None:
-    """Readings that drop to 0, 0, 0 and return, as no noisy signal does."""
-    worst = int(np.argmax(bins.zeros))
-    if bins.zeros[worst] <= _ZEROS:
-        return None
-    n = len(bins.supports)
-    values: dict[str, Value] = {"signal": "position" if worst < n else "force"}
-    subject = (bins.supports[worst % n],)
-    return Finding("readings-zero", subject, float(bins.zeros[worst]), values=values)
 
 
 def _zeros(bins: Bins) -> Absence | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
 from tdfscal.errors import DataError, UsageError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
@@ -21,6 +22,7 @@ _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from
 _SLOWEST = 2.0  # s
 # samples searched for the smallest step of the readings, and for zeros
 _PEEK, _PEEK_OF = 2048, 65536
+_ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,3 +242,14 @@ def reduce_to_bins(pieces: Iterable[Log], options: DwellOptions | None = None) -
     for piece in stream:
         binner.add(piece)
     return binner.finish(period)
+
+
+def zeros(bins: Bins) -> Finding | None:
+    """Readings that drop to 0, 0, 0 and return, as no noisy signal does."""
+    worst = int(np.argmax(bins.zeros))
+    if bins.zeros[worst] <= _ZEROS:
+        return None
+    n = len(bins.supports)
+    values: dict[str, Value] = {"signal": "position" if worst < n else "force"}
+    subject = (bins.supports[worst % n],)
+    return Finding("readings-zero", subject, float(bins.zeros[worst]), values=values)

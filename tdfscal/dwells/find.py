@@ -9,8 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.special import ndtri
 
-from tdfscal.dwells.absence import explain, zeros
-from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
+from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins, zeros
 from tdfscal.dwells.clock_offset import motion_offset
 from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
 from tdfscal.dwells.field import Field, common_drift, prepare, within
@@ -95,6 +94,8 @@ def dwells_of_bins(bins: Bins) -> Dwells:
         extents, left_out = search(field, rate, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
     if not len(dwells):
+        from tdfscal.dwells.absence import explain  # of logs without any
+
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
     if dropped := zeros(bins):
         dwells = replace(dwells, findings=(*dwells.findings, dropped))

@@ -31,11 +31,10 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.logs.clock import Clock
 from tdfscal.logs.contents import Contents, Field, Stream
-from tdfscal.logs.formats import expand, open_log
+from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
 from tdfscal.logs.reader import TimeWindow, iter_log
-from tdfscal.logs.recorders import owns
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock, Series
 
 Source = Literal["rig", "guessed"]

@@ -7,6 +7,7 @@ import stat
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
+from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.log_file import LogFile, placed
+from tdfscal.records import LogMapping
 
 _TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".log")
 _KINDS: Final = (*_TEXT, ".parquet", ".mcap", ".db3", ".bag")
@@ -322,3 +324,10 @@ def check_regular(path: Path) -> None:
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     return Path(path.stem).suffix.lower() if suffix in _COMPRESSED else suffix
+
+
+def owns(recorder: LogMapping, path: Path) -> bool:
+    """Tell whether a path is of a recorder's files."""
+    return (
+        recorder.files is None or fnmatch(path.name, recorder.files) or path.match(recorder.files)
+    )

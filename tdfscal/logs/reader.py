@@ -17,7 +17,6 @@ from tdfscal.findings import Finding
 from tdfscal.logs.clock import by_wall_clock, when
 from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
-from tdfscal.logs.recorders import files_by_recorder, on_one_clock
 from tdfscal.logs.request import Request, make_request, without_axis
 from tdfscal.logs.streams import Streams, as_log
 from tdfscal.records import BoolArray, Log, LogMapping, Series
@@ -80,6 +79,8 @@ def iter_log(
     mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
     groups: Sequence[tuple[LogMapping | None, Sequence[Path]]] = [(None, paths)]
     if len(mappings) > 1 or any(mapping.files for mapping in mappings):
+        from tdfscal.logs.recorders import files_by_recorder
+
         groups = files_by_recorder(paths, mappings)
     elif mappings:
         groups = [(mappings[0], paths)]
@@ -100,7 +101,11 @@ def iter_log(
         if axes is not None and not axes.all():
             _check_silent(expand(own)[0], make_request(mapping, supports), axes)
         streams.append((request.mapping, partial(_campaign, own, request, reached)))
-    pieces = streams[0][1]() if len(streams) == 1 else on_one_clock(streams)
+    pieces = streams[0][1]()
+    if len(streams) > 1:
+        from tdfscal.logs.recorders import on_one_clock
+
+        pieces = on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 

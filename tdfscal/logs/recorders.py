@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.findings import Finding, Value
+from tdfscal.logs.formats import owns
 from tdfscal.records import Log, LogMapping, RecorderClock, Series
 
 if TYPE_CHECKING:
@@ -55,13 +55,6 @@ def files_by_recorder(
                 hint="name a log of each recorder, or correct `files` in its log block",
             )
     return list(zip(recorders, found, strict=True))
-
-
-def owns(recorder: LogMapping, path: Path) -> bool:
-    """Tell whether a path is of a recorder's files."""
-    return (
-        recorder.files is None or fnmatch(path.name, recorder.files) or path.match(recorder.files)
-    )
 
 
 def on_one_clock(sources: Sequence[tuple[LogMapping, Reading]]) -> Iterator[Log]:

@@ -19,7 +19,6 @@ from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import even_spline
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.contact_wrench import inertial
 from tdfscal.wrench.kinematics import derivatives, motion, rotations, vee
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
@@ -263,6 +262,8 @@ def inertia_wrench(position: FloatArray, step: float, state: State, moving: Movi
     position : (N, n, 3), m, of the hinges. step : s. It holds accelerations, which the estimate
     itself moves onto the taper.
     """
+    from tdfscal.wrench.contact_wrench import inertial  # where axes lack
+
     R, centre = rotations(state.hinge, position), state.barycentre
     place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
     found = motion(R, place, step, _WIDE)

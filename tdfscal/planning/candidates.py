@@ -11,6 +11,7 @@ from tdfscal.model.parameters import gravity, nominal
 from tdfscal.model.statics import carrying, internal_modes
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.significance import OF_CAPACITY
 
 #: Lean beyond which nobody tilts a terminal on hinges.
 MOST_TILT = np.deg2rad(45.0)
@@ -104,8 +105,6 @@ def displacement(rig: Rig, rotation: FloatArray) -> FloatArray:
     return np.asarray(spoke @ np.swapaxes(rotation, -1, -2) - spoke)
 
 
-#: Share of a sensor's capacity that a plan uses.
-OF_CAPACITY = 0.9
 #: Unplanned internal forces are allowed for up to this many standard deviations.
 _MARGIN = 3.0
 #: Share of the candidates whose lean, and whose squeeze, is on the limit: good plans live there.

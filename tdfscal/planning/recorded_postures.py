@@ -9,17 +9,16 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information
 from tdfscal.model.parameters import nominal, sensing
 from tdfscal.model.statics import internal_part, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum, triangular
-from tdfscal.planning.candidates import OF_CAPACITY
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state, evaluate
 from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.significance import OF_CAPACITY
 
 
 def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
@@ -30,6 +29,8 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     Raises DataError where no dwell can be used or the log contradicts the rig file.
     """
     if len(dwells) == 0:
+        from tdfscal.dwells.absence import no_dwell
+
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     kept = faulty_sensors.screen(rig, dwells).keep

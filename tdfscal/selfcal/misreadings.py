@@ -11,6 +11,7 @@ all mountings is searched (`misreading_search`), and the few that fall lowest ar
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,10 +24,12 @@ from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit, estimate, fit, spread
-from tdfscal.selfcal.misreading_search import Undone, lowest
 from tdfscal.selfcal.mounting_search import robust_cost
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import CAUSES_APART
+
+if TYPE_CHECKING:
+    from tdfscal.selfcal.misreading_search import Undone
 
 #: A mistake is believed when without it the residuals' variance is below the present one's by
 #: this, and not above what is stated by as much.
@@ -213,6 +216,8 @@ def misreading(
     present : the best that can be made of them as they are. number, time as in `check_forces`;
     without them no jump is looked for.
     """
+    from tdfscal.selfcal.misreading_search import lowest  # of misread logs alone
+
     timed = number is not None and time is not None
     order = np.argsort(
         time if time is not None and timed else np.arange(len(observed)), kind="stable"

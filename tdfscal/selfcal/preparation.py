@@ -12,7 +12,6 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.checks.geometry import examine
 from tdfscal.checks.hinge_distances import Cause
-from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information
@@ -62,6 +61,8 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     NotIdentifiableError where the sensors together miss a direction of forces.
     """
     if len(dwells) == 0:
+        from tdfscal.dwells.absence import no_dwell
+
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     faulty_sensors.check_directions(rig)

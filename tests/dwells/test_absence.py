@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tdfscal.dwells import DwellOptions, find_dwells, no_dwell
+from tdfscal.dwells import DwellOptions, find_dwells
+from tdfscal.dwells.absence import no_dwell
 from tdfscal.records import Absence, FloatArray, Log, Series
 from tests.words import in_words
 
