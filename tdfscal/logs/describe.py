@@ -21,9 +21,9 @@ from tdfscal.dwells import (
     dwells_of_bins,
     find_dwells,
     motion_offset,
-    no_dwell,
     reduce_to_bins,
 )
+from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines
