@@ -163,21 +163,33 @@ class _Sensor:
 
     def __init__(self, axes: BoolArray) -> None:
         self._axes, self._quantum, self._liveliest = axes, np.empty(0), 0
-        self._time, self._value = np.empty(0), np.empty((0, int(axes.sum())))
+        self._time, self._first = np.empty(0), np.empty((0, int(axes.sum())))
+        self._steps = np.empty(self._first.shape, np.uint64)  # of windows that are not whole
         self.passed, self._every = 0, np.uint64(1)
-        self.windows: _Windows = np.empty(0, _WINDOW_TYPE)
+        self._kept: list[_Windows] = [np.empty(0, _WINDOW_TYPE)]
+
+    @property
+    def windows(self) -> _Windows:
+        """All that are kept."""
+        self._kept = [np.concatenate(self._kept)]
+        return self._kept[0]
 
     def add(self, time: FloatArray, value: FloatArray) -> None:
         """Keep some windows of what passes: all at first, of a long log one in 2, 4, 8 …"""
+        value = value if self._axes.all() else value[:, self._axes]
         self._time = np.concatenate([self._time, time])
-        self._value = np.concatenate([self._value, value[:, self._axes]])
-        if not self._value.shape[1] or len(self._time) < _ENOUGH:
-            return
         if not self._quantum.size:
-            self._quantum = _quantum(self._value)
-            changed = np.count_nonzero(np.diff(self._value, axis=0), axis=0)
+            self._first = value = np.concatenate([self._first, value])
+            if not value.shape[1] or len(value) < _ENOUGH:
+                return
+            self._quantum = _quantum(value)
+            changed = np.count_nonzero(np.diff(value, axis=0), axis=0)
             self._liveliest = int(np.argmax(changed))
-        self._take_whole()
+        # Whole steps; off the ties that round numbers would make.
+        steps = (value / self._quantum + 0.2360679).astype(np.int64).view(np.uint64)
+        self._steps = np.concatenate([self._steps, steps])
+        if len(self._steps) >= _WINDOW:
+            self._take_whole()
 
     def shared(self, other: _Sensor, sensor: int) -> Iterator[Repeat]:
         """Return the stretches of another log that repeat some of this one."""
@@ -199,27 +211,26 @@ class _Sensor:
 
     def _keep_half(self) -> None:
         self._every *= np.uint64(2)
-        self.windows = self.windows[self._chosen(self.windows["choice"])]
+        self._kept = [part[self._chosen(part["choice"])] for part in self._kept]
 
     def _take_whole(self) -> None:
         """Keep some of the windows that are whole by now."""
         count = len(self._time) - _WINDOW + 1
-        i = self._liveliest
-        choice = _steps(self._value[:, i], self._quantum[i]) * _MIX[0]
+        choice = self._steps[:, self._liveliest] * _MIX[0]
         choice ^= choice >> np.uint64(32)
         choice = (choice[:-1] + choice[1:] * np.uint64(3)) * _MIX[1]
         choice = choice[:-2] + (choice[2:] >> np.uint64(7))
         choice = choice[:count] * _MIX[2]
         here = np.flatnonzero(self._chosen(choice))
-        while len(here) + len(self.windows) > _KEPT and self._every < _RAREST:
+        while len(here) + sum(map(len, self._kept)) > _KEPT and self._every < _RAREST:
             self._keep_half()
             here = here[self._chosen(choice[here])]
-        here = here[: max(0, _KEPT - len(self.windows))]
-        row = np.zeros(len(self._value), np.uint64)
-        for channel, quantum, mix in zip(self._value.T, self._quantum, _MIX, strict=False):
-            row += _steps(channel, quantum) * mix
-        row ^= row >> np.uint64(29)
+        here = here[: max(0, _KEPT - sum(map(len, self._kept)))]
+        row = np.zeros(len(self._steps), np.uint64)
+        for channel, mix in zip(self._steps.T, _MIX, strict=False):
+            row += channel * mix
         row = row[here + np.arange(_WINDOW)[:, None]]
+        row ^= row >> np.uint64(29)
         key = _MIX[1] ** np.arange(1, _WINDOW + 1, dtype=np.uint64) @ row
         new = np.count_nonzero(np.diff(np.sort(row, axis=0), axis=0), axis=0)
         found = np.empty(len(here), _WINDOW_TYPE)
@@ -227,8 +238,8 @@ class _Sensor:
         for name, column in zip(_WINDOW_TYPE.names or (), columns, strict=True):
             found[name] = column
         self.passed += count
-        self._time, self._value = self._time[count:], self._value[count:]
-        self.windows = np.concatenate([self.windows, found])
+        self._time, self._steps = self._time[count:].copy(), self._steps[count:].copy()
+        self._kept.append(found)
 
     def _chosen(self, choice: _Hashes) -> BoolArray:
         return np.asarray(choice >> np.uint64(40) & (self._every - np.uint64(1)) == 0)
@@ -242,11 +253,6 @@ def _quantum(value: FloatArray) -> FloatArray:
     fourth = np.abs(np.diff(value, 4, axis=0)) / _FOURTH
     noise = [np.median(c[c > 0]) if np.any(c > 0) else 1.0 for c in fourth.T]
     return np.asarray(2.0 ** np.floor(np.log2(noise)))
-
-
-def _steps(value: FloatArray, quantum: float) -> _Hashes:
-    """Whole steps; off the ties that round numbers would make."""
-    return (value / quantum + 0.2360679).astype(np.int64).view(np.uint64)
 
 
 def _runs(sensor: int, windows: _Windows, count: int) -> Iterator[Repeat]:
