@@ -46,9 +46,7 @@ def recording(
     drift = np.cumsum(np.random.default_rng(4).normal(size=(TIME.size, 3)), axis=0) * 1e-4
     position = HINGES + drift[:, None, :]
     force = FORCE + np.arange(NCPS)[:, None]
-    efforts: list[float] = []
-    if effort != "none":
-        efforts = (force.ravel() * (effort == "forces")).tolist()
+    efforts = {"forces": force, "zero": 0.0 * force, "none": force[:0]}[effort].ravel().tolist()
     target = io.BytesIO()
     writer = Writer(target)
     writer.start(profile="ros2")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,9 +24,7 @@ from tests.files.logs.log_making import (
     assert_holds,
     events,
     make_truth,
-    mcap_bytes,
     rosbag2,
-    same_numbers,
     write,
 )
 from tests.words import in_words
@@ -35,6 +32,21 @@ from tests.words import in_words
 TRUTH = make_truth()
 POINT = "geometry_msgs/msg/PointStamped"
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
+
+
+def altered(path: Path, *statements: str) -> None:
+    """Change a SQLite file."""
+    with closing(sqlite3.connect(path)) as database:
+        for statement in statements:
+            database.execute(statement)
+        database.commit()
+
+
+def without_definitions(folder: Path) -> Path:
+    """As recorders before ROS 2 Iron, which store none."""
+    (path,) = folder.glob("*.db3")
+    altered(path, "DROP TABLE message_definitions")
+    return path
 
 
 def sqlite_bag(folder: Path, version: Literal[8, 9] = 9) -> Path:
@@ -81,53 +93,10 @@ def as_ros1(data: bytes, kind: str) -> Any:
     return ROS1.serialize_ros1(types[kind](header, wrench), kind)
 
 
-@pytest.mark.parametrize(("source", "version"), [("header", 8), ("log", 9), ("publish", 9)])
-def test_sqlite_holds_what_mcap_does(tmp_path: Path, source: Any, version: Literal[8, 9]) -> None:
-    folder = sqlite_bag(tmp_path / "bag", version)
-    mapping = replace(MAPPING, time_source=source)
-    log = read_log([folder], mapping, SUPPORTS)
-    assert_holds(log, TRUTH)
-    other = read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], mapping, SUPPORTS)
-    assert same_numbers(log, other)
-    assert log.inputs[0].integrity == "unverified"
-
-
-def test_sqlite_without_definitions(tmp_path: Path) -> None:
-    """Recorders before ROS 2 Iron store none."""
-    folder = sqlite_bag(tmp_path / "bag")
-    (path,) = folder.glob("*.db3")
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("DROP TABLE message_definitions")
-        database.commit()
-    assert_holds(read_log([folder], MAPPING, SUPPORTS), TRUTH)
+def test_a_sqlite_file_alone_is_a_log(tmp_path: Path) -> None:
+    path = without_definitions(sqlite_bag(tmp_path / "bag"))
     assert is_log(path)
     assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
-
-
-@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
-def test_ros1_holds_what_mcap_does(
-    tmp_path: Path, compression: Writer1.CompressionFormat | None
-) -> None:
-    path = ros1_bag(tmp_path / "log.bag", compression)
-    assert is_log(path)
-    log = read_log([path], MAPPING, SUPPORTS)
-    assert_holds(log, TRUTH)
-    other = read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], MAPPING, SUPPORTS)
-    assert same_numbers(log, other)
-
-
-@pytest.mark.parametrize("restarts", [None, 0, 2])
-def test_bags_are_described(tmp_path: Path, restarts: int | None) -> None:
-    """SQLite, ROS 1, and ROS 1 with publishers that were started again: a connection each."""
-    sqlite, path = restarts is None, tmp_path / "log.bag"
-    path = sqlite_bag(path) if sqlite else ros1_bag(path, restarts=restarts or 0)
-    info = describe_logs([path])
-    assert info.mapping is not None
-    assert info.mapping.supports == SUPPORTS
-    assert info.mapping.time_source == "header"
-    counts = {stream.name: stream.count for stream in info.contents[0].streams}
-    assert counts["/ncp2/wrench"] == TRUTH.force_time.size
-    assert [signal.count for signal in info.signals] == 3 * [60] + 3 * [240]
 
 
 def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
@@ -139,44 +108,20 @@ def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
     assert any("also holds bag_1.db3" in warning for warning in in_words(log.findings))
 
 
-def _without_table(path: Path) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("DROP TABLE messages")
-        database.commit()
-
-
-def _with_journal(path: Path) -> None:
-    path.with_name(path.name + "-wal").write_bytes(b"left over")
-
-
-def _with_other_type(path: Path) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("UPDATE topics SET type = 'geometry_msgs/msg/Point'")
-        database.execute("UPDATE message_definitions SET topic_type = 'geometry_msgs/msg/Point'")
-        database.commit()
-
-
-def _with_text(path: Path) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("UPDATE messages SET data = 'no bytes' WHERE id = 5")
-        database.commit()
-
-
-def _with_strange_topic(path: Path) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("UPDATE messages SET topic_id = 77 WHERE id = 5")
-        database.commit()
-
-
+OTHER = "geometry_msgs/msg/Point"
 SQLITE_FAULTS: dict[str, Callable[[Path], object]] = {
     "text": lambda p: p.write_text("time,x,y\n1,2,3\n"),
     "head only": lambda p: p.write_bytes(p.read_bytes()[:100]),
     "overwritten": lambda p: p.write_bytes(p.read_bytes()[:200] + bytes(9000) + b"x" * 9000),
-    "no messages": _without_table,
-    "journal": _with_journal,
-    "other type": _with_other_type,
-    "text for bytes": _with_text,
-    "strange topic": _with_strange_topic,
+    "no messages": lambda p: altered(p, "DROP TABLE messages"),
+    "journal": lambda p: p.with_name(p.name + "-wal").write_bytes(b"left over"),
+    "other type": lambda p: altered(
+        p,
+        f"UPDATE topics SET type = '{OTHER}'",
+        f"UPDATE message_definitions SET topic_type = '{OTHER}'",
+    ),
+    "text for bytes": lambda p: altered(p, "UPDATE messages SET data = 'no bytes' WHERE id = 5"),
+    "strange topic": lambda p: altered(p, "UPDATE messages SET topic_id = 77 WHERE id = 5"),
 }
 
 

@@ -36,35 +36,6 @@ def read(tmp_path: Path, columns: dict[str, Any], mapping: LogMapping | None = N
     return read_log([path], mapping, ONE)
 
 
-@pytest.mark.parametrize("checksum", [True, False])
-@pytest.mark.parametrize("dictionary", [True, False])
-@pytest.mark.parametrize("version", ["1.0", "2.0"])
-def test_reads_what_pandas_reads(
-    tmp_path: Path, checksum: bool, dictionary: bool, version: str
-) -> None:
-    path = tmp_path / "log.parquet"
-    pq.write_table(
-        pa.Table.from_pandas(table(make_truth()).assign(note="text")),
-        path,
-        row_group_size=17,
-        write_page_checksum=checksum,
-        use_dictionary=dictionary,
-        data_page_version=version,
-    )
-    log = read_log([path], None, SUPPORTS)
-    expected = pd.read_parquet(path)
-    for i, name in enumerate(SUPPORTS):
-        for axis, letter in enumerate("xyz"):
-            np.testing.assert_array_equal(
-                log.position[i].value[:, axis], expected[f"{name}.{letter}"]
-            )
-            np.testing.assert_array_equal(
-                log.force[i].value[:, axis], expected[f"{name}.f{letter}"]
-            )
-        np.testing.assert_array_equal(log.force[i].time, expected["time"])
-    assert log.inputs[0].integrity == "unverified"  # pyarrow does not say which pages it checked
-
-
 def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
     vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
     columns = {"time": [10, 20], "p": vectors, "f": vectors}

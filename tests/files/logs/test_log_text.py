@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from tdfscal.errors import DataError, RigError
 from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.text.rows import RowParser
 from tdfscal.records import Log, LogMapping
-from tests.files.logs.log_making import SUPPORTS, make_truth, table, write
+from tests.files.logs.log_making import write
 
 ONE = ("a",)
 MAPPING = LogMapping(ONE, (("X", "Y", "Z"),), (("FX", "FY", "FZ"),), time_field="t")
@@ -42,21 +41,6 @@ def assert_plain(log: Log, length: float = 1.0, force: float = 1.0) -> None:
     np.testing.assert_allclose(
         log.force[0].value, np.array([[4.0, 5.0, 6.0], [4.5, 5.5, 6.5]]) * force, rtol=2e-16
     )
-
-
-def test_default_names_in_full_precision(tmp_path: Path) -> None:
-    frame = table(make_truth())
-    path = tmp_path / "log.csv"
-    frame.to_csv(path, index=False)
-    log = read_log([path], None, SUPPORTS)
-    for i, name in enumerate(SUPPORTS):
-        for axis, letter in enumerate("xyz"):
-            np.testing.assert_array_equal(log.position[i].value[:, axis], frame[f"{name}.{letter}"])
-            np.testing.assert_array_equal(log.force[i].value[:, axis], frame[f"{name}.f{letter}"])
-        np.testing.assert_array_equal(log.force[i].time, frame["time"])
-    assert log.inputs[0].integrity == "unverified"
-    assert log.inputs[0].bytes == path.stat().st_size
-    assert log.inputs[0].sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
@@ -14,7 +13,7 @@ import pytest
 
 from tdfscal.commands.campaign import find_logs
 from tdfscal.errors import DataError
-from tdfscal.logs import is_log, read_log
+from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, table
@@ -29,31 +28,6 @@ NUMBERS = LogMapping(
 )
 
 
-def savetxt(path: Path) -> None:
-    np.savetxt(path, FRAME.to_numpy(), header=" ".join(NAMES))
-
-
-def matlab(path: Path) -> None:
-    np.savetxt(path, FRAME.to_numpy(), header="\t".join(NAMES), comments="% ", delimiter="\t")
-
-
-def aligned(path: Path) -> None:
-    text = FRAME.to_string(index=False, float_format=lambda x: f"{x:.17g}")
-    path.write_text("recorded on the rig\n\n" + text + "\n")
-
-
-def rtde(path: Path) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, delimiter=" ")
-        writer.writerows([NAMES, *FRAME.to_numpy().tolist()])
-
-
-def labview(path: Path) -> None:
-    head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n"
-    rows = FRAME.to_csv(sep="\t", index=False).replace("ncp3.fz\n", "ncp3.fz\tComment\n")
-    path.write_text(head + rows)
-
-
 def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> None:
     log = read_log([path], mapping, SUPPORTS)
     for i, name in enumerate(SUPPORTS):
@@ -62,23 +36,6 @@ def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> N
         expected = FRAME[[f"{name}.f{axis}" for axis in "xyz"]].to_numpy()
         np.testing.assert_array_equal(log.force[i].value, expected)
     np.testing.assert_allclose(log.force[0].time - start, FRAME["time"], rtol=0, atol=5e-7)
-
-
-@pytest.mark.parametrize(
-    ("write", "suffix"),
-    [(savetxt, ".txt"), (matlab, ".dat"), (aligned, ".log"), (rtde, ".csv"), (labview, ".txt")],
-)
-def test_tables_read_as_they_are(
-    tmp_path: Path, write: Callable[[Path], None], suffix: str
-) -> None:
-    path = tmp_path / f"log{suffix}"
-    write(path)
-    assert is_log(path)
-    assert_same(path, None)
-    info = describe_logs([path])
-    assert info.mapping is not None
-    assert info.mapping.supports == SUPPORTS
-    assert info.contents[0].streams[0].count == len(FRAME)
 
 
 @pytest.mark.parametrize("delimiter", [" ", ",", ";", "\t"])
@@ -97,7 +54,7 @@ def test_columns_without_a_header_have_numbers(
 
 
 def test_notes_beside_a_log_are_no_log(tmp_path: Path) -> None:
-    rtde(tmp_path / "record.txt")
+    FRAME.to_csv(tmp_path / "record.txt", sep=" ", index=False)
     (tmp_path / "notes.txt").write_text("Tilt 5 6 7\nsqueezed, 200 N\n1 2 3\n")
     (tmp_path / "trace.log").write_text("12:00:01 started\n12:00:02 stopped\n")
     assert [path.name for path in find_logs([tmp_path])] == ["record.txt"]
