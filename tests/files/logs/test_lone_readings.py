@@ -85,5 +85,5 @@ def test_a_stamp_years_away_is_named(tmp_path: Path, row: int, jump: float) -> N
     frame["time"] = np.arange(2000) * 0.01
     frame["time"] += jump * (np.arange(2000) == row)
     frame.to_csv(path, index=False)
-    with pytest.raises(DataError, match=r"the time of column time goes from .* s to .* s"):
+    with pytest.raises(DataError, match="the time of column time goes from"):
         read_log([path], None, SUPPORTS)
