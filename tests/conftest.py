@@ -8,6 +8,7 @@ import pytest
 
 if TYPE_CHECKING:
     from tdfscal import Calibration
+    from tests.cli.running import Cli
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -19,3 +20,11 @@ def sample() -> "Calibration":
     from tdfscal import calibrate
 
     return calibrate(Path(__file__).parents[1] / "sample_data" / "parquet", trials=0)
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> "Cli":
+    """Runs the command line in this process."""
+    from tests.cli.running import Cli
+
+    return Cli(capsys)

@@ -38,6 +38,19 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
     return Run(status, captured.out, captured.err)
 
 
+@dataclass(frozen=True)
+class Cli:
+    """The fixture `cli`: runs `tdfscal`, and may say how it has to end."""
+
+    capsys: pytest.CaptureFixture[str]
+
+    def __call__(self, *arguments: object, ends: int | None = None) -> Run:
+        """ends : the exit status, of which anything else fails the test with what was said."""
+        seen = run(self.capsys, *arguments)
+        assert ends in (None, seen.status), f"{arguments}: {seen.status}\n{seen.err}{seen.out}"
+        return seen
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file below a folder."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}

@@ -13,7 +13,7 @@ import yaml
 
 import tdfscal
 from tdfscal.numerics import so3
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 from tests.words import in_words
 
 FORMATS = ("csv", "parquet", "mcap")
@@ -43,19 +43,17 @@ def test_the_truth_is_within_the_stated_uncertainty(documents: dict[str, Any]) -
     assert 1e-4 < stats.chi2.cdf(d2, len(d)) < 1 - 1e-4
 
 
-def test_file_and_standard_output_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     target = tmp_path / "c.yaml"
-    seen = run(capsys, "calibrate", SAMPLES / "parquet", "-o", target, "--json", "--trials", 0)
-    assert seen.status == 0
+    seen = cli("calibrate", SAMPLES / "parquet", "-o", target, "--json", "--trials", 0, ends=0)
     printed, written = json.loads(seen.out), yaml.safe_load(target.read_text())
     assert printed == written
     assert "reading the log" in seen.err
-    text = run(capsys, "report", target)
-    assert text.status == 0
+    text = cli("report", target, ends=0)
     assert "ACCEPTED" in text.out
     lines = text.out.splitlines()
     assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
-    assert json.loads(run(capsys, "report", target, "--json").out) == printed
+    assert json.loads(cli("report", target, "--json").out) == printed
 
 
 def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from tdfscal.cli import app
 from tdfscal.errors import DataError, NotIdentifiableError, RigError, UsageError
 from tests.cli.cases import CASES, MISTAKES, Case, called
-from tests.cli.running import Run, contents, run
+from tests.cli.running import Cli, Run, contents
 
 ERRORS = (2, 3, 4)
 #: A stage of the work with the seconds since its start.
@@ -50,11 +50,11 @@ def test_every_command_is_seen_to_succeed_and_to_be_misused(name: str) -> None:
 
 
 @each("case", [*CASES, *MISTAKES], ids=lambda case: case.line)
-def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_status_and_streams(case: Case, home: Path, cli: Cli) -> None:
     before = contents(home)
-    seen = run(capsys, *case.line.split())
+    seen = cli(*case.line.split())
     if case in FIRST_ERRORS:
-        again = run(capsys, *case.line.split(), "--json")
+        again = cli(*case.line.split(), "--json")
         assert (again.status, again.out) == (case.status, "")
     assert seen.status == case.status, seen.err
     said = messages(seen)
@@ -73,8 +73,8 @@ def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixtur
         if case in CASES:
             with pytest.raises(RAISED[case.status]) as caught:
                 called(case.line)
-            said, _, _ = line.partition("; left as it was: ")  # by the command line alone
-            assert bare(said) == bare(f"tdfscal: {caught.value}")
+            told, _, _ = line.partition("; left as it was: ")  # by the command line alone
+            assert bare(told) == bare(f"tdfscal: {caught.value}")
             assert "--" not in str(caught.value)
         return
     assert all(line.startswith("tdfscal: ") for line in said)
@@ -92,22 +92,22 @@ def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixtur
         assert after == before
 
 
-def test_the_bare_program_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys)
+def test_the_bare_program_shows_its_help(cli: Cli) -> None:
+    seen = cli()
     assert (seen.status, seen.out) == (2, "")
     assert "Commands:" in seen.err
 
 
 @each("name", ["", *app.COMMANDS])
-def test_help_is_a_result(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_is_a_result(name: str, cli: Cli) -> None:
     for flag in ("-h", "--help"):
-        seen = run(capsys, *name.split(), flag)
+        seen = cli(*name.split(), flag)
         assert (seen.status, seen.err) == (0, "")
         assert "Usage: tdfscal" in seen.out
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys, "--version")
+def test_version(cli: Cli) -> None:
+    seen = cli("--version")
     assert (seen.status, seen.err) == (0, "")
     assert re.fullmatch(r"tdfscal \d+\.\d+\.\d+\n", seen.out)
 
@@ -122,17 +122,13 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ids=lambda value: type(value).__name__,
 )
 def test_what_no_command_foresees(
-    fault: BaseException,
-    status: int,
-    said: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    fault: BaseException, status: int, said: str, monkeypatch: pytest.MonkeyPatch, cli: Cli
 ) -> None:
     def fail(*arguments: object) -> None:
         raise fault
 
     monkeypatch.setattr("tdfscal.commands.report.read_sources", fail)
-    seen = run(capsys, "report", "own.yaml")
+    seen = cli("report", "own.yaml")
     assert (seen.status, seen.out) == (status, "")
     assert seen.err.startswith("tdfscal: ")
     assert said in seen.err

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 
 def near_truth(content: dict[str, Any], campaign: Path) -> None:
@@ -22,18 +22,14 @@ def near_truth(content: dict[str, Any], campaign: Path) -> None:
         assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
 
 
-def test_a_dead_channel_is_named_declared_and_used(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> None:
     campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    done = run(
-        capsys, "simulate", campaign, "--scenario", "dead-channel", "--postures", 16,
+    done = cli("simulate", campaign, "--scenario", "dead-channel", "--postures", 16,
         "--rate", 20, "-q",
     )  # fmt: skip
     assert done.status == 0, done.err
     # Nobody declared it: refused by name, with the line to write.
-    done = run(capsys, "calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    assert done.status == 3
+    done = cli("calibrate", campaign, "--trials", 0, "-o", found, "-q", ends=3)
     assert not found.exists()
     said = " ".join(done.err.split())
     line = re.search(r"write `axes: (\[[xyz, ]*\])` for (\w+) in rig.yaml", said)
@@ -45,52 +41,42 @@ def test_a_dead_channel_is_named_declared_and_used(
     assert (support["name"], support["axes"]) == ("ncp3", ["x", "z"])
     (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
     # Declared: the others and this one calibrate.
-    done = run(capsys, "calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    assert done.status == 0, done.out + done.err
+    done = cli("calibrate", campaign, "--trials", 0, "-o", found, "-q", ends=0)
     content = json.loads(found.read_text())
     near_truth(content, campaign)
     assert content["supports"][2]["zero"][1] is None
     # Held out, applied, reported and exported.
     held_out = tmp_path / "held-out"
-    run(
-        capsys, "simulate", held_out, "--scenario", "dead-channel", "--postures", 16,
+    cli("simulate", held_out, "--scenario", "dead-channel", "--postures", 16,
         "--rate", 20, "-q",
     )  # fmt: skip
     (held_out / "rig.yaml").write_text((campaign / "rig.yaml").read_text())
-    done = run(capsys, "validate", found, held_out, "--json", "-q")
-    assert done.status == 0, done.out + done.err
+    done = cli("validate", found, held_out, "--json", "-q", ends=0)
     wrench, page = tmp_path / "wrench.csv", tmp_path / "page.html"
-    assert run(capsys, "apply", found, held_out, "-o", wrench, "-q").status == 0
+    cli("apply", found, held_out, "-o", wrench, "-q", ends=0)
     assert wrench.stat().st_size > 1000
-    assert run(capsys, "report", found, "--html", page, "-q").status == 0
+    cli("report", found, "--html", page, "-q", ends=0)
     assert "ncp3" in page.read_text()
-    done = run(capsys, "export", found, "--to", "urdf")
-    assert done.status == 0, done.err
+    done = cli("export", found, "--to", "urdf", ends=0)
     assert "ncp3" in done.out
 
 
 @pytest.mark.slow
-def test_a_channel_that_is_not_measured_in_motion(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_channel_that_is_not_measured_in_motion(tmp_path: Path, cli: Cli) -> None:
     """Its field is not even recorded; file, validation and report follow."""
     campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    run(capsys, "simulate", campaign, "--scenario", "motion", "--seed", 3, "-q")
+    cli("simulate", campaign, "--scenario", "motion", "--seed", 3, "-q")
     rig = yaml.safe_load((campaign / "rig.yaml").read_text())
     rig["supports"][2]["axes"] = ["x", "z"]
     fields = rig["log"]["supports"][rig["supports"][2]["name"]]
     fields["force"][1] = "none"
     (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
     for samples in ("moving", "all"):
-        done = run(
-            capsys, "calibrate", campaign, "--samples", samples, "--trials", 0, "-o", found, "-q"
-        )
-        assert done.status == 0, done.out + done.err
+        cli("calibrate", campaign, "--samples", samples, "--trials", 0, "-o", found, "-q", ends=0)
         content = json.loads(found.read_text())
         near_truth(content, campaign)
         assert content["supports"][2]["zero"][1] is None
         assert content["supports"][2]["zero_std"][1] is None
-    done = run(capsys, "validate", found, campaign, "--json", "-q")
-    assert done.status == 0, done.out + done.err
+    cli("validate", found, campaign, "--json", "-q", ends=0)
     page = tmp_path / "page.html"
-    assert run(capsys, "report", found, "--html", page, "-q").status == 0
+    cli("report", found, "--html", page, "-q", ends=0)

@@ -15,14 +15,14 @@ import typer.main
 
 from tdfscal.cli import app
 from tdfscal.simulation import MOVING, SCENARIOS
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 
 GROUP: Any = typer.main.get_command(app.app)
 COMMANDS = {name: app.made(name) for name in app.COMMANDS}
 
 
-def test_the_help_lists_every_command_under_a_purpose(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "--help").out
+def test_the_help_lists_every_command_under_a_purpose(cli: Cli) -> None:
+    said = cli("--help").out
     order = [f"\n  {title}:" for title in ("Calibrate", "Check", "Put to work", "Plan and try")]
     places = [said.index(title) for title in order]
     assert places == sorted(places)
@@ -74,11 +74,9 @@ def test_a_shell_completes(shell: str, tmp_path: Path) -> None:
     assert "validate" not in done.stdout
 
 
-def test_tables_fold_on_a_narrow_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_fold_on_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch, cli: Cli) -> None:
     monkeypatch.setenv("COLUMNS", "60")
-    said = run(capsys, "info", SAMPLES / "parquet", "-q").out
+    said = cli("info", SAMPLES / "parquet", "-q").out
     mapping = said.index("Mapping guessed")
     assert max(map(len, said[:mapping].splitlines())) <= 60
-    assert max(map(len, run(capsys, "--help").out.splitlines())) <= 60
+    assert max(map(len, cli("--help").out.splitlines())) <= 60

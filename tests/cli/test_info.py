@@ -11,17 +11,16 @@ import yaml
 
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.logs import read_log
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 
 LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mcap/log.mcap"]
 
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
 def test_the_guess_reads_the_same_numbers_as_the_rig_file(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: Path
+    cli: Cli, tmp_path: Path, log: Path
 ) -> None:
-    result = run(capsys, "info", log, "--json")
-    assert result.status == 0
+    result = cli("info", log, "--json", ends=0)
     found = json.loads(result.out)
     assert found["problems"] == []
     own = log.parent / "rig.yaml"
@@ -40,8 +39,8 @@ def test_the_guess_reads_the_same_numbers_as_the_rig_file(
 
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
-def test_dwells_and_rates(capsys: pytest.CaptureFixture[str], log: Path) -> None:
-    found = json.loads(run(capsys, "info", log, "--json").out)
+def test_dwells_and_rates(cli: Cli, log: Path) -> None:
+    found = json.loads(cli("info", log, "--json").out)
     truth = yaml.safe_load((log.parent / "truth.yaml").read_text())
     assert found["dwells"]["count"] == len(truth["postures"])
     assert {round(s["rate"]) for s in found["signals"]} == {50}
@@ -50,11 +49,9 @@ def test_dwells_and_rates(capsys: pytest.CaptureFixture[str], log: Path) -> None
     assert abs(offset["seconds"]) < 3 * offset["std"]
 
 
-def test_text_is_80_columns_wide(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_text_is_80_columns_wide(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(SAMPLES)
-    out = run(capsys, "info", "mcap").out
+    out = cli("info", "mcap").out
     above, mapping = out.split("Mapping guessed")
     assert max(map(len, above.splitlines())) <= 80
     assert "/tdfs1/wrench" in above
@@ -77,12 +74,10 @@ def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool)
     return path
 
 
-def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(cli: Cli, tmp_path: Path) -> None:
     names = [f"{kind}{s}_{x}" for s in "123" for kind in ("Pos", "F") for x in "XYZ"]
     path = odd(tmp_path, ";".join(["Zeit_t_ms", *names]), ";", -1e-3, True)
-    found = json.loads(run(capsys, "info", path, "--json").out)
+    found = json.loads(cli("info", path, "--json").out)
     assert found["mapping"]["log"] == {
         "time": {"field": "Zeit_t_ms", "unit": "ms"},
         "length_unit": "mm",
@@ -100,11 +95,11 @@ def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(
     assert found["dwells"]["count"] >= 4
 
 
-def test_units_in_the_header_win(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_units_in_the_header_win(cli: Cli, tmp_path: Path) -> None:
     kinds = (("A", "mm"), ("B", "N"))
     names = [f"{kind}{s}.{x} [{unit}]" for s in "123" for kind, unit in kinds for x in "xyz"]
     path = odd(tmp_path, ",".join(["clock [ms]", *names]), ",", 1.0, False)
-    mapping = json.loads(run(capsys, "info", path, "--json").out)["mapping"]["log"]
+    mapping = json.loads(cli("info", path, "--json").out)["mapping"]["log"]
     assert mapping["time"] == {"field": "clock", "unit": "ms"}
     assert mapping["supports"]["ncp2"] == {
         "position": ["A2.x", "A2.y", "A2.z"],
@@ -112,20 +107,16 @@ def test_units_in_the_header_win(capsys: pytest.CaptureFixture[str], tmp_path: P
     }
 
 
-def test_what_is_no_campaign_is_still_described(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_what_is_no_campaign_is_still_described(cli: Cli, tmp_path: Path) -> None:
     path = tmp_path / "other.csv"
     path.write_text("time,temperature,note\n0,20.5,on\n1,20.6,off\n")
-    result = run(capsys, "info", path)
-    assert result.status == 0
+    result = cli("info", path, ends=0)
     assert "temperature" in result.out
     assert "no mapping is guessed" in result.out
 
 
-def test_a_name_that_is_not_utf8(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_name_that_is_not_utf8(cli: Cli, tmp_path: Path) -> None:
     path = tmp_path / "l\udcffg.mcap"
     path.write_bytes(LOGS[2].read_bytes())
-    result = run(capsys, "info", path, "--json")
-    assert result.status == 0
+    result = cli("info", path, "--json", ends=0)
     assert json.loads(result.out)["inputs"][0]["path"].endswith("l\\xffg.mcap")

@@ -21,7 +21,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.numerics import so3
 from tdfscal.records import Measured
 from tdfscal.simulation import MOVING, Recorder, reference_rig, scenarios
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.words import texts
 
 
@@ -61,9 +61,7 @@ def folders(months: Path, first: int, last: int) -> list[Path]:
     return sorted(p for p in months.iterdir() if p.is_dir())[first:last]
 
 
-def test_a_pattern_names_what_is_no_check_too(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pattern_names_what_is_no_check_too(months: Path, tmp_path: Path, cli: Cli) -> None:
     """FOLDER/* holds the truth of all months, and what was written beside them."""
     known = folders(months, 0, 2)
     checks = [tmp_path / folder.name for folder in known]
@@ -71,20 +69,19 @@ def test_a_pattern_names_what_is_no_check_too(
         shutil.copytree(folder, check)
     shutil.copy(months / "truth.yaml", tmp_path)
     page = tmp_path / "history.html"
-    alone = run(capsys, "monitor", *checks, "--html", page, "--json", "-q")
-    assert alone.status == 0, alone.err
+    alone = cli("monitor", *checks, "--html", page, "--json", "-q", ends=0)
     others = {p.name for p in tmp_path.iterdir()} - {p.name for p in checks}
     assert others == {"truth.yaml", "history.html"}
-    assert run(capsys, "monitor", *sorted(tmp_path.iterdir()), "--json", "-q").out == alone.out
+    assert cli("monitor", *sorted(tmp_path.iterdir()), "--json", "-q").out == alone.out
 
 
 def test_months_are_pooled_and_updated_to_the_same_numbers(
-    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
     """The truth lies within the stated uncertainty."""
     known = folders(months, 0, 3)
     pooled = tmp_path / "pooled.yaml"
-    assert run(capsys, "calibrate", *known, "--trials", 0, "-o", pooled, "-q").status == 0
+    cli("calibrate", *known, "--trials", 0, "-o", pooled, "-q", ends=0)
     content = yaml.safe_load(pooled.read_text())
     assert [c["name"] for c in content["campaigns"]] == [str(p) for p in known]
     assert content["measured"]["source"] == "rig"
@@ -97,8 +94,7 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     last = files[0]
     for k, folder in enumerate(known[1:], 1):
         new = tmp_path / f"{k}.yaml"
-        done = run(capsys, "update", last, folder, "--trials", 0, "-o", new, "-q")
-        assert done.status == 0, done.err
+        cli("update", last, folder, "--trials", 0, "-o", new, "-q", ends=0)
         last = new
     assert np.abs(angles(last) - angles(pooled)).max() < 1e-6
     updated = yaml.safe_load(last.read_text())
@@ -164,37 +160,36 @@ def test_an_older_file_that_tells_no_moves_is_said_to_count_them_as_none(
     assert not any(f.code == "exact-moves-untold" for f in before.findings)
 
 
-def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
-    done = run(capsys, "monitor", *arguments, "--json", "-q")
-    assert done.status == status, done.err
+def monitored(cli: Cli, status: int, *arguments: object) -> Any:
+    done = cli("monitor", *arguments, "--json", "-q", ends=status)
     return json.loads(done.out)
 
 
 def test_a_turned_sensor_alarms_and_is_named_in_its_month(
-    months: Path, files: list[Path], capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], cli: Cli
 ) -> None:
-    result = monitored(capsys, 1, *files)
+    result = monitored(cli, 1, *files)
     (alarm,) = result["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
     assert alarm["onset_check"] == str(files[5])
     truth = yaml.safe_load((months / "truth.yaml").read_text())["steps"][0]["turn"]
     assert np.abs(np.array(alarm["turn"]) - truth).max() < 4 * max(alarm["turn_std"])
-    assert monitored(capsys, 0, *files[:5])["alarms"] == []
+    assert monitored(cli, 0, *files[:5])["alarms"] == []
     # Of when it turned the checks around it tell; of the next calibration, that it is due.
     dates = [check["date"] for check in result["checks"]]
     assert f"between {dates[4]} and {dates[5]}" in alarm["text"]
     assert result["next_calibration"]["date"] == dates[-1]
     size, half = map(float, re.findall(r"by ([0-9.]+) ± ([0-9.]+) mrad", alarm["text"])[0])
     assert abs(size - 1e3 * np.linalg.norm(truth)) < 2 * half
-    said = run(capsys, "monitor", *files, "-q").out
+    said = cli("monitor", *files, "-q").out
     assert re.search(r"next calibration +now", said)
-    later = monitored(capsys, 0, *files, "--since", "2099-01-01")
+    later = monitored(cli, 0, *files, "--since", "2099-01-01")
     assert len(later["older_alarms"]) == 1
 
 
 @pytest.mark.slow
 def test_calibrations_that_stand_on_each_other_are_taken_apart(
-    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, tmp_path: Path, cli: Cli
 ) -> None:
     """Campaigns, their calibrations one by one, and a chain of updates tell one story.
 
@@ -204,28 +199,27 @@ def test_calibrations_that_stand_on_each_other_are_taken_apart(
     known, files, chain = folders(months, 0, 3), [], [tmp_path / "u0.yaml"]
     for k, folder in enumerate(known):
         files.append(tmp_path / f"c{k}.yaml")
-        run(capsys, "calibrate", folder, "--trials", 0, "-o", files[-1], "-q")
+        cli("calibrate", folder, "--trials", 0, "-o", files[-1], "-q")
     shutil.copy(files[0], chain[0])
     for k, folder in enumerate(known[1:], 1):
         chain.append(tmp_path / f"u{k}.yaml")
-        run(capsys, "update", chain[-2], folder, "--trials", 0, "-o", chain[-1], "-q")
+        cli("update", chain[-2], folder, "--trials", 0, "-o", chain[-1], "-q")
     paths = [
-        np.array(monitored(capsys, 0, *what)["checks"][-1]["path_rpy"])
+        np.array(monitored(cli, 0, *what)["checks"][-1]["path_rpy"])
         for what in (known, files, chain)
     ]
     assert np.abs(paths[1] - paths[0]).max() < 2e-6
     assert np.abs(paths[2] - paths[0]).max() < 2e-6
-    lost = run(capsys, "monitor", chain[0], chain[2])
-    assert lost.status == 2
+    lost = cli("monitor", chain[0], chain[2], ends=2)
     assert "not named" in lost.err
 
 
 def test_a_noisy_month_is_named_and_turns_no_sensor(
-    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
     base, *known = files[:4]
     second, last = folders(months, 1, 2)[0], folders(months, 4, 5)[0]
-    sound = monitored(capsys, 0, base, *known)
+    sound = monitored(cli, 0, base, *known)
     loud = edited(last, tmp_path / "loud")
     header, *lines = (loud / "log.csv").read_text().splitlines()
     forces = [name.startswith("TDFS") for name in header.split(",")]
@@ -235,24 +229,23 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
         cells = zip(line.split(","), noise, strict=True)
         rows.append(",".join(f"{float(cell) + part:.7f}" for cell, part in cells))
     (loud / "log.csv").write_text("\n".join(rows) + "\n")
-    result = monitored(capsys, 1, base, *known, loud)
+    result = monitored(cli, 1, base, *known, loud)
     assert result["alarms"] == []
     assert [text for text in texts(result) if str(loud) in text]
     now, before = (np.array(r["checks"][-1]["path_rpy_std"]) for r in (result, sound))
     assert np.all(now < 1.05 * before)
-    done = run(capsys, "update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q")
-    assert done.status == 1
+    done = cli("update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q", ends=1)
     assert "turned" not in done.out.split("Installation")[0]
     pools: list[Any] = []
     for extra in ((), (loud,)):
         target = tmp_path / f"pool{len(pools)}.yaml"
-        run(capsys, "calibrate", *folders(months, 0, 2), *extra, "--trials", 0, "-o", target, "-q")
+        cli("calibrate", *folders(months, 0, 2), *extra, "--trials", 0, "-o", target, "-q")
         pools.append(yaml.safe_load(target.read_text()))
     without, beside = pools
     assert beside["covariance"] == without["covariance"]
     assert len(beside["campaigns"]) == len(without["campaigns"])
     assert any(str(loud) in text and "takes no part" in text for text in texts(beside))
-    done = run(capsys, "update", base, second, "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
+    done = cli("update", base, second, "--trials", 0, "-o", tmp_path / "u.yaml", "-qv")
     assert "would have been seen with 95% probability" in " ".join(done.out.split())
 
 
@@ -266,7 +259,7 @@ def edited(folder: Path, target: Path, **changes: Any) -> Path:
 
 
 def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_together(
-    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
     (first, second, *_), base = folders(months, 0, 3), files[0]
     rig = yaml.safe_load((second / "rig.yaml").read_text())
@@ -295,24 +288,22 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
         (2, ["calibrate", ""], "empty"),
         (1, ["calibrate", *folders(months, 0, 6)], f"Leave {folders(months, 5, 6)[0]} out, or"),
     ):
-        done = run(capsys, *arguments, "--trials", 0, "-o", target, "-q")
-        assert done.status == status, (arguments, done.err, done.out)
+        done = cli(*arguments, "--trials", 0, "-o", target, "-q", ends=status)
         said = done.err + done.out
         assert names in " ".join(said.split())
         assert "Traceback" not in said
         assert not target.exists()
-    assert run(capsys, "monitor", base).status == 2
+    cli("monitor", base, ends=2)
 
 
 def test_one_posture_finds_new_zeros(
-    months: Path, files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
     second, base, new = folders(months, 1, 2)[0], files[0], tmp_path / "new.yaml"
     short = edited(second, tmp_path / "short")
     log = short / "log.csv"
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))
-    done = run(capsys, "update", base, short, "--trials", 0, "-o", new, "-q")
-    assert done.status == 0, done.err
+    cli("update", base, short, "--trials", 0, "-o", new, "-q", ends=0)
     before, after = (yaml.safe_load(path.read_text()) for path in (base, new))
     truth = yaml.safe_load((second / "truth.yaml").read_text())
     for ours, theirs in zip(after["supports"], truth["supports"], strict=True):
@@ -322,9 +313,7 @@ def test_one_posture_finds_new_zeros(
     assert np.all(stds[1] <= stds[0] * 1.1)
 
 
-def test_a_moving_log_updates_and_is_pooled(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_moving_log_updates_and_is_pooled(tmp_path: Path, cli: Cli) -> None:
     """The same numbers from an update with 20 s of motion as from both together; they hold."""
     rig = reference_rig()
     rig = replace(
@@ -345,13 +334,12 @@ def test_a_moving_log_updates_and_is_pooled(
     )
     base, new, pooled = (tmp_path / f"{name}.yaml" for name in ("base", "new", "pooled"))
     plain = ("--trials", 0, "-q", "-o")
-    assert run(capsys, "calibrate", still, *plain, base).status == 0
+    cli("calibrate", still, *plain, base, ends=0)
     for words in (
         ["update", base, moving, *plain, new],
         ["calibrate", still, moving, *plain, pooled],
     ):
-        done = run(capsys, *words)
-        assert done.status == 0, done.err
+        done = cli(*words, ends=0)
     assert np.abs(angles(new) - angles(pooled)).max() < 1e-6
     content, before = (yaml.safe_load(path.read_text()) for path in (new, base))
     assert content["motion"]["seconds"] > 10.0
@@ -368,8 +356,7 @@ def test_a_moving_log_updates_and_is_pooled(
     table = pd.read_parquet(log)
     table["time"] += 86400.0
     table.to_parquet(log)
-    done = run(capsys, "calibrate", still, moving, copy, *plain, tmp_path / "none.yaml")
-    assert done.status == 2
+    done = cli("calibrate", still, moving, copy, *plain, tmp_path / "none.yaml", ends=2)
     assert "the readings of every sensor are the same" in done.err
 
 
@@ -378,16 +365,14 @@ def simulated_zero(folder: Path) -> list[list[float]]:
 
 
 @pytest.mark.slow
-def test_a_recording_exported_in_two_formats_is_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_exported_in_two_formats_is_one(tmp_path: Path, cli: Cli) -> None:
     for name, format in (("one", "csv"), ("two", "mcap")):
         simulate_to_folder(tmp_path / name, postures=5, seed=3, format=format)  # type: ignore[arg-type]
     simulate_to_folder(tmp_path / "other", postures=5, seed=4, format="parquet")
     one, two, other = (tmp_path / name for name in ("one", "two", "other"))
-    done = run(capsys, "calibrate", one, two, "--trials", 0, "-q")
+    done = cli("calibrate", one, two, "--trials", 0, "-q")
     assert (done.status, "same recording" in done.err) == (2, True)
-    done = run(capsys, "calibrate", one, other, "--trials", 0, "-q")
+    done = cli("calibrate", one, other, "--trials", 0, "-q")
     assert "same recording" not in done.err
 
 

@@ -14,7 +14,7 @@ import yaml
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.records import Drift, Rig
 from tdfscal.simulation import Recorder, reference_rig
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.words import texts
 
 #: The scenario turns a sensor in the sixth.
@@ -42,16 +42,14 @@ def months(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
     return found
 
 
-def calibrated(capsys: pytest.CaptureFixture[str], path: Path, *folders: Path) -> dict[str, Any]:
-    done = run(capsys, "calibrate", *folders, "--trials", 0, "-o", path, "-q")
-    assert done.status == 0, done.out
+def calibrated(cli: Cli, path: Path, *folders: Path) -> dict[str, Any]:
+    cli("calibrate", *folders, "--trials", 0, "-o", path, "-q", ends=0)
     content: dict[str, Any] = json.loads(path.read_text())
     return content
 
 
-def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
-    done = run(capsys, "monitor", *arguments, "--json", "-q")
-    assert done.status == status, done.out + done.err
+def monitored(cli: Cli, status: int, *arguments: object) -> Any:
+    done = cli("monitor", *arguments, "--json", "-q", ends=status)
     return json.loads(done.out)
 
 
@@ -60,14 +58,13 @@ def truth(folder: Path) -> list[Any]:
 
 
 def test_an_undetermined_sensor_stays_null_in_pool_and_update(
-    months: dict[str, list[Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: dict[str, list[Path]], tmp_path: Path, cli: Cli
 ) -> None:
     folders = months["lacking"][:2]
-    pooled = calibrated(capsys, tmp_path / "pooled.json", *folders)
+    pooled = calibrated(cli, tmp_path / "pooled.json", *folders)
     first, last = tmp_path / "0.json", tmp_path / "1.json"
-    calibrated(capsys, first, folders[0])
-    done = run(capsys, "update", first, folders[1], "--trials", 0, "-o", last, "-q")
-    assert done.status == 0, done.out
+    calibrated(cli, first, folders[0])
+    cli("update", first, folders[1], "--trials", 0, "-o", last, "-q", ends=0)
     updated = json.loads(last.read_text())
     true = truth(folders[-1])
     for ours, theirs, real in zip(updated["supports"], pooled["supports"], true, strict=True):
@@ -80,43 +77,39 @@ def test_an_undetermined_sensor_stays_null_in_pool_and_update(
         for key in ("zero", "zero_std"):
             assert [value is None for value in campaign[key][2]] == [True, True, False]
     assert any("ncp3" in warning for warning in texts(updated))
-    result = monitored(capsys, 0, first, last)
+    result = monitored(cli, 0, first, last)
     assert all(check["path_rpy"][2] is None for check in result["checks"])
     assert any(warning.startswith("ncp3: no check") for warning in texts(result))
 
 
 def test_a_sensor_determined_in_one_campaign_keeps_its_angles(
-    months: dict[str, list[Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    months: dict[str, list[Path]], tmp_path: Path, cli: Cli
 ) -> None:
     """Two channels die after the first campaign, which still tells how the sensor is mounted."""
     mixed = [months["whole"][0], *months["lacking"][1:3]]
-    found = calibrated(capsys, tmp_path / "mixed.json", *mixed)
-    first = calibrated(capsys, tmp_path / "first.json", mixed[0])
+    found = calibrated(cli, tmp_path / "mixed.json", *mixed)
+    first = calibrated(cli, tmp_path / "first.json", mixed[0])
     third, alone = found["supports"][2], first["supports"][2]
     assert np.all(np.array(third["rpy_std"]) <= 1.05 * np.array(alone["rpy_std"]))
     away = np.abs(np.array(third["rpy"]) - truth(mixed[-1])[2])
     assert np.all(away < 4 * np.array(third["rpy_std"]))
     assert [value is None for value in found["campaigns"][0]["zero"][2]] == [False] * 3
     assert [value is None for value in found["campaigns"][1]["zero"][2]] == [True, True, False]
-    calibrated(capsys, tmp_path / "second.json", mixed[1])
-    result = monitored(capsys, 0, tmp_path / "first.json", tmp_path / "second.json")
+    calibrated(cli, tmp_path / "second.json", mixed[1])
+    result = monitored(cli, 0, tmp_path / "first.json", tmp_path / "second.json")
     assert all(check["path_rpy"][2] is not None for check in result["checks"])
     assert [check["rpy"][2] is None for check in result["checks"]] == [False, True]
     assert any("leaves ncp3 undetermined" in warning for warning in texts(result))
 
 
 @pytest.mark.slow
-def test_the_others_are_watched(
-    months: dict[str, list[Path]], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_others_are_watched(months: dict[str, list[Path]], cli: Cli) -> None:
     """The scenario turns the second sensor in the sixth month."""
-    (alarm,) = monitored(capsys, 1, *months["lacking"])["alarms"]
+    (alarm,) = monitored(cli, 1, *months["lacking"])["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
 
 
-def test_pooled_campaigns_say_how_zeros_drift_and_supports_give(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pooled_campaigns_say_how_zeros_drift_and_supports_give(tmp_path: Path, cli: Cli) -> None:
     rig = reference_rig()
     declared = replace(rig.declared, compliance_lateral=1e-7, compliance_vertical=1e-7)
     rig = replace(rig, drift=Drift(time=0.5 / 3600), declared=declared)
@@ -125,20 +118,19 @@ def test_pooled_campaigns_say_how_zeros_drift_and_supports_give(
         recorder=Recorder(mean_sd=0.0),
     )  # fmt: skip
     folders = sorted(p for p in (tmp_path / "months").iterdir() if p.is_dir())[:2]
-    found = calibrated(capsys, tmp_path / "pooled.json", *folders)
+    found = calibrated(cli, tmp_path / "pooled.json", *folders)
     assert np.shape(found["drift"]["time"]["value"]) == (3, 3)
-    one = calibrated(capsys, tmp_path / "one.json", folders[-1])
+    one = calibrated(cli, tmp_path / "one.json", folders[-1])
     for way in ("lateral", "vertical"):
         both, alone = (file["compliance"][way]["std"] for file in (found, one))
         assert 0 < both < alone
-    done = run(capsys, "update", tmp_path / "one.json", folders[0], "--trials", 0, "-q")
+    done = cli("update", tmp_path / "one.json", folders[0], "--trials", 0, "-q")
     assert done.status == 2  # it is older
-    calibrated(capsys, tmp_path / "first.json", folders[0])
+    calibrated(cli, tmp_path / "first.json", folders[0])
     new = tmp_path / "new.json"
-    done = run(
-        capsys, "update", tmp_path / "first.json", folders[1], "--trials", 0, "-o", new, "-q"
+    done = cli(
+        "update", tmp_path / "first.json", folders[1], "--trials", 0, "-o", new, "-q", ends=0
     )
-    assert done.status == 0, done.out + done.err
     updated = json.loads(new.read_text())
     assert updated["compliance"]["lateral"]["std"] == pytest.approx(
         found["compliance"]["lateral"]["std"], rel=0.01

@@ -18,7 +18,7 @@ from tdfscal.commands.campaign import resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 from tests.words import texts
 
 REPEATED = "1 repeat the time of the sample before"
@@ -45,17 +45,16 @@ def set_to(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
 
 
 def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
-    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    campaign: Path, tmp_path: Path, cli: Cli
 ) -> None:
     edit(campaign, repeated)
     target = tmp_path / "c.json"
-    seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-qv")
-    assert seen.status == 0, seen.err
+    seen = cli("calibrate", campaign, "-o", target, "--trials", 0, "-qv", ends=0)
     assert (" ".join(seen.out.split()).count(REPEATED), seen.err.count(REPEATED)) == (1, 1)
     assert sum(REPEATED in w for w in texts(json.loads(target.read_text()))) == 1
-    brief = run(capsys, "calibrate", campaign, "--trials", 0, "-q")
+    brief = cli("calibrate", campaign, "--trials", 0, "-q")
     assert (REPEATED in " ".join(brief.out.split()), brief.err.count(REPEATED)) == (False, 1)
-    validated = run(capsys, "validate", target, campaign, "-q", "--json")
+    validated = cli("validate", target, campaign, "-q", "--json")
     assert sum(REPEATED in w for w in texts(json.loads(validated.out))) == 1
 
 
@@ -67,16 +66,11 @@ def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
     ],
 )
 def test_a_failure_says_what_the_log_warned_of(
-    campaign: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    change: Change,
-    status: int,
-    said: str,
+    campaign: Path, tmp_path: Path, cli: Cli, change: Change, status: int, said: str
 ) -> None:
     edit(campaign, repeated, change)
     line = ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q")
-    seen = run(capsys, *line)
+    seen = cli(*line)
     assert (seen.status, seen.out) == (status, "")
     (message,) = seen.err.splitlines()
     assert said in message
@@ -113,7 +107,7 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
     campaign: Path,
     sample: tdfscal.Calibration,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: Cli,
     capacity: list[float] | None,
     name: str,
     limit: float,
@@ -127,7 +121,7 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
     line = ("calibrate", campaign, "--trials", 0, "--allow-rejected", "-o")
     edit(campaign, set_to(name, lambda values: np.clip(values, -limit, limit)))
     for command in ((*line, tmp_path / "c.yaml"), ("validate", tmp_path / "before.yaml", campaign)):
-        seen = run(capsys, *command, "-q")
+        seen = cli(*command, "-q")
         assert "dead" not in seen.err + seen.out
         assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
         assert f"{limit:g} N in all" in seen.err
@@ -135,16 +129,12 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
 
 
 def test_a_copy_by_another_clock_in_another_format_counts_once(
-    campaign: Path,
-    sample: tdfscal.Calibration,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    campaign: Path, sample: tdfscal.Calibration, tmp_path: Path, cli: Cli
 ) -> None:
     table = pq.read_table(campaign / "log.parquet")
     later = set_to("time", lambda time: time + 12345.678)(table)
     csv.write_csv(later, campaign / "log2.csv")
-    seen = run(capsys, "calibrate", campaign, "-o", tmp_path / "b.json", "--trials", 0, "-q")
-    assert seen.status == 0, seen.err
+    cli("calibrate", campaign, "-o", tmp_path / "b.json", "--trials", 0, "-q", ends=0)
     once, twice = sample.to_dict(), json.loads((tmp_path / "b.json").read_text())
     assert twice["fit"]["postures"] == once["fit"]["postures"]
     for a, b in zip(once["supports"], twice["supports"], strict=True):

@@ -15,7 +15,7 @@ import pytest
 
 import tdfscal
 from tdfscal.errors import UsageError
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 from tests.words import in_words
 
 EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
@@ -79,11 +79,7 @@ def whole(sample: tdfscal.Calibration, tmp_path_factory: pytest.TempPathFactory)
 
 @pytest.mark.parametrize("command", ["apply", "update"])
 def test_every_command_takes_it(
-    command: str,
-    campaign: Path,
-    whole: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    command: str, campaign: Path, whole: Path, tmp_path: Path, cli: Cli
 ) -> None:
     begin, end = span(campaign)
     part = cut(campaign, begin, begin + 0.8 * (end - begin))
@@ -94,7 +90,7 @@ def test_every_command_takes_it(
         if command == "update":  # the calibration's own recording may not come twice
             table = pq.read_table(folder / "log.parquet").replace_schema_metadata({"copy": "1"})
             pq.write_table(table, folder / "log.parquet")
-        done = run(capsys, command, whole, folder, "-o", output, *more, *options, "--json", "-q")
+        done = cli(command, whole, folder, "-o", output, *more, *options, "--json", "-q")
         assert done.status in (0, 1), done.err
         if command == "apply":
             seen.append(output.read_bytes())
@@ -122,9 +118,9 @@ def test_the_result_says_so(campaign: Path) -> None:
     ],
 )
 def test_what_is_no_part_of_the_log(
-    options: list[str], said: str, campaign: Path, capsys: pytest.CaptureFixture[str]
+    options: list[str], said: str, campaign: Path, cli: Cli
 ) -> None:
-    done = run(capsys, "calibrate", campaign, *options, "-o", campaign / "out.yaml", "-q")
+    done = cli("calibrate", campaign, *options, "-o", campaign / "out.yaml", "-q")
     assert done.status == (3 if "sample" in said else 2)
     assert said in done.err
     assert len(done.err.splitlines()) == 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.files.logs.test_log_text_kinds import turns
 
 HEAD = """format: tdfscal-rig/1
@@ -51,16 +51,14 @@ TEXT_FAULTS: dict[str, Callable[[str], str]] = {
 
 
 @pytest.mark.parametrize("fault", [None, *TEXT_FAULTS])
-def test_a_spoilt_table_is_refused(
-    fault: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_spoilt_table_is_refused(fault: str | None, tmp_path: Path, cli: Cli) -> None:
     """The sound file is read, though its random numbers are no rig's; the spoilt one is not."""
     path, rig = tmp_path / "log.csv", tmp_path / "foreign.yaml"
     turns(path)
     rig.write_text(HEAD)
     if fault is not None:
         path.write_text(TEXT_FAULTS[fault](path.read_text()))
-    done = run(capsys, "calibrate", path, "--rig", rig, "-o", tmp_path / "out.yaml", "-q")
+    done = cli("calibrate", path, "--rig", rig, "-o", tmp_path / "out.yaml", "-q")
     assert ("log positions" in done.err) is (fault is None)
     assert (done.status, done.out) == (3, ""), done.err
     assert len(done.err.splitlines()) == 1, done.err

@@ -9,7 +9,7 @@ import pytest
 
 from tdfscal.errors import DataError, MemoryShortError
 from tdfscal.logs.log_file import damage
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 
 def wrapped(fault: Exception) -> DataError:
@@ -27,15 +27,12 @@ def wrapped(fault: Exception) -> DataError:
     [MemoryError(), OSError(errno.ENOMEM, "Cannot allocate memory"), wrapped(MemoryError())],
     ids=repr,
 )
-def test_faults_of_memory(
-    fault: Exception, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_faults_of_memory(fault: Exception, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*arguments: object) -> None:
         raise fault
 
     monkeypatch.setattr("tdfscal.commands.report.read_sources", fail)
-    seen = run(capsys, "report", "own.yaml")
-    assert seen.status == 2
+    seen = cli("report", "own.yaml", ends=2)
     assert "memory does not suffice" in seen.err
 
 

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 Break = Callable[[Path], object]
 
@@ -97,14 +97,13 @@ LONG = ("swapped axes", "an axis of opposite sign", "swapped sensors")
     "name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in FAULTS]
 )
 def test_refused_in_one_paragraph_without_a_file(
-    name: str, campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, campaign: Path, tmp_path: Path, cli: Cli
 ) -> None:
     fault, status, word = FAULTS[name]
     fault(campaign)
     target = tmp_path / "result.yaml"
     target.write_text("untouched")
-    seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q")
-    assert seen.status == status, seen.err
+    seen = cli("calibrate", campaign, "-o", target, "--trials", 0, "-q", ends=status)
     assert word in seen.err
     assert seen.err.startswith("tdfscal: ")
     assert seen.err.count("\n") == 1
@@ -114,12 +113,10 @@ def test_refused_in_one_paragraph_without_a_file(
     assert [p.name for p in tmp_path.iterdir() if p.is_file()] == ["result.yaml"]
 
 
-def test_the_untouched_campaign_is_accepted(
-    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_untouched_campaign_is_accepted(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     """The faults above are faults: without one the same command succeeds."""
     target = tmp_path / "result.json"
-    seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q")
+    seen = cli("calibrate", campaign, "-o", target, "--trials", 0, "-q")
     assert (seen.status, seen.err) == (0, "")
     assert "ACCEPTED" in seen.out
     assert target.is_file()

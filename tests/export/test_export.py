@@ -25,7 +25,8 @@ from tdfscal.exports.formats import c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.findings import Finding
-from tests.reporting.samples import NASTY, changed, run, sample, saved, without_parameters
+from tests.cli.running import Cli
+from tests.reporting.samples import NASTY, changed, sample, saved, without_parameters
 from tests.words import found
 
 PLAIN = sample().calibration
@@ -176,40 +177,33 @@ def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
-def test_command(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(to: str, tmp_path: Path, cli: Cli) -> None:
     path = saved(PLAIN, tmp_path, "c.yaml")
-    shown = run(capsys, "export", path, "--to", to)
+    shown = cli("export", path, "--to", to)
     assert (shown.status, shown.err) == (0, "")
-    written = run(capsys, "export", path, "--to", to, "-o", tmp_path / "out")
+    written = cli("export", path, "--to", to, "-o", tmp_path / "out")
     assert (written.status, written.out) == (0, "")
     assert (tmp_path / "out").read_text(encoding="utf-8") == shown.out
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
-def test_a_rejected_calibration_stays_at_home(
-    to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rejected_calibration_stays_at_home(to: str, tmp_path: Path, cli: Cli) -> None:
     c = changed(PLAIN, status="rejected", findings=(found("too few postures", "rejects"),))
     path, out = saved(c, tmp_path, "c.yaml"), tmp_path / "out"
     out.write_text("as it was", encoding="utf-8")
-    done = run(capsys, "export", path, "--to", to, "-o", out)
-    assert done.status == 1
+    done = cli("export", path, "--to", to, "-o", out, ends=1)
     assert "--allow-rejected" in done.err
     assert out.read_text(encoding="utf-8") == "as it was"
-    done = run(capsys, "export", path, "--to", to, "-o", out, "--allow-rejected")
-    assert done.status == 0
+    done = cli("export", path, "--to", to, "-o", out, "--allow-rejected", ends=0)
     assert "rejected" in out.read_text(encoding="utf-8").lower()
 
 
-def test_a_provisional_calibration_says_how_many_lines_are_open(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_provisional_calibration_says_how_many_lines_are_open(tmp_path: Path, cli: Cli) -> None:
     """The first two of them, and where all stand."""
     lines = tuple(f"terminal.part{k} (line {k})" for k in range(20))
     draft = document(Finding("draft-unconfirmed", lines, len(lines)))
     c = changed(PLAIN, status="provisional", findings=(draft,))
-    done = run(capsys, "export", saved(c, tmp_path, "c.yaml"), "--to", "urdf")
-    assert done.status == 0
+    done = cli("export", saved(c, tmp_path, "c.yaml"), "--to", "urdf", ends=0)
     assert "20 lines" in done.err
     assert [line in done.err for line in lines] == [True, True] + 18 * [False]
     assert "`findings`" in done.err

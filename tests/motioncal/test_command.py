@@ -13,7 +13,7 @@ from tdfscal.commands.calibration import load_calibration
 from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.reporting.samples import sketch
 from tests.words import in_words
 
@@ -26,15 +26,11 @@ def minute(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_log_without_a_stop_becomes_a_calibration(
-    minute: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    minute: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sketch(monkeypatch)
     target = tmp_path / "result.yaml"
-    seen = run(capsys, "calibrate", minute, "-o", target, "--html", tmp_path / "page.html", "-q")
-    assert seen.status == 0, seen.err
+    seen = cli("calibrate", minute, "-o", target, "--html", tmp_path / "page.html", "-q", ends=0)
     truth = yaml.safe_load((minute / "truth.yaml").read_text(encoding="utf-8"))
     result = load_calibration(target)
     rpy = np.array([support["rpy"] for support in truth["supports"]])
@@ -53,8 +49,7 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert result.motion.residual is not None
     assert len(result.motion.residual.time) == pytest.approx(60, abs=1)
     page = tmp_path / "validation.html"
-    seen = run(capsys, "validate", target, minute, "--html", page, "-q")
-    assert seen.status == 0, seen.err
+    seen = cli("validate", target, minute, "--html", page, "-q", ends=0)
     assert "STILL VALID" not in seen.out
     assert "NOT CONTRADICTED" in seen.out
     assert "went into this calibration" in seen.err

@@ -25,7 +25,7 @@ from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.time_course import Trajectory
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.motioncal.campaigns import DELAY
 
 STIFFNESS = 2.0e7
@@ -144,13 +144,12 @@ def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
     assert reached == pytest.approx(said, rel=0.2)
 
 
-def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_files_and_the_command(tmp_path: Path, cli: Cli) -> None:
     folder = tmp_path / "rig"
     simulate_to_folder(folder, postures=2, rows="postures")
     table = tmp_path / "table.csv"
     command = ["plan", folder, "--motion", "--duration", "20", "--stiffness", "2e7"]
-    seen = run(capsys, *command, "-o", table, "-q")
-    assert seen.status == 0, seen.err
+    seen = cli(*command, "-o", table, "-q", ends=0)
     assert "Motion for Reference rig: 20 s without a stop" in seen.out
     rows = [line for line in table.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
     read = list(csv.DictReader(rows))

@@ -14,7 +14,7 @@ from tdfscal.files.writers.plan import plan_csv
 from tdfscal.planning.choice import make_plan
 from tdfscal.planning.plan import Request
 from tdfscal.simulation import Recorder, reference_rig
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 from .limits import limits
 
@@ -56,22 +56,16 @@ def test_rows_are_the_plan() -> None:
     assert any(f"expected {rig.supports[2]}" in line and "mrad" in line for line in notes)
 
 
-def test_command_writes_and_prints(
-    campaign: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_command_writes_and_prints(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     out = tmp_path / "plan.csv"
-    seen = run(capsys, "plan", campaign, "-o", out, "--postures", "8")
-    assert seen.status == 0
+    seen = cli("plan", campaign, "-o", out, "--postures", "8", ends=0)
     shown = seen.out
     assert "to expect of the installation angles" in shown
     assert max(map(len, shown.replace(str(out), "").splitlines())) <= 80
     assert len(table(out.read_text(encoding="utf-8"))) == 8
     again = tmp_path / "again.csv"
     options = ["--postures", "8", "--json", "--given", str(campaign)]
-    seen = run(capsys, "plan", campaign / "rig.yaml", "-o", again, *options)
-    assert seen.status == 0
+    seen = cli("plan", campaign / "rig.yaml", "-o", again, *options, ends=0)
     document = json.loads(seen.out)
     assert document["given"] == 6
     assert (
@@ -94,16 +88,10 @@ def test_command_writes_and_prints(
     ],
 )
 def test_faults_are_named_and_leave_no_file(
-    options: list[str],
-    status: int,
-    said: str,
-    campaign: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    options: list[str], status: int, said: str, campaign: Path, tmp_path: Path, cli: Cli
 ) -> None:
     out = tmp_path / "plan.csv"
-    seen = run(capsys, "plan", campaign, "-o", out, *options)
-    assert seen.status == status
+    seen = cli("plan", campaign, "-o", out, *options, ends=status)
     assert said in seen.err
     assert seen.out == ""
     assert not out.exists()

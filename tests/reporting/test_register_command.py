@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.cli.running import SAMPLES
-from tests.reporting.samples import run
+from tests.cli.running import SAMPLES, Cli
 from tests.words import texts
 
 RPY = (0.1, -0.2, 0.3)
@@ -33,9 +32,8 @@ def pair(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "measured.csv", tmp_path / "reference.csv"
 
 
-def test_transform(pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    done = run(capsys, "register", *pair, "--unit", "mm", "--json")
-    assert done.status == 0
+def test_transform(pair: tuple[Path, Path], cli: Cli) -> None:
+    done = cli("register", *pair, "--unit", "mm", "--json", ends=0)
     found = json.loads(done.out)
     off = (np.array(found["rpy"]) - RPY) / found["rpy_std"]
     shift = (np.array(found["translation"]) - SHIFT) / found["translation_std"]
@@ -44,7 +42,7 @@ def test_transform(pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) 
         Rotation.from_matrix(found["rotation"]).as_euler("xyz"), found["rpy"], rtol=0, atol=1e-12
     )
     assert len(found["points"]) == 8
-    text = run(capsys, "register", *pair, "--unit", "mm").out
+    text = cli("register", *pair, "--unit", "mm").out
     assert max(map(len, text.splitlines())) <= 80
     assert "8 points fit within" in text
     assert f"{1e3 * found['rpy'][2]:.6f}" in text
@@ -73,41 +71,36 @@ def test_groups_that_moved_against_each_other_are_named(
     turn: tuple[float, ...],
     shift: tuple[float, ...],
     model: str | None,
-    capsys: pytest.CaptureFixture[str],
+    cli: Cli,
 ) -> None:
     """The files hold 0.01 mm of noise; the second group is moved by more than ten times that."""
     R = Rotation.from_euler("xyz", turn).as_matrix()
     in_groups(pair[0], lambda points: points @ R.T + shift)
     in_groups(pair[1], lambda points: points)
-    done = run(capsys, "register", *pair, "--unit", "mm", "--json")
-    assert done.status == 0, done.err
-    itself = run(capsys, "register", pair[0], pair[0], "--unit", "mm", "--json")
+    done = cli("register", *pair, "--unit", "mm", "--json", ends=0)
+    itself = cli("register", pair[0], pair[0], "--unit", "mm", "--json")
     assert (itself.status, texts(json.loads(itself.out))) == (0, [])
     said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
     assert len(said) == (model is not None)
     assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
     # Before the numbers that it concerns.
-    text = run(capsys, "register", *pair, "--unit", "mm").out
+    text = cli("register", *pair, "--unit", "mm").out
     assert ("(jig, second)" in text.split("roll")[0]) == (model is not None)
 
 
-def test_groups_in_frames_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+def test_groups_in_frames_of_their_own(cli: Cli) -> None:
     """Targets on several sensors share no frame: the advice is to take them one by one."""
     survey = SAMPLES / "csv" / "tracker"
-    done = run(capsys, "register", survey / "targets.csv", survey / "nominal.csv", "--unit", "mm")
-    assert done.status == 4
+    done = cli("register", survey / "targets.csv", survey / "nominal.csv", "--unit", "mm", ends=4)
     assert "Each of the groups ncp1, ncp2, ncp3 fits by itself" in done.err
 
 
-def test_options_of_instrument_groups_and_scale(
-    pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_of_instrument_groups_and_scale(pair: tuple[Path, Path], cli: Cli) -> None:
     measured, reference = pair
     measured.write_text(measured.read_text(encoding="utf-8").replace("jig", "A"), encoding="utf-8")
     asked = ("register", measured, reference, "--unit", "mm", "--groups", "A=jig", "--json")
     stated = ("--range", "1e-5", "--range-ppm", "0", "--angle-arcsec", "1")
-    done = run(capsys, *asked, *stated, "--scale")
-    assert done.status == 0, done.err
+    done = cli(*asked, *stated, "--scale", ends=0)
     found = json.loads(done.out)
     assert found["scale_estimated"]
     assert found["convention"].startswith("measured = scale ·")
@@ -115,5 +108,5 @@ def test_options_of_instrument_groups_and_scale(
     assert found["dof"] == 3 * 8 - 7
     assert abs(found["scale"] - 1) < 5 * found["scale_std"]
     for wrong in (["--range", "1e-5"], ["--range", "-1"], ["--groups", "A"], ["--match", "best"]):
-        done = run(capsys, *asked, *wrong)
+        done = cli(*asked, *wrong)
         assert (done.status, done.out) == (2, "")

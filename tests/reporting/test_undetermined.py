@@ -25,7 +25,8 @@ from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undet
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Undetermined
 from tdfscal.simulation import Options, reference_rig, simulate_campaign, simulate_dwells
-from tests.reporting.samples import rig_of, run
+from tests.cli.running import Cli
+from tests.reporting.samples import rig_of
 from tests.reporting.test_page import read
 
 FLOATING = Options(postures=16, stiffness=np.array([1e3, 1e3, 2e7]))
@@ -137,14 +138,14 @@ def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
 
 
 def test_calibrate_writes_a_page_but_no_calibration(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     options = replace(FLOATING, rows="postures", postures=8)
     campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(1))
     write_campaign(campaign, tmp_path / "c", format="csv")
     (tmp_path / "kept.yaml").write_text("kept")
-    seen = run(capsys, "calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--json")
+    seen = cli("calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--json")
     assert (seen.status, seen.out) == (4, "")
     assert "p.html shows what is weak" in seen.err
     assert {p.name for p in tmp_path.iterdir()} == {"c", "kept.yaml", "p.html"}

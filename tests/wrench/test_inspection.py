@@ -21,7 +21,7 @@ from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples
-from tests.cli.running import SAMPLES, Run, rows, run
+from tests.cli.running import SAMPLES, Cli, Run, rows
 from tests.words import in_words
 
 from .held_out import HELD, USED, simulated, world
@@ -136,7 +136,7 @@ def test_apply_refuses_what_calibrate_refuses(
     calibration: Path,
     campaign: Path,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    cli: Cli,
     recwarn: pytest.WarningsRecorder,
     fault: Callable[[Path], object],
     said: str,
@@ -148,7 +148,7 @@ def test_apply_refuses_what_calibrate_refuses(
         ("apply", calibration, campaign, "-o", older, "-q"),
         ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q"),
     ):
-        seen = run(capsys, *line)
+        seen = cli(*line)
         assert (seen.status, seen.out) == (3, ""), seen.err
         assert said.lower() in seen.err.lower()
         assert seen.err.count("\n") == 1
@@ -170,7 +170,7 @@ def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
 
 
 def test_supports_renamed_in_a_circle_are_said(
-    calibration: Path, campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    calibration: Path, campaign: Path, tmp_path: Path, cli: Cli
 ) -> None:
     circled(campaign)
     told = "ncp1 taken from ncp3 and ncp2 taken from ncp1 and ncp3 taken from ncp2"
@@ -183,8 +183,8 @@ def test_supports_renamed_in_a_circle_are_said(
         assert "about Z of the BCS in every posture" in warning["text"]
         assert told in warning["cure"]
 
-    heard(run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q", "--json"))
-    heard(run(capsys, "apply", calibration, campaign, "-o", tmp_path / "w.csv", "--json"))
-    heard(run(capsys, "validate", calibration, campaign, "-q", "--json"))
+    heard(cli("calibrate", campaign, "-o", target, "--trials", 0, "-q", "--json"))
+    heard(cli("apply", calibration, campaign, "-o", tmp_path / "w.csv", "--json"))
+    heard(cli("validate", calibration, campaign, "-q", "--json"))
     assert len(rows(tmp_path / "w.csv")) > 5000
     assert "turned by" not in calibration.read_text()

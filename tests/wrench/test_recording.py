@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import tdfscal
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 TOPICS = {
@@ -130,7 +130,7 @@ def test_a_bag_reader_opens_it(applied: Path, tmp_path: Path) -> None:
     assert np.array_equal(np.array(messages), columns)
 
 
-def test_it_is_a_result_and_no_log(applied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_is_a_result_and_no_log(applied: Path, cli: Cli) -> None:
     """In the campaign's folder it is left alone; Python has its frame."""
     folder = applied / "campaign"
     result = tdfscal.apply(applied / "c.yaml", folder, output=folder / "w.mcap", to="+10")
@@ -138,20 +138,16 @@ def test_it_is_a_result_and_no_log(applied: Path, capsys: pytest.CaptureFixture[
     assert list(frame.columns) == list(expected)
     for name, values in expected.items():
         np.testing.assert_allclose(frame[name], values, rtol=0, atol=1e-9 if name == "time" else 0)
-    done = run(capsys, "info", folder, "--json", "-q")
-    assert done.status == 0
+    done = cli("info", folder, "--json", "-q", ends=0)
     assert [Path(f["path"]).name for f in json.loads(done.out)["files"]] == ["log.parquet"]
 
 
-def test_times_before_1970_are_refused(
-    applied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_before_1970_are_refused(applied: Path, tmp_path: Path, cli: Cli) -> None:
     folder = Path(shutil.copytree(SAMPLES / "parquet", tmp_path / "early"))
     log = pq.read_table(folder / "log.parquet")
     early = log.set_column(log.column_names.index("time"), "time", pc.subtract(log["time"], 1e4))
     pq.write_table(early, folder / "log.parquet")
     out = tmp_path / "w.mcap"
-    done = run(capsys, "apply", applied / "c.yaml", folder, "-o", out, "-q")
-    assert done.status == 3
+    done = cli("apply", applied / "c.yaml", folder, "-o", out, "-q", ends=3)
     assert ".parquet instead" in done.err
     assert not out.exists()
