@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import csv
+import json
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tdfscal.cli import main
 
+ERRORS = (2, 3, 4)
+#: A stage of the work with the seconds since its start.
+PROGRESS = re.compile(r"\[ *\d+\.\d s\] .+")
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
@@ -45,10 +51,21 @@ class Cli:
     capsys: pytest.CaptureFixture[str]
 
     def __call__(self, *arguments: object, ends: int | None = None) -> Run:
-        """ends : the exit status, of which anything else fails the test with what was said."""
+        """Run it; an exit status other than `ends` fails the test with what was said.
+
+        An error prints nothing, and says one line beside progress.
+        """
         seen = run(self.capsys, *arguments)
         assert ends in (None, seen.status), f"{arguments}: {seen.status}\n{seen.err}{seen.out}"
+        if arguments and seen.status in ERRORS:  # without a command stands the help
+            assert seen.out == ""
+            (message,) = (line for line in seen.err.splitlines() if not PROGRESS.fullmatch(line))
+            assert message.startswith("tdfscal: ")
         return seen
+
+    def json(self, *arguments: object, ends: int | None = None) -> Any:
+        """What it prints with `--json`."""
+        return json.loads(self(*arguments, "--json", ends=ends).out)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -53,7 +53,7 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     assert "ACCEPTED" in text.out
     lines = text.out.splitlines()
     assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
-    assert json.loads(cli("report", target, "--json").out) == printed
+    assert cli.json("report", target) == printed
 
 
 def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_the_guess_reads_the_same_numbers_as_the_rig_file(
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
 def test_dwells_and_rates(cli: Cli, log: Path) -> None:
-    found = json.loads(cli("info", log, "--json").out)
+    found = cli.json("info", log)
     truth = yaml.safe_load((log.parent / "truth.yaml").read_text())
     assert found["dwells"]["count"] == len(truth["postures"])
     assert {round(s["rate"]) for s in found["signals"]} == {50}
@@ -77,7 +77,7 @@ def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool)
 def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(cli: Cli, tmp_path: Path) -> None:
     names = [f"{kind}{s}_{x}" for s in "123" for kind in ("Pos", "F") for x in "XYZ"]
     path = odd(tmp_path, ";".join(["Zeit_t_ms", *names]), ";", -1e-3, True)
-    found = json.loads(cli("info", path, "--json").out)
+    found = cli.json("info", path)
     assert found["mapping"]["log"] == {
         "time": {"field": "Zeit_t_ms", "unit": "ms"},
         "length_unit": "mm",
@@ -99,7 +99,7 @@ def test_units_in_the_header_win(cli: Cli, tmp_path: Path) -> None:
     kinds = (("A", "mm"), ("B", "N"))
     names = [f"{kind}{s}.{x} [{unit}]" for s in "123" for kind, unit in kinds for x in "xyz"]
     path = odd(tmp_path, ",".join(["clock [ms]", *names]), ",", 1.0, False)
-    mapping = json.loads(cli("info", path, "--json").out)["mapping"]["log"]
+    mapping = cli.json("info", path)["mapping"]["log"]
     assert mapping["time"] == {"field": "clock", "unit": "ms"}
     assert mapping["supports"]["ncp2"] == {
         "position": ["A2.x", "A2.y", "A2.z"],

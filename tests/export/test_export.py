@@ -181,8 +181,7 @@ def test_command(to: str, tmp_path: Path, cli: Cli) -> None:
     path = saved(PLAIN, tmp_path, "c.yaml")
     shown = cli("export", path, "--to", to)
     assert (shown.status, shown.err) == (0, "")
-    written = cli("export", path, "--to", to, "-o", tmp_path / "out")
-    assert (written.status, written.out) == (0, "")
+    cli("export", path, "--to", to, "-o", tmp_path / "out", ends=0)
     assert (tmp_path / "out").read_text(encoding="utf-8") == shown.out
 
 
