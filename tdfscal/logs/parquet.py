@@ -119,7 +119,8 @@ class ParquetLog(LogFile):
             kinds = {f.path: "date and time" if f.path in dated else _kind(f) for f in leaves}
             columns = [(f.path, kinds[f.path], None) for f in leaves]
             columns += [(name, "element of a list", None) for name in elements]
-            rows = file.metadata.num_rows
+            groups = map(file.metadata.row_group, range(file.num_row_groups))
+            rows = sum(group.num_rows for group in groups)
             return table_contents(self.path, "parquet", rows, columns, numbers)
 
 

@@ -79,7 +79,11 @@ def element_of(name: str, lists: Sequence[str]) -> tuple[str, int] | None:
 def batches(
     file: pq.ParquetFile, group: int, names: Sequence[str], size: int
 ) -> Iterator[pa.Table]:
-    """Yield a row group in tables of the named columns, elements of lists among them."""
+    """Yield a row group in tables of the named columns, elements of lists among them.
+
+    Raises DataError where the columns end before the group does.
+    """
+    left = file.metadata.row_group(group).num_rows
     lists = lists_of(file)
     elements = {name: found for name in names if (found := element_of(name, lists)) is not None}
     whole = [name for name in names if name not in elements]
@@ -94,7 +98,11 @@ def batches(
                     hint=f"elements count from 0: {name} is one more than the list has",
                 )
             table = table.append_column(name, pc.list_element(table.column(column), place))
+        left -= table.num_rows
         yield table
+    if left:
+        what = f"row group {group} lacks {left} rows of the columns that are read"
+        raise DataError(what, hint=AGAIN)
 
 
 def flattened(batch: pa.RecordBatch) -> pa.Table:
