@@ -120,10 +120,6 @@ def block_design(
     moved = _moving_columns(seen, at.rotation, position, state)
     F = statics.forces(state, at.seen.force)
     F = statics.forces(state, at.seen.force)
-
-    def delayed(way: FloatArray) -> ComplexArray:
-        return _delayed(seen, F, lambda h: course(lag + h * way), way, state, moving)
-
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
     near = _nearness(slow, block, resting)
@@ -132,7 +128,8 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    columns = [seen.transform(at.design), moved, delayed(np.ones_like(after)), delayed(after)]
+    delayed = _delayed(seen, F, lambda h: course(lag + h), after, state, moving)
+    columns = [seen.transform(at.design), moved, delayed]
     suspects = suspected(rig, slow)
     if suspects is not None:
         columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
@@ -293,14 +290,20 @@ def _delayed(
     state: State,
     moving: Moving,
 ) -> ComplexArray:
-    """Column (F, 6, 1): e by a delay of the poses that grows as `after` (N,).
+    """Columns (F, 6, 2): e by a delay of the poses, and by one that grows as `after` (N,), s.
 
     F : (N, n, 3), N, BCS. course : servo positions (N, n, 3) by the amount of the delay.
     """
-    step = _SHIFT / np.abs(after).max()
     spread = np.einsum("na,knb->kab", state.hinge - state.barycentre, F)
-    ends = [_terms(seen.block, spread, course(h), state, moving) for h in (step, -step)]
-    moment, push, spin = ((a - b)[..., None] / (2 * step) for a, b in zip(*ends, strict=True))
+    ends = [_terms(seen.block, spread, course(h), state, moving) for h in (_SHIFT, -_SHIFT)]
+    # Where the delay grows, everything turns slower by as much, but for the friction.
+    slower = (0.0, 0.0, 0.5 * (ends[0][2] + ends[1][2]))
+    moment, push, spin = (
+        np.stack([change, after[:, None] * change - less], axis=2)
+        for change, less in zip(
+            ((a - b) / (2 * _SHIFT) for a, b in zip(*ends, strict=True)), slower, strict=True
+        )
+    )
     out = seen.transform(np.concatenate([np.zeros_like(moment), moment], axis=1))
     out -= seen.derivative(_FORCE, push, 2)
     out -= seen.derivative(_MOMENT, spin, 1)
