@@ -9,15 +9,17 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import ClassVar, Final, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, Final, TypeVar, cast
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
-from tdfscal.logs.contents import Contents
 from tdfscal.logs.request import Piece, Request
 from tdfscal.memory import is_short, shortage
 from tdfscal.records import Integrity
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
 
 MAX_SAMPLES: Final = 1 << 16
 """Of each stream in one piece."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
 from tdfscal.logs.parquet_file import (
     MARK,
@@ -42,11 +41,13 @@ from tdfscal.logs.table import (
     repeated,
     sampled,
     seconds_of_all,
-    table_contents,
     table_piece,
     takes_turns,
 )
 from tdfscal.records import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
 
 _SEARCHED_ROWS: Final = 256
 _OPENING: Final = 4096
@@ -84,6 +85,8 @@ class ParquetLog(LogFile):
 
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""
+        from tdfscal.logs.contents import SAMPLES, table_contents
+
         numbers: dict[str, Sampled] = {}
         with open_parquet(self.path) as file:
             leaves = leaves_of(file)

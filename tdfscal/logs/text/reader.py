@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +12,6 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow
-from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import LogFile, mapped
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
@@ -21,7 +20,6 @@ from tdfscal.logs.table import (
     repeated,
     sampled,
     seconds_of_all,
-    table_contents,
     table_piece,
 )
 from tdfscal.logs.text.head import (
@@ -39,6 +37,9 @@ from tdfscal.logs.text.head import (
 )
 from tdfscal.logs.text.opening import EXPANDING, TextFile, open_text
 from tdfscal.logs.text.rows import RowParser, Rows, find_header, single_spaces
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
 
 _THREADS: Final = 2
 _GLANCE: Final = 1 << 16
@@ -89,6 +90,8 @@ class TextLog(LogFile):
 
     def look(self) -> Contents:
         """Its header, found without knowing what is wanted, and some rows of each block."""
+        from tdfscal.logs.contents import SAMPLES, table_contents
+
         with open_text(self.path) as file:
             table = _Table(file)
             parts: list[tuple[int, pa.Table]] = []
