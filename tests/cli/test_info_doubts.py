@@ -23,7 +23,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.formats import open_log
 from tdfscal.logs.mapping_guess import guess_recorders
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
 ROWS = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)[:1500]
@@ -49,52 +49,47 @@ def scaled(columns: list[int], factor: float) -> np.ndarray:
     return rows
 
 
-def told(capsys: pytest.CaptureFixture[str], path: Path) -> dict[str, Any]:
-    result = run(capsys, "info", path, "--json")
-    assert result.status == 0, result.err
+def told(cli: Cli, path: Path) -> dict[str, Any]:
+    result = cli("info", path, "--json", ends=0)
     found: dict[str, Any] = json.loads(result.out)
     return found
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_the_unit_of_time_goes_by_the_interval(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, unit: str, factor: float
+    cli: Cli, tmp_path: Path, unit: str, factor: float
 ) -> None:
     folder = written(tmp_path / "alone", scaled([0], factor), NAMES.replace("t_s", "clock"))
     (folder / "rig.yaml").unlink()
-    found = told(capsys, folder / "log.csv")
+    found = told(cli, folder / "log.csv")
     assert found["mapping"]["log"]["time"] == {"field": "clock", "unit": unit}
     assert {round(s["rate"]) for s in found["signals"]} == {50}
     assert any(note.startswith(f"time unit: {unit}, as") for note in found["mapping_notes"])
 
 
-def test_whole_numbers_from_one_to_the_next_are_milliseconds(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_whole_numbers_from_one_to_the_next_are_milliseconds(cli: Cli, tmp_path: Path) -> None:
     rows = np.repeat(ROWS, 4, axis=0)
     rows[:, 0] = np.arange(len(rows))
-    found = told(capsys, written(tmp_path / "whole", rows, NAMES.replace("t_s", "time")))
+    found = told(cli, written(tmp_path / "whole", rows, NAMES.replace("t_s", "time")))
     assert found["mapping"]["log"]["time"]["unit"] == "ms"
 
 
-def test_a_rig_file_with_the_wrong_unit_of_time(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    found = told(capsys, written(tmp_path / "ms", scaled([0], 1e3), block=True))
+def test_a_rig_file_with_the_wrong_unit_of_time(cli: Cli, tmp_path: Path) -> None:
+    found = told(cli, written(tmp_path / "ms", scaled([0], 1e3), block=True))
     assert any("`unit: ms` would fit" in problem for problem in found["problems"])
-    found = told(capsys, written(tmp_path / "s", ROWS, block=True))
+    found = told(cli, written(tmp_path / "s", ROWS, block=True))
     assert found["problems"] == []
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("um", 1e3), ("mm", 1.0), ("m", 1e-3)])
 @pytest.mark.parametrize("known", [True, False])
 def test_the_unit_of_length_goes_by_the_distances(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, unit: str, factor: float, known: bool
+    cli: Cli, tmp_path: Path, unit: str, factor: float, known: bool
 ) -> None:
     folder = written(tmp_path / "length", scaled(POSITIONS, factor))
     if not known:
         (folder / "rig.yaml").unlink()
-    found = told(capsys, folder if known else folder / "log.csv")
+    found = told(cli, folder if known else folder / "log.csv")
     assert found["mapping"]["log"]["length_unit"] == unit
     assert any("1.039 m" in note for note in found["mapping_notes"]) == (known or unit == "m")
 
@@ -110,12 +105,7 @@ def test_the_unit_of_length_goes_by_the_distances(
     ],
 )
 def test_units_of_the_header_that_cannot_be(
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    length: str,
-    force: str,
-    said: str | None,
-    known: bool,
+    cli: Cli, tmp_path: Path, length: str, force: str, said: str | None, known: bool
 ) -> None:
     cells = [
         f"{name} [{length}]" if "Pos" in name else f"{name} [{force}]" if "_F" in name else name
@@ -124,7 +114,7 @@ def test_units_of_the_header_that_cannot_be(
     folder = written(tmp_path / "units", ROWS, ",".join(cells))
     if not known:
         (folder / "rig.yaml").unlink()
-    found = told(capsys, folder if known else folder / "log.csv")
+    found = told(cli, folder if known else folder / "log.csv")
     assert found["mapping"]["log"]["length_unit"] == {"µm": "um"}.get(length, length)
     assert found["mapping"]["log"]["force_unit"] == force
     doubts = [p for p in found["problems"] if "check the header" in p]
@@ -184,10 +174,10 @@ def restamped(
     ],
 )
 def test_header_times_that_cannot_be_used(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, stamp: Callable[[int, int], int], why: str
+    cli: Cli, tmp_path: Path, stamp: Callable[[int, int], int], why: str
 ) -> None:
     path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", stamp)
-    found = told(capsys, path)
+    found = told(cli, path)
     assert found["mapping"]["log"]["time"] == {"source": "log"}
     note = next(n for n in found["mapping_notes"] if n.startswith("time source: log"))
     assert why in note
@@ -204,32 +194,25 @@ def test_header_times_that_cannot_be_used_are_said_once() -> None:
     assert note.count("cannot be") == note.count("is odd") == 1
 
 
-def test_header_times_off_by_a_constant_are_used(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_header_times_off_by_a_constant_are_used(cli: Cli, tmp_path: Path) -> None:
     path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", lambda k, t: t + 5_000_000)
-    assert told(capsys, path)["mapping"]["log"]["time"] == {"source": "header"}
+    assert told(cli, path)["mapping"]["log"]["time"] == {"source": "header"}
 
 
-def test_header_times_are_used_where_the_recorder_stalled(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_header_times_are_used_where_the_recorder_stalled(cli: Cli, tmp_path: Path) -> None:
     def stalled(k: int, t: int) -> int:
         return t + max(0, 2600 - k) * 20_000_000 if k >= 2500 else t
 
     path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", as_it_is, stalled)
-    found = told(capsys, path)
+    found = told(cli, path)
     assert found["mapping"]["log"]["time"] == {"source": "header"}
     assert any("by 2 s at most" in problem for problem in found["problems"])
 
 
-def test_a_line_that_is_neither_a_row_nor_utf8(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_line_that_is_neither_a_row_nor_utf8(cli: Cli, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"t,a\n1,2\n\xb5\n")
-    result = run(capsys, "info", path)
-    assert result.status == 0
+    result = cli("info", path, ends=0)
     assert result.err == ""
     assert "a line has 1 cell where a row has 2" in " ".join(result.out.split())
 
@@ -241,13 +224,10 @@ def test_a_line_that_is_neither_a_row_nor_utf8(
         (b"t,a,b\n" + 9 * b"1,2,3,4\n", "line 2: the line has 4 cells, the header 3"),
     ],
 )
-def test_what_is_no_table(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes, said: str
-) -> None:
+def test_what_is_no_table(cli: Cli, tmp_path: Path, content: bytes, said: str) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(content)
-    result = run(capsys, "info", path)
-    assert result.status == 3
+    result = cli("info", path, ends=3)
     assert said in result.err
     assert "log.csv" in result.err
     assert len(result.err) < 400
@@ -268,34 +248,31 @@ def test_a_name_that_the_header_repeats_is_said_once(tmp_path: Path, name: str, 
         tdfscal.init(written(tmp_path / "d", rows, header) / "log.csv")
 
 
-def test_a_very_long_name_is_cut(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_very_long_name_is_cut(cli: Cli, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("a" * 100_000 + ",b\n1,2\n")
-    result = run(capsys, "info", path)
-    assert result.status == 0
+    result = cli("info", path, ends=0)
     assert len(result.out) < 1000
 
 
-def test_a_very_long_line_has_its_number(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_very_long_line_has_its_number(cli: Cli, tmp_path: Path) -> None:
     folder = written(tmp_path / "long", ROWS[:200])
     with (folder / "log.csv").open("a") as file:
         file.write("1,2" * 1_700_000 + "\n")
-    found = told(capsys, folder)
+    found = told(cli, folder)
     assert any("line 202: the line has 1700001 cells" in p for p in found["problems"])
 
 
 @pytest.mark.parametrize("where", ["rows", "header"])
 def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, where: str
+    cli: Cli, tmp_path: Path, where: str
 ) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(SAMPLES / "csv", folder)
     header, *lines = (folder / "log.csv").read_text().splitlines()
     header, lines = (header, [f"{x}," for x in lines]) if where == "rows" else (f"{header},", lines)
     (folder / "log.csv").write_text("\n".join([header, *lines]) + "\n")
-    found, plain = told(capsys, folder), told(capsys, SAMPLES / "csv")
+    found, plain = told(cli, folder), told(cli, SAMPLES / "csv")
     assert found["problems"] == []
     for key in ("mapping", "signals", "dwells", "time_offset"):
         assert found[key] == plain[key]

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 import tdfscal
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.rig.draft import unconfirmed
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.files.logs.log_making import definition, point_stamped, wrench_stamped
 from tests.words import in_words
 
@@ -253,14 +253,13 @@ def test_a_newcomer_needs_two_commands(
     reference: tdfscal.Calibration,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    cli: Cli,
 ) -> None:
     """From a foreign table to accepted angles; a third, `info`, shows what the table holds."""
     monkeypatch.chdir(tmp_path)
     german_excel(frame[0], tmp_path)
-    assert run(capsys, "init", "Messung.csv", "-o", "rig.yaml", "-q").status == 0
-    done = run(capsys, "calibrate", ".", "--trials", "0", "-q")
-    assert done.status == 0, done.err
+    cli("init", "Messung.csv", "-o", "rig.yaml", "-q", ends=0)
+    done = cli("calibrate", ".", "--trials", "0", "-q", ends=0)
     assert "PROVISIONAL" in done.out
     angles = [s["rpy"] for s in yaml.safe_load(Path("calibration.yaml").read_text())["supports"]]
     np.testing.assert_allclose(angles, reference.rpy, rtol=0, atol=1e-9)

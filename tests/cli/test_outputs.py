@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from tdfscal.files.saving import write_text
-from tests.cli.running import SAMPLES, contents, run
+from tests.cli.running import SAMPLES, Cli, contents
 
 FAST = "--postures 4"
 #: Every output that is one file: the command with its place, and the suffix of that place.
@@ -70,9 +70,7 @@ def routes(target: Path, suffix: str) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(("line", "suffix"), PLACES, ids=[line for line, _ in PLACES])
-def test_no_output_replaces_an_input(
-    line: str, suffix: str, home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_output_replaces_an_input(line: str, suffix: str, home: Path, cli: Cli) -> None:
     reads = [name for name in INPUTS if name.split("/")[0] in line]
     if line.startswith("init"):  # of a survey it knows nothing
         reads = [name for name in reads if "tracker" not in name]
@@ -80,19 +78,15 @@ def test_no_output_replaces_an_input(
     before = contents(home)
     for name in reads:
         for place in routes(Path(name), suffix):
-            seen = run(capsys, *(str(place) if word == "OUT" else word for word in line.split()))
-            assert (seen.status, seen.out) == (2, ""), (place, seen.err)
-            assert seen.err.count("\n") == 1
+            seen = cli(*(str(place) if word == "OUT" else word for word in line.split()), ends=2)
             if place.suffix == suffix:
                 assert "input" in seen.err
     assert contents(home) == before
 
 
-def test_two_outputs_of_one_name_are_refused(
-    home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_outputs_of_one_name_are_refused(home: Path, cli: Cli) -> None:
     Path("page.html").symlink_to("both.yaml")
-    seen = run(capsys, "calibrate", "C", "-o", "both.yaml", "--html", "page.html", "--trials", 0)
+    seen = cli("calibrate", "C", "-o", "both.yaml", "--html", "page.html", "--trials", 0)
     Path("page.html").unlink()
     assert (seen.status, seen.out) == (2, "")
     assert "--html" in seen.err
@@ -101,60 +95,53 @@ def test_two_outputs_of_one_name_are_refused(
 
 @pytest.mark.parametrize(
     ("line", "name"),
-    [
-        ("report own.yaml --html OUT/page.html", "page.html"),
-        ("schema OUT", "rig.schema.json"),
-    ],
+    [("report own.yaml --html OUT/page.html", "page.html"), ("schema OUT", "rig.schema.json")],
 )
 def test_an_output_that_is_write_protected_stays(
-    line: str, name: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    line: str, name: str, home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     """Also from root, whom no mode stops."""
     target = tmp_path / name
     target.write_text("kept")
     target.chmod(0o444)
-    seen = run(capsys, *line.replace("OUT", str(tmp_path)).split())
-    assert seen.status == 2
+    seen = cli(*line.replace("OUT", str(tmp_path)).split(), ends=2)
     assert "chmod u+w" in seen.err
     assert contents(tmp_path) == {name: b"kept"}
 
 
 def test_files_named_outside_their_folder_are_noted_and_kept(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     shutil.copytree(SAMPLES / "csv", tmp_path / "C")
     (tmp_path / "C" / "tracker" / "moves.csv").rename(tmp_path / "moves.csv")
     rig = tmp_path / "C" / "rig.yaml"
     rig.write_text(rig.read_text().replace("tracker/moves.csv", "../moves.csv"))
     words = ("calibrate", tmp_path / "C", "--method", "tracker", "--trials", 0, "--json", "-q")
-    inputs = json.loads(run(capsys, *words).out)["inputs"]
+    inputs = json.loads(cli(*words).out)["inputs"]
     notes = {Path(entry["path"]).name: entry.get("note") for entry in inputs}
     assert notes.pop("moves.csv") == "outside the folder of the rig.yaml that names it"
     assert set(notes.values()) == {None}
     kept = (tmp_path / "moves.csv").read_bytes()
     (tmp_path / "link.yaml").symlink_to("moves.csv")
-    assert run(capsys, *words[:-2], "-o", tmp_path / "link.yaml").status == 2
+    cli(*words[:-2], "-o", tmp_path / "link.yaml", ends=2)
     assert (tmp_path / "moves.csv").read_bytes() == kept
 
 
-def test_simulate_replaces_only_what_it_wrote(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_replaces_only_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
     line = ("simulate", tmp_path / "s", "--postures", 3, "--rate", 10, "--force", "-q")
-    assert run(capsys, *line).status == 0
+    cli(*line, ends=0)
     (tmp_path / "s" / "notes.txt").write_text("mine")
-    assert run(capsys, *line, "--format", "parquet").status == 0
+    cli(*line, "--format", "parquet", ends=0)
     assert {p.name for p in (tmp_path / "s").iterdir()} == {
         "rig.yaml", "log.parquet", "truth.yaml", "tracker", "notes.txt"
     }  # fmt: skip
     rig = tmp_path / "s" / "rig.yaml"
     rig.write_text(rig.read_text() + "# edited\n")
     before = contents(tmp_path)
-    seen = run(capsys, *line)
-    assert seen.status == 2
+    seen = cli(*line, ends=2)
     assert "rig.yaml" in seen.err
     (tmp_path / "s" / "truth.yaml").unlink()
-    assert run(capsys, *line).status == 2
+    cli(*line, ends=2)
     del before["s/truth.yaml"]
     assert contents(tmp_path) == before
 
@@ -183,16 +170,12 @@ needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/
 @needs_full
 @pytest.mark.parametrize("kind", STDOUTS)
 def test_a_report_that_nobody_gets_changes_nothing(
-    kind: str,
-    home: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    kind: str, home: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / "w.csv"
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
-        seen = run(capsys, "apply", "own.yaml", "C", "-o", target, "-q")
+        seen = cli("apply", "own.yaml", "C", "-o", target, "-q")
     assert seen.status == 0
     # Nobody listens to a pipe that ends, or to what is closed; a full one is the user's to know.
     assert ("No space left" in seen.err) == (kind == "full")
@@ -201,14 +184,13 @@ def test_a_report_that_nobody_gets_changes_nothing(
 
 
 def test_a_report_that_cannot_be_made_is_an_error(
-    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    home: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(report: object, *, whole: bool) -> str:
         raise ValueError("no such row")
 
     monkeypatch.setattr("tdfscal.reporting.text.shown", broken)
-    seen = run(capsys, "report", "own.yaml")
-    assert (seen.status, seen.out) == (70, "")
+    seen = cli("report", "own.yaml", ends=70)
     assert "no such row" in seen.err
 
 
@@ -240,30 +222,25 @@ tdfscal.cli.main()
     "line", ["apply own.yaml C -o OUT --json", "report own.yaml --json --html OUT"]
 )
 def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
-    line: str,
-    kind: str,
-    home: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    line: str, kind: str, home: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / ("w.csv" if "apply" in line else "page.html")
     words = [str(target) if word == "OUT" else word for word in line.split()]
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
-        seen = run(capsys, *words, "-q")
+        seen = cli(*words, "-q")
     assert seen.status == 2
     assert "standard output" in seen.err
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_result_is_utf8_whatever_the_terminal_is(
-    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    home: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raw = io.BytesIO()
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
-        assert run(capsys, "report", "own.yaml", "--json").status == 0
+        cli("report", "own.yaml", "--json", ends=0)
         assert json.loads(raw.getvalue())["convention"].count("·") == 4
 
 
@@ -332,12 +309,12 @@ TARGETS = ("urdf", "ros", "csv", "c", "dcc")
 
 @pytest.mark.slow
 def test_results_that_lie_in_a_campaign_are_left_alone(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     folder = tmp_path / "C"
     shutil.copytree(SAMPLES / "parquet", folder)
     line = ("calibrate", folder, "--trials", 0, "-q", "--json", "-o", folder / "first.json")
-    first = json.loads(run(capsys, *line).out)
+    first = json.loads(cli(*line).out)
     for words in (
         ("apply", "own.yaml", folder, "-o", folder / "w.csv"),
         ("apply", "own.yaml", folder, "-o", folder / "w2.parquet"),
@@ -355,17 +332,16 @@ def test_results_that_lie_in_a_campaign_are_left_alone(
             for suffix in (".txt", ".csv", ".parquet", ".mcap")
         ),
     ):
-        seen = run(capsys, *words)
+        seen = cli(*words)
         assert seen.status == (words[0] == "monitor"), seen.err
     for name in ("first.json", "draft.yaml", "r.html"):
         shutil.copy(folder / name, folder / f"{name}.csv")
-    again = run(capsys, *line)
-    assert again.status == 0, again.err
+    again = cli(*line, ends=0)
     assert json.loads(again.out)["inputs"] == first["inputs"]
 
 
 def test_odd_files_and_surroundings_are_said_in_one_line(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     loop = tmp_path / "loop.yaml"
     loop.symlink_to(loop)
@@ -376,9 +352,7 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
         ("simulate", loop),
         ("plan", loop, "-o", tmp_path / "p.csv"),
     ):
-        seen = run(capsys, *words, "-q")
-        assert (seen.status, seen.out) == (2, ""), (words, seen.err)
-        assert seen.err.count("\n") == 1
+        cli(*words, "-q", ends=2)
 
 
 def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
@@ -395,10 +369,10 @@ def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_truth_says_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_truth_says_what_was_written(tmp_path: Path, cli: Cli) -> None:
     import hashlib
 
-    assert run(capsys, "simulate", tmp_path / "s", "--postures", 3, "--rate", 10).status == 0
+    cli("simulate", tmp_path / "s", "--postures", 3, "--rate", 10, ends=0)
     files = yaml.safe_load((tmp_path / "s" / "truth.yaml").read_text())["files"]
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / "s" / name).read_bytes()).hexdigest() == digest
@@ -465,47 +439,44 @@ def test_a_signal_that_meets_a_callback_ends_the_run(
 
 
 def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Cli
 ) -> None:
     """What lies at the place that nobody named stays, unless it is of the same rig."""
     monkeypatch.chdir(tmp_path)
     rig = yaml.safe_load((built / "campaign" / "rig.yaml").read_text())
     Path("other.yaml").write_text(yaml.safe_dump(rig | {"name": "Other rig"}))
     place, line = Path("calibration.yaml"), ("calibrate", built / "campaign", "--trials", 0, "-q")
-    assert run(capsys, *line).status == run(capsys, *line).status == 0
+    assert cli(*line).status == cli(*line).status == 0
     for before in (place.read_bytes(), b"some: notes"):
         place.write_bytes(before)
-        done = run(capsys, *line, "--rig", "other.yaml")
-        assert (done.status, done.out) == (2, "")
+        done = cli(*line, "--rig", "other.yaml", ends=2)
         assert "-o" in done.err
         assert place.read_bytes() == before
     # What is wrong with the log comes before it; and what lies there is not the result.
     Path("empty.csv").touch()
     os.utime(place, (86400, 86400))
-    done = run(capsys, "calibrate", "empty.csv", "--rig", "other.yaml", "-q")
-    assert done.status == 3
+    done = cli("calibrate", "empty.csv", "--rig", "other.yaml", "-q", ends=3)
     assert "the file is empty" in done.err
     assert "calibration.yaml of an earlier run (1970-01-02" in done.err
-    assert run(capsys, *line, "--rig", "other.yaml", "-o", place).status == 0
+    cli(*line, "--rig", "other.yaml", "-o", place, ends=0)
     assert "Other rig" in place.read_text()
 
 
 def test_a_rejection_tells_of_what_lies_in_the_result_s_place(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Cli
 ) -> None:
     monkeypatch.chdir(tmp_path)
     rig = yaml.safe_load((built / "campaign" / "rig.yaml").read_text())
     Path("strict.yaml").write_text(yaml.safe_dump(rig | {"acceptance": {"angle_std": 1e-9}}))
     line = ("calibrate", built / "campaign", "--rig", "strict.yaml", "--trials", 0, "-q")
-    done = run(capsys, *line)
+    done = cli(*line)
     assert (done.status, "earlier run" in done.err) == (1, False)
-    assert run(capsys, *line, "--allow-rejected").status == 1
+    cli(*line, "--allow-rejected", ends=1)
     os.utime("calibration.yaml", (86400, 86400))
-    assert "calibration.yaml of an earlier run (1970-01-02" in run(capsys, *line).err
-    assert "earlier run" not in run(capsys, *line, "--allow-rejected").err
+    assert "calibration.yaml of an earlier run (1970-01-02" in cli(*line).err
+    assert "earlier run" not in cli(*line, "--allow-rejected").err
 
 
-def test_an_option_in_a_name_s_place_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    ended = run(capsys, "calibrate", "--html", "-q", SAMPLES / "csv")
-    assert ended.status == 2
+def test_an_option_in_a_name_s_place_is_told(cli: Cli) -> None:
+    ended = cli("calibrate", "--html", "-q", SAMPLES / "csv", ends=2)
     assert "a file's name is missing before -q" in ended.err

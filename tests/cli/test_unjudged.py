@@ -19,7 +19,7 @@ from tdfscal.files.writers.campaign import write_run
 from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
 from tdfscal.simulation.options import MovingOptions, Touch
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 RPY = np.array([[0.01, -0.02, 0.03], [-0.015, 0.005, -0.04], [0.02, 0.012, 0.025]])
 SLIPPED = Faults(slips=(Slip(1, 8, (0.0, 8e-3, 0.0)),))
@@ -66,9 +66,8 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
-def monitored(capsys: pytest.CaptureFixture[str], status: int, *paths: Path) -> Any:
-    done = run(capsys, "monitor", *paths, "--json", "-q")
-    assert done.status == status, done.err
+def monitored(cli: Cli, status: int, *paths: Path) -> Any:
+    done = cli("monitor", *paths, "--json", "-q", ends=status)
     return json.loads(done.out)
 
 
@@ -100,10 +99,10 @@ def unjudged(result: Any) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("name", "why"), [("slipped", "ncp2"), ("saturated", "capacity")])
 def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
-    home: Path, checks: Any, capsys: pytest.CaptureFixture[str], name: str, why: str
+    home: Path, checks: Any, cli: Cli, name: str, why: str
 ) -> None:
     """Beside two campaigns, whose numbers stay what they are."""
-    result = monitored(capsys, 1, home / "sound1", home / "sound2", home / name)
+    result = monitored(cli, 1, home / "sound1", home / "sound2", home / name)
     ((subject, text),) = unjudged(result)
     assert subject == str(home / name)
     assert why in text
@@ -111,28 +110,26 @@ def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
     assert result["checks"] == checks
 
 
-def test_an_older_campaign_that_is_rejected_is_named_and_no_more(
-    home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_older_campaign_that_is_rejected_is_named_and_no_more(home: Path, cli: Cli) -> None:
     sound = [home / "sound1", home / "sound6"]
-    result = monitored(capsys, 0, *sound, home / "slipped")
+    result = monitored(cli, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
-    assert result["checks"] == monitored(capsys, 0, *sound)["checks"]
+    assert result["checks"] == monitored(cli, 0, *sound)["checks"]
 
 
 def test_a_history_of_two_states_the_change_that_compare_states(
-    home: Path, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, base: Path, tmp_path: Path, cli: Cli
 ) -> None:
     """No constant is theirs together, so that each says by itself what its file says."""
     tdfscal.calibrate(home / "sound2", trials=0, output=tmp_path / "second.yaml")
-    table = run(capsys, "monitor", base, tmp_path / "second.yaml", "-q", "-v").out
+    table = cli("monitor", base, tmp_path / "second.yaml", "-q", "-v").out
     stated = [float(x.replace("−", "-")) for x in re.findall(r"(\S+) ± \S+\n", table)]
     compared = tdfscal.compare(tmp_path / "second.yaml", base).to_frame()
     np.testing.assert_allclose(stated, 1e3 * compared["difference"], atol=1e-3)
 
 
 def test_a_month_whose_log_is_cut_short_counts_and_says_so(
-    home: Path, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, base: Path, tmp_path: Path, cli: Cli
 ) -> None:
     """In a history, a pool and an update, each once, with the second at which the log ends."""
     cut = write(tmp_path, "cut", 4, options=replace(REST, rows="timeseries"))
@@ -143,20 +140,19 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     fit = ["--trials", 0, "-o", tmp_path / "c.yaml"]
     for command in (["monitor"], ["calibrate", *fit], ["update", base, *fit]):
         months = [home / "sound2", cut] if base in command else [*sound, cut]
-        done = run(capsys, *command, *months, "--json", "-q")
-        assert done.status == 0, done.err
+        done = cli(*command, *months, "--json", "-q", ends=0)
         (said,) = (f["text"] for f in json.loads(done.out)["findings"] if "log.csv" in f["text"])
         assert f"to {float(last.split(',')[0]):.4g} s" in said
-    assert len(monitored(capsys, 0, *sound, cut)["checks"]) == 3
+    assert len(monitored(cli, 0, *sound, cut)["checks"]) == 3
 
 
 def test_a_month_too_short_to_be_judged_alone_counts_and_says_so(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     short = Path(shutil.copytree(home / "sound6", tmp_path / "short"))
     log = short / "log.csv"
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))
-    result = monitored(capsys, 0, home / "sound1", home / "sound2", short)
+    result = monitored(cli, 0, home / "sound1", home / "sound2", short)
     (found,) = result["findings"]
     assert found["subject"] == [str(short)]
     assert "1 static dwell " in found["text"]
@@ -164,7 +160,7 @@ def test_a_month_too_short_to_be_judged_alone_counts_and_says_so(
 
 
 def test_a_month_in_motion_that_is_rejected_takes_no_part(
-    home: Path, checks: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, checks: Any, tmp_path: Path, cli: Cli
 ) -> None:
     """Touched for a third of its time; the same month untouched is counted."""
     touched = replace(MOTION, touches=(Touch(8.0, 18.0, (20.0, -30.0, 40.0)),))
@@ -173,8 +169,8 @@ def test_a_month_in_motion_that_is_rejected_takes_no_part(
         for name, options in (("free", MOTION), ("held", touched))
     )
     sound = [home / "sound1", home / "sound2"]
-    assert len(monitored(capsys, 0, *sound, free)["checks"]) == 3
-    result = monitored(capsys, 1, *sound, held)
+    assert len(monitored(cli, 0, *sound, free)["checks"]) == 3
+    result = monitored(cli, 1, *sound, held)
     assert [name for name, _ in unjudged(result)] == [str(held)]
     assert result["checks"] == checks
 
@@ -210,15 +206,15 @@ def at_capacity(folder: Path) -> int:
 
 
 def test_a_validation_names_the_postures_that_it_does_not_rest_on(
-    home: Path, base: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, base: Path, cli: Cli
 ) -> None:
-    done = run(capsys, "validate", base, home / "saturated", "--json", "-q")
+    done = cli("validate", base, home / "saturated", "--json", "-q")
     result = json.loads(done.out)
     assert result["holds"]
     (found,) = (f for f in result["findings"] if f["code"] == "postures-left-out")
     assert found["size"] == len(result["left_out"]) == 15 - len(result["postures"])
     assert found["size"] == at_capacity(home / "saturated") > 0
-    done = run(capsys, "validate", base, home / "sound2", "--json", "-q")
+    done = cli("validate", base, home / "sound2", "--json", "-q")
     assert "postures-left-out" not in done.out
 
 
@@ -237,7 +233,7 @@ def miswired(source: Path, target: Path, mistake: str) -> Path:
 
 
 def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
-    home: Path, checks: Any, pooled: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, checks: Any, pooled: Any, tmp_path: Path, cli: Cli
 ) -> None:
     """Both are named with their reasons, and the numbers are those of the others alone."""
     sound = [home / "sound1", home / "sound2"]
@@ -245,13 +241,12 @@ def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
         str(miswired(home / "sound3", tmp_path / "unit", "unit")): "in kN where N is declared",
         str(miswired(home / "sound6", tmp_path / "sensors", "sensors")): "taken from ncp2",
     }
-    result = monitored(capsys, 1, *sound, *map(Path, bad))
+    result = monitored(cli, 1, *sound, *map(Path, bad))
     named = dict(unjudged(result))
     assert named.keys() == bad.keys()
     assert all(why in named[name] for name, why in bad.items())
     assert result["checks"] == checks
-    done = run(capsys, "calibrate", *sound, *bad, "--trials", 0, "--json", "-q")
-    assert done.status == 1, done.err
+    done = cli("calibrate", *sound, *bad, "--trials", 0, "--json", "-q", ends=1)
     beside = json.loads(done.out)
     assert dict(unjudged(beside)) == named
     assert beside["supports"] == pooled["supports"]
@@ -273,27 +268,21 @@ def spoilt(source: Path, target: Path, fault: str) -> Path:
 
 
 def test_months_that_cannot_be_read_stop_neither_history_nor_pool_nor_update(
-    home: Path,
-    base: Path,
-    checks: Any,
-    pooled: Any,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    home: Path, base: Path, checks: Any, pooled: Any, tmp_path: Path, cli: Cli
 ) -> None:
     """They are named, and the numbers are those of the others alone; by themselves: an error."""
     one, two = home / "sound1", home / "sound2"
     bad = [spoilt(home / "sound3", tmp_path / f, f) for f in ("empty", "no log", "no rig", "torn")]
     names = [*map(str, bad)]
-    result = monitored(capsys, 1, one, two, tmp_path)  # whose folders are meant
+    result = monitored(cli, 1, one, two, tmp_path)  # whose folders are meant
     assert sorted(name for name, _ in unjudged(result)) == names
     assert result["checks"] == checks
-    assert len(monitored(capsys, 1, base, bad[0])["checks"]) == 1
-    assert run(capsys, "monitor", *bad, "-q").status in (2, 3)
+    assert len(monitored(cli, 1, base, bad[0])["checks"]) == 1
+    assert cli("monitor", *bad, "-q").status in (2, 3)
     target = tmp_path / "none.yaml"
     alone = tdfscal.update(base, two, trials=0).to_dict()
     for command, expected in ((["calibrate", one], pooled), (["update", base], alone)):
-        done = run(capsys, *command, two, *bad, "--trials", 0, "--json", "-q", "-o", target)
-        assert done.status == 1, done.err
+        done = cli(*command, two, *bad, "--trials", 0, "--json", "-q", "-o", target, ends=1)
         assert not target.exists()
         beside = json.loads(done.out)
         assert sorted(name for name, _ in unjudged(beside)) == names
@@ -301,36 +290,29 @@ def test_months_that_cannot_be_read_stop_neither_history_nor_pool_nor_update(
 
 
 def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, cli: Cli
 ) -> None:
     """Unless the survey is asked for; both as a calibration and as a check of a history."""
     bare = Path(shutil.copytree(home / "sound3", tmp_path / "bare"))
     (bare / "log.csv").unlink()
     for more, said in (([], True), (["--method", "tracker"], False)):
-        done = run(capsys, "calibrate", bare, "--trials", 0, "-q", "-o", tmp_path / "c.yaml", *more)
-        assert done.status == 0
+        done = cli("calibrate", bare, "--trials", 0, "-q", "-o", tmp_path / "c.yaml", *more, ends=0)
         assert ("describes a log" in done.err) is said
         head = done.out.partition("Installation angles")[0]
         assert ("the tracker alone" in head) is said
-    result = monitored(capsys, 0, home / "sound1", bare)
+    result = monitored(cli, 0, home / "sound1", bare)
     (found,) = result["findings"]
     assert found["subject"] == [str(bare)]
     assert "describes a log" in found["text"]
 
 
-def test_one_campaign_that_is_left_is_judged_alone(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_campaign_that_is_left_is_judged_alone(home: Path, tmp_path: Path, cli: Cli) -> None:
     bad = miswired(home / "sound3", tmp_path / "unit", "unit")
     for command in (["monitor"], ["calibrate", "--trials", 0]):
-        done = run(capsys, *command, home / "sound1", bad, "--json", "-q")
-        assert done.status == 1
+        done = cli(*command, home / "sound1", bad, "--json", "-q", ends=1)
         assert [name for name, _ in unjudged(json.loads(done.out))] == [str(bad)]
 
 
-def test_where_none_can_be_judged_there_is_no_history(
-    home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = run(capsys, "monitor", home / "slipped", home / "saturated", "-q")
-    assert (done.status, done.out) == (1, "")
+def test_where_none_can_be_judged_there_is_no_history(home: Path, cli: Cli) -> None:
+    done = cli("monitor", home / "slipped", home / "saturated", "-q", ends=1)
     assert str(home / "slipped") in done.err

@@ -29,7 +29,7 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.wrench.contact_wrench import covariance as wrench_covariance
-from tests.cli.running import run
+from tests.cli.running import Cli
 
 POSTURES, OFF = 12, 5
 FORCE = (60.0, -40.0, 80.0)
@@ -72,8 +72,8 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     return Places(home / "free", home / "touched", home / "calibration.yaml", plain)
 
 
-def asked(capsys: pytest.CaptureFixture[str], *line: object) -> tuple[int, dict[str, Any]]:
-    seen = run(capsys, "capability", *line, "--json")
+def asked(cli: Cli, *line: object) -> tuple[int, dict[str, Any]]:
+    seen = cli("capability", *line, "--json")
     assert seen.out, seen.err
     return seen.status, json.loads(seen.out)
 
@@ -101,18 +101,16 @@ def test_a_free_log_gives_thresholds(places: Places) -> None:
     assert not codes(found) & {"path-in-contact", "threshold-unbounded"}
 
 
-def test_the_text_fits_a_screen(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys, "capability", places.calibration, places.free, "--filter", "10", "-q")
+def test_the_text_fits_a_screen(places: Places, cli: Cli) -> None:
+    seen = cli("capability", places.calibration, places.free, "--filter", "10", "-q")
     assert len(seen.out.splitlines()) <= 20
     assert "behind the filter that the stops of the path show" in " ".join(seen.out.split())
     assert max(map(len, seen.out.splitlines())) <= 80
 
 
-def test_a_lower_filter_sees_smaller_contacts(
-    places: Places, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lower_filter_sees_smaller_contacts(places: Places, cli: Cli) -> None:
     plain = places.plain.to_dict()
-    _, slow = asked(capsys, places.calibration, places.free, "--filter", "5")
+    _, slow = asked(cli, places.calibration, places.free, "--filter", "5")
     for before, after in zip(plain["axes"], slow["axes"], strict=True):
         # Of white noise 1.11 · 5 Hz of 100 Hz are left.
         assert after["noise"] == pytest.approx(before["noise"] * np.sqrt(0.0555), rel=0.15)
@@ -120,33 +118,31 @@ def test_a_lower_filter_sees_smaller_contacts(
     assert plain["remedies"][0]["kind"] == "filter"
 
 
-def test_a_path_in_contact_is_said(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
-    status, found = asked(capsys, places.calibration, places.touched, "--filter", "10")
+def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:
+    status, found = asked(cli, places.calibration, places.touched, "--filter", "10")
     assert status == 1
     said = next(f for f in found["findings"] if f["code"] == "path-in-contact")
     assert {"fx", "fy", "fz"} <= set(said["subject"])
     assert all(axis["threshold"] for axis in found["axes"])
 
 
-def test_a_stated_contact_must_be_seen(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_stated_contact_must_be_seen(places: Places, cli: Cli, tmp_path: Path) -> None:
     size = places.plain.capability.smallest_contact[:3].max()
     text = (places.free / "rig.yaml").read_text()
     text = text.replace("acceptance:", "acceptance:\n  contact: {force: SIZE}")
     for share, status in ((1.02, 0), (0.98, 1)):
         rig = tmp_path / "rig.yaml"
         rig.write_text(text.replace("SIZE", str(share * size)))
-        seen, document = asked(capsys, places.calibration, places.free, "--rig", rig)
+        seen, document = asked(cli, places.calibration, places.free, "--rig", rig)
         assert (seen, "contact-unseen" in codes(document)) == (status, bool(status))
 
 
 def test_zeros_that_drift_without_bound_have_no_threshold(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text((places.free / "rig.yaml").read_text() + "drift: {time: .inf}\n")
-    status, found = asked(capsys, places.calibration, places.free, "--rig", rig)
+    status, found = asked(cli, places.calibration, places.free, "--rig", rig)
     assert status == 1
     assert "threshold-unbounded" in codes(found)
     assert [axis["threshold"] for axis in found["axes"]] == [None] * 6
@@ -205,11 +201,8 @@ def test_the_calibrations_part_is_that_of_apply(places: Places) -> None:
         (("--at", "1,2"), "--at"),
     ],
 )
-def test_what_cannot_be_asked(
-    places: Places, capsys: pytest.CaptureFixture[str], line: tuple[str, str], said: str
-) -> None:
-    seen = run(capsys, "capability", places.calibration, places.free, *line)
-    assert seen.status == 2
+def test_what_cannot_be_asked(places: Places, cli: Cli, line: tuple[str, str], said: str) -> None:
+    seen = cli("capability", places.calibration, places.free, *line, ends=2)
     assert said in seen.err
     assert not seen.out
 
@@ -259,39 +252,35 @@ def test_exports_hold_the_thresholds_of_a_path(places: Places) -> None:
     )
 
 
-def test_exports_hold_what_a_file_says_of_a_path(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    status, found = asked(capsys, places.calibration, places.free, "--filter", "10")
+def test_exports_hold_what_a_file_says_of_a_path(places: Places, cli: Cli, tmp_path: Path) -> None:
+    status, found = asked(cli, places.calibration, places.free, "--filter", "10")
     assert status == 0
     file = tmp_path / "capability.json"
     file.write_text(json.dumps(found))
-    seen = run(capsys, "export", places.calibration, "--to", "c", "--capability", file)
+    seen = cli("export", places.calibration, "--to", "c", "--capability", file)
     row = seen.out.split("tdfscal_threshold[6] = {")[1].split("}")[0]
     assert [float(v) for v in row.split(",")] == [axis["threshold"] for axis in found["axes"]]
     # Of a path that was rejected only on request.
     bad = {**found, "findings": [{"severity": "rejects", "text": "it was in contact"}]}
     file.write_text(json.dumps(bad))
     line = ("export", places.calibration, "--to", "c", "--capability", file)
-    seen = run(capsys, *line)
-    assert (seen.status, seen.out) == (1, "")
-    assert "tdfscal_threshold" in run(capsys, *line, "--allow-rejected").out
+    seen = cli(*line, ends=1)
+    assert "tdfscal_threshold" in cli(*line, "--allow-rejected").out
     # Without a path there are none: those of the calibration alone would stop the machine.
-    assert "tdfscal_threshold" not in run(capsys, "export", places.calibration, "--to", "c").out
+    assert "tdfscal_threshold" not in cli("export", places.calibration, "--to", "c").out
     wrongs: list[Any] = [{**found, "calibration_created": "2020-01-01T00:00:00Z"}, {"axes": 3}, []]
     for wrong in wrongs:
         file.write_text(json.dumps(wrong))
-        seen = run(capsys, "export", places.calibration, "--to", "c", "--capability", file)
-        assert seen.status == 3
+        seen = cli("export", places.calibration, "--to", "c", "--capability", file, ends=3)
         assert not seen.out
         assert str(file) in seen.err
 
 
 def test_moves_that_shake_beyond_the_threshold_reject_the_path(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     write_campaign(campaign(make_rig(), vibration=40.0), tmp_path / "shaken", format="parquet")
-    status, document = asked(capsys, places.calibration, tmp_path / "shaken")
+    status, document = asked(cli, places.calibration, tmp_path / "shaken")
     said = next(f for f in document["findings"] if f["code"] == "moves-beyond")
     assert (status, said["severity"]) == (1, "rejects")
     threshold = {axis["axis"]: axis["threshold"] for axis in document["axes"]}

@@ -21,8 +21,9 @@ from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Table
+from tests.cli.running import Cli
 from tests.export.rules import write_schemas
-from tests.reporting.samples import NASTY, by_hand, changed, run, sample, saved
+from tests.reporting.samples import NASTY, by_hand, changed, sample, saved
 
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 C = sample().calibration
@@ -235,9 +236,9 @@ def test_it_says_that_it_is_a_draft() -> None:
     assert root.find(".//{http://www.w3.org/2000/09/xmldsig#}Signature") is None
 
 
-def test_schema_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_schema_accepts(tmp_path: Path, cli: Cli) -> None:
     out = tmp_path / "out.xml"
-    done = run(capsys, "export", saved(C, tmp_path, "c.yaml"), "--to", "dcc", "-o", out)
+    done = cli("export", saved(C, tmp_path, "c.yaml"), "--to", "dcc", "-o", out)
     assert (done.status, done.err) == (0, "")
     check(out.read_text(encoding="utf-8"), tmp_path)
 
