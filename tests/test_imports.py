@@ -132,3 +132,15 @@ def test_help_is_light() -> None:
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert "calibrate" in run.stdout
+
+
+def test_calibrating_loads_no_library_that_few_logs_need() -> None:
+    code = (
+        "import sys\n"
+        "import tdfscal.commands.calibrate\n"
+        "heavy = {'pandas', 'matplotlib', 'mcap', 'rosbags', 'scipy.stats', 'scipy.spatial',\n"
+        "         'scipy.optimize', 'scipy.interpolate', 'scipy.signal'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr

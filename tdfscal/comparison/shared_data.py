@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.special import gammainc, gammaln
 
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
@@ -117,6 +116,8 @@ def repeated(known: Readings, seen: Readings) -> BoolArray:
     chance, for all choices of j of K, and of the known ones within reach. Then any more are among
     them that agree so well by themselves.
     """
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
     K, variance = len(seen.force), known.noise**2 + seen.noise**2
     told = variance > 0
     dof = np.count_nonzero(told)
