@@ -210,7 +210,7 @@ def prepare(bins: Bins) -> Field:
     gap = every.gap | (step > 1.5 * bins.width)  # or a stretch without any sample before it
     moving, position_noise = segment(positions, gap, bins.width)
     # A bin at the edge of a move may hold its first samples.
-    moving = np.asarray(np.convolve(moving, np.ones(3), mode="same") > 0)
+    moving = np.asarray(np.convolve(moving, np.ones(3))[1 : len(moving) + 1] > 0)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
     if rate.any():

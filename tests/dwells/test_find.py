@@ -253,3 +253,11 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
 def test_no_samples_at_all_is_an_error() -> None:
     with pytest.raises(DataError, match="empty"):
         find_dwells([])
+
+
+@pytest.mark.parametrize("length", [0.02, 0.03, 0.04, 0.1])
+def test_a_log_of_a_moment_has_no_dwell(length: float) -> None:
+    """Of one bin, of two and of a few."""
+    log = record(Recipe(stops=STOPS)).log
+    _, moment, _ = cut(log, (1.0, 1.0 + length), late=0.0)
+    assert not len(find_dwells(moment).start)
