@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import tdfscal
-from benchmarks.frame import declaring, heads, inside, numbers, row, scratch
+from benchmarks.frame import declaring, flicker, heads, inside, numbers, row, scratch
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Drift as DeclaredDrift
@@ -54,19 +54,9 @@ def correlated(rng: np.random.Generator, count: int) -> FloatArray:
     return np.asarray(2.0 * lfilter([1.0], [1.0, -0.95], noise, axis=0)[200:])
 
 
-def flicker(longer: int) -> Noise:
-    """1/f, 2 N over both logs together, from so many times their length to half the rate."""
-
-    def noise(rng: np.random.Generator, count: int) -> FloatArray:
-        size = longer << (count - 1).bit_length()
-        f = np.fft.rfftfreq(size)[1:]
-        out = np.empty((count, 9))
-        for channel in out.T:
-            wave = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
-            channel[:] = np.fft.irfft(np.append(0.0, wave / np.sqrt(f)))[:count]
-        return np.asarray(2.0 * out / out.std(axis=0).mean()).reshape(count, 3, 3)
-
-    return noise
+def slow(longer: int) -> Noise:
+    """1/f, 2 N over both logs together."""
+    return lambda rng, count: 2.0 * flicker(rng, count, longer)
 
 
 def hum(frequency: float) -> Noise:
@@ -115,11 +105,11 @@ CASES = (
     Case("white, filter smooth", filter="smooth"),
     Case("AR(0.95), 2 N", correlated),
     Case("AR(0.95), filter smooth", correlated, filter="smooth"),
-    Case("1/f from 1/160 s, 2 N", flicker(1)),
-    Case("1/f from 1/160 s, smooth", flicker(1), filter="smooth"),
-    Case("1/f from 1/80 min, 2 N", flicker(32)),
-    Case("1/f from 1/80 min, smooth", flicker(32), filter="smooth"),
-    Case("1/f from 1/80 min, no clock", flicker(32), clock=False),
+    Case("1/f from 1/160 s, 2 N", slow(1)),
+    Case("1/f from 1/160 s, smooth", slow(1), filter="smooth"),
+    Case("1/f from 1/80 min, 2 N", slow(32)),
+    Case("1/f from 1/80 min, smooth", slow(32), filter="smooth"),
+    Case("1/f from 1/80 min, no clock", slow(32), clock=False),
     Case("hum of 3 N near 50 Hz", hum(49.2)),
     Case("hum of 3 N near 50 Hz, smooth", hum(49.2), filter="smooth"),
     Case("resolution 0.5 N, noise 0.05 N", lambda r, n: 0.025 * white(r, n), step=0.5),

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.frame import declaring, heads, numbers, show, tally
+from benchmarks.frame import declaring, flicker, heads, numbers, show, tally
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
@@ -35,12 +35,9 @@ NONE = Faults()
 Noise = Callable[[np.random.Generator, int], FloatArray]
 
 
-def flicker(rng: np.random.Generator, count: int) -> FloatArray:
+def slow(rng: np.random.Generator, count: int) -> FloatArray:
     """1/f noise (K, n, 3) between postures, N."""
-    f = np.fft.rfftfreq(4 * count)[1:, None, None]
-    wave = rng.standard_normal((len(f), 3, 3)) + 1j * rng.standard_normal((len(f), 3, 3))
-    noise = np.fft.irfft(np.concatenate([np.zeros((1, 3, 3)), wave / np.sqrt(f)]), axis=0)
-    return np.asarray(0.5 * noise[:count] / noise.std(axis=0))
+    return 0.5 * flicker(rng, count, 4)
 
 
 def one_sensor(rng: np.random.Generator, count: int) -> FloatArray:
@@ -83,7 +80,7 @@ def both() -> Iterator[Fault]:
     scatter = declaring(RIG, force_noise=0.5)
     yield Fault("forces scatter by 0.5 N", ("force noise",), real=scatter)
     yield Fault("ncp1 scatters by 0.6 N", ("noise of ncp1",), noise=one_sensor)
-    yield Fault("1/f noise of 0.5 N", ("force noise", "drift", "walk"), noise=flicker)
+    yield Fault("1/f noise of 0.5 N", ("force noise", "drift", "walk"), noise=slow)
     touched = tuple(Contact(k, (10.0, -15.0, 25.0)) for k in (USED - 2, USED + 2))
     yield Fault("one posture in contact, 30 N", ("contact",), Faults(contacts=touched))
     yield Fault("mass +1 kg", ("load",), real=moved(mass=RIG.mass.value + 1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.frame import rms, row
+from benchmarks.frame import flicker, rms, row
 from tdfscal.dwells import find_dwells
 from tdfscal.records import Dwells, FloatArray, Series
 from tests.dwells.rig_log import Recipe, Recorded, record
@@ -91,19 +91,12 @@ def _slow(rng: Random, kind: str) -> Recorded:
 
     log = recorded.log
     count = len(log.force[0].time)
-    white = rng.standard_normal((8 * count, 9))
     if kind == "1/f":
-        wave = np.fft.rfft(white, axis=0)
-        wave[1:] /= np.sqrt(np.arange(1, len(wave)))[:, None]
-        wave[0] = 0.0
-        noise = np.fft.irfft(wave, axis=0)[:count]
-        noise /= noise.std(axis=0).mean()
+        noise = flicker(rng, count, 8)
     else:
-        phi = float(kind)
+        phi, white = float(kind), rng.standard_normal((8 * count, 3, 3))
         noise = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], white, axis=0)[-count:]
-    force = tuple(
-        Series(s.time, s.value + 2.0 * noise[:, 3 * i : 3 * i + 3]) for i, s in enumerate(log.force)
-    )
+    force = tuple(Series(s.time, s.value + 2.0 * noise[:, i]) for i, s in enumerate(log.force))
     return replace(recorded, log=replace(log, force=force))
 
 

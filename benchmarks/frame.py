@@ -91,6 +91,16 @@ def rms(values: object) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
 
 
+def flicker(rng: np.random.Generator, count: int, longer: int = 1) -> FloatArray:
+    """1/f noise (count, 3, 3) of std 1, from so many times that length to half the rate."""
+    f = np.fft.rfftfreq(longer << (count - 1).bit_length())[1:]
+    out = np.empty((count, 9))
+    for channel in out.T:
+        wave = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+        channel[:] = np.fft.irfft(np.append(0.0, wave / np.sqrt(f)))[:count]
+    return np.asarray(out / out.std(axis=0).mean()).reshape(count, 3, 3)
+
+
 def errors(
     true: FloatArray, found: FloatArray, cov: FloatArray, of: BoolArray | None = None
 ) -> tuple[FloatArray, FloatArray, float]:
