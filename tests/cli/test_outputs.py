@@ -1,16 +1,11 @@
-"""Outputs: never over an input, all together or none, whatever ends the run or takes its words."""
+"""Outputs: never over an input, all together or none."""
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -146,140 +141,6 @@ def test_simulate_replaces_only_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
     assert contents(tmp_path) == before
 
 
-class Torn(io.TextIOWrapper):
-    """Standard output whose reader has left."""
-
-    def write(self, text: str) -> int:
-        raise BrokenPipeError(32, "Broken pipe")
-
-
-def full() -> io.TextIOWrapper:
-    return open("/dev/full", "w", encoding="utf-8")  # noqa: PTH123
-
-
-STDOUTS: dict[str, Callable[[], io.TextIOWrapper | None]] = {
-    "closed": lambda: None,
-    "full": full,
-    "torn": lambda: Torn(io.BytesIO(), encoding="utf-8"),
-    "ascii": lambda: io.TextIOWrapper(io.BytesIO(), encoding="ascii"),
-    "cp1252": lambda: io.TextIOWrapper(io.BytesIO(), encoding="cp1252"),
-}
-needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-
-
-@needs_full
-@pytest.mark.parametrize("kind", STDOUTS)
-def test_a_report_that_nobody_gets_changes_nothing(
-    kind: str, home: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / "w.csv"
-    with monkeypatch.context() as patch:
-        patch.setattr(sys, "stdout", STDOUTS[kind]())
-        seen = cli("apply", "own.yaml", "C", "-o", target, "-q")
-    assert seen.status == 0
-    # Nobody listens to a pipe that ends, or to what is closed; a full one is the user's to know.
-    assert ("No space left" in seen.err) == (kind == "full")
-    assert seen.err.count("\n") == (kind == "full")
-    assert len(target.read_text().splitlines()) > 4
-
-
-def test_a_report_that_cannot_be_made_is_an_error(
-    home: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(report: object, *, whole: bool) -> str:
-        raise ValueError("no such row")
-
-    monkeypatch.setattr("tdfscal.reporting.text.shown", broken)
-    seen = cli("report", "own.yaml", ends=70)
-    assert "no such row" in seen.err
-
-
-@pytest.mark.parametrize("name", ["tdfscal.cli.process", "typer"])
-def test_an_interruption_among_the_imports_is_one_line(name: str, home: Path) -> None:
-    """What is imported before `main` is nothing of weight; from there on it is heard."""
-    code = f"""
-import builtins, sys
-before = set(sys.modules)
-import tdfscal.cli
-assert set(sys.modules) - before <= {{"tdfscal", "tdfscal.cli", "__future__", "gc"}}
-whole = builtins.__import__
-def interrupted(name, *rest):
-    if name == {name!r}:
-        raise KeyboardInterrupt
-    return whole(name, *rest)
-builtins.__import__, sys.argv = interrupted, ["tdfscal", "--version"]
-tdfscal.cli.main()
-"""
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
-    assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "tdfscal: interrupted; nothing was written\n"
-
-
-@needs_full
-@pytest.mark.parametrize("kind", ["closed", "full"])
-@pytest.mark.parametrize(
-    "line", ["apply own.yaml C -o OUT --json", "report own.yaml --json --html OUT"]
-)
-def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
-    line: str, kind: str, home: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / ("w.csv" if "apply" in line else "page.html")
-    words = [str(target) if word == "OUT" else word for word in line.split()]
-    with monkeypatch.context() as patch:
-        patch.setattr(sys, "stdout", STDOUTS[kind]())
-        seen = cli(*words, "-q")
-    assert seen.status == 2
-    assert "standard output" in seen.err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_result_is_utf8_whatever_the_terminal_is(
-    home: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    raw = io.BytesIO()
-    with monkeypatch.context() as patch:
-        patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
-        cli("report", "own.yaml", "--json", ends=0)
-        assert json.loads(raw.getvalue())["convention"].count("·") == 4
-
-
-def program(*words: object, cwd: Path) -> subprocess.Popen[str]:
-    """The program in a process of its own, which heeds signals that the tests' own may ignore."""
-
-    def heed() -> None:
-        for number in (signal.SIGINT, signal.SIGHUP):
-            signal.signal(number, signal.SIG_DFL)
-
-    line = [sys.executable, "-m", "tdfscal", *map(str, words)]
-    return subprocess.Popen(
-        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd, preexec_fn=heed
-    )
-
-
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL"])
-def test_a_run_that_is_ended_leaves_nothing(name: str, home: Path, tmp_path: Path) -> None:
-    """An earlier output stays whole, after a kill too."""
-    number = getattr(signal, name)
-    target = tmp_path / "w.csv"
-    target.write_text("before")
-    with program("calibrate", "C", "-o", tmp_path / "c.yaml", "--trials", 20000, cwd=home) as done:
-        assert done.stderr is not None
-        for line in done.stderr:
-            if "calibrating from" in line:
-                break
-        time.sleep(0.05)
-        done.send_signal(number)
-        said = done.stderr.read()
-    if name == "SIGKILL":
-        assert done.returncode == -number
-    else:
-        assert done.returncode == 128 + number, said
-        assert "interrupted" in said
-        assert {p.name for p in tmp_path.iterdir()} == {"w.csv"}
-    assert target.read_text() == "before"
-
-
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     """Also where the last of them cannot be put into its place."""
     from tdfscal.errors import UsageError
@@ -355,20 +216,6 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
         cli(*words, "-q", ends=2)
 
 
-def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    code = (
-        "import os, sys; from tdfscal.cli import main; os.rmdir(os.getcwd()); "
-        "sys.argv = ['tdfscal', 'calibrate', 'C']; main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=gone, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.count("\n") == 1
-
-
 def test_truth_says_what_was_written(tmp_path: Path, cli: Cli) -> None:
     import hashlib
 
@@ -377,65 +224,6 @@ def test_truth_says_what_was_written(tmp_path: Path, cli: Cli) -> None:
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / "s" / name).read_bytes()).hexdigest() == digest
     assert set(files) >= {"rig.yaml", "log.csv"}
-
-
-WRAPPED = """
-import os, signal
-class Descriptor:
-    def __set_name__(self, owner, name):
-        os.kill(os.getpid(), signal.SIGTERM)
-def work(*args):
-    type("Owner", (), {"field": Descriptor()})  # makes a RuntimeError of what is raised
-"""
-
-
-def test_a_signal_ends_the_run_though_another_exception_is_made_of_it(home: Path) -> None:
-    code = WRAPPED + (
-        "import sys; from tdfscal.cli import main; import tdfscal.commands.report as r;"
-        "r.read_sources = work; sys.argv = ['tdfscal', 'report', 'own.yaml']; main()"
-    )
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
-    assert (done.returncode, done.stdout) == (143, "")
-    assert done.stderr == "tdfscal: interrupted; nothing was written\n"
-
-
-CALLED_BACK = """
-import os, signal, sys, time, weakref
-class Dying:
-    def __del__(self):
-        {deleted}
-def meet(*args):
-    dying = Dying()
-    reference = weakref.ref(dying, lambda _: {released})
-    del dying
-    for _ in range(200):
-        time.sleep(0.01)
-    print("it went on")
-from tdfscal import cli
-sys.argv = ["tdfscal", "report", "own.yaml"]
-{line}
-cli.main()
-"""
-LATE = "import tdfscal.commands.report as r; r.read_sources = meet"
-EARLY = "sys.meta_path.insert(0, type('', (), {'find_spec': meet}))"
-
-
-@pytest.mark.parametrize(("line", "status"), [(LATE, 143), (EARLY, 130)])
-@pytest.mark.parametrize("where", ["deleted", "released"])
-def test_a_signal_that_meets_a_callback_ends_the_run(
-    home: Path, line: str, status: int, where: str
-) -> None:
-    """What is raised there Python prints and drops: as an object goes, or a weak reference.
-
-    Before the program listens, the signal is the interruption, that Python itself answers.
-    """
-    call = f"os.kill(os.getpid(), {status - 128}) or len('x')"
-    code = CALLED_BACK.format(**{"deleted": "pass", "released": "None", where: call}, line=line)
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
-    assert (done.returncode, done.stdout) == (status, "")
-    assert done.stderr == "tdfscal: interrupted; nothing was written\n"
 
 
 def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
