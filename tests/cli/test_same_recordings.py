@@ -1,0 +1,92 @@
+"""A moving log beside a still one, and recordings that are there twice."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from tdfscal.commands.log_pass import Recording, refuse_repeated
+from tdfscal.errors import UsageError
+from tdfscal.files.writers.campaign import simulate_to_folder, write_run
+from tdfscal.records import Measured
+from tdfscal.simulation import MOVING, reference_rig, scenarios
+from tests.cli.running import Cli
+from tests.cli.test_life import angles, edited
+
+
+def test_a_moving_log_updates_and_is_pooled(tmp_path: Path, cli: Cli) -> None:
+    """The same numbers from an update with 20 s of motion as from both together; they hold."""
+    rig = reference_rig()
+    rig = replace(
+        rig,
+        declared=replace(rig.declared, hinge=0.0),
+        mass=replace(rig.mass, std=np.array(0.0)),  # one load in both
+        barycentre=replace(rig.barycentre, std=np.zeros(3)),
+    )
+    still, moving = tmp_path / "still", tmp_path / "moving"
+    first = simulate_to_folder(still, rig, postures=8, seed=7, rows="postures")
+    assert first.truth is not None
+    rpy = first.truth.rpy
+    options = replace(MOVING["motion"], rpy=rpy, duration=20.0)
+    write_run(
+        scenarios.run(rig, "motion", options, np.random.default_rng(8), None),
+        moving,
+        format="parquet",
+    )
+    base, new, pooled = (tmp_path / f"{name}.yaml" for name in ("base", "new", "pooled"))
+    plain = ("--trials", 0, "-q", "-o")
+    cli("calibrate", still, *plain, base, ends=0)
+    for words in (
+        ["update", base, moving, *plain, new],
+        ["calibrate", still, moving, *plain, pooled],
+    ):
+        done = cli(*words, ends=0)
+    assert np.abs(angles(new) - angles(pooled)).max() < 1e-6
+    content, before = (yaml.safe_load(path.read_text()) for path in (new, base))
+    assert content["motion"]["seconds"] > 10.0
+    assert len(content["campaigns"]) == 2
+    for ours, alone, theirs in zip(content["supports"], before["supports"], rpy, strict=True):
+        std = np.array(ours["rpy_std"])
+        assert np.all(std < alone["rpy_std"])
+        assert np.all(np.abs(np.array(ours["rpy"]) - theirs) < 4 * std)
+    own = simulated_zero(moving)
+    for ours, theirs in zip(content["supports"], own, strict=True):
+        assert np.all(np.abs(np.array(ours["zero"]) - theirs) < 4 * np.array(ours["zero_std"]))
+    copy = edited(moving, tmp_path / "copy")
+    (log,) = copy.glob("*.parquet")
+    table = pd.read_parquet(log)
+    table["time"] += 86400.0
+    table.to_parquet(log)
+    done = cli("calibrate", still, moving, copy, *plain, tmp_path / "none.yaml", ends=2)
+    assert "the readings of every sensor are the same" in done.err
+
+
+def simulated_zero(folder: Path) -> list[list[float]]:
+    return [s["zero"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
+
+
+@pytest.mark.slow
+def test_a_recording_exported_in_two_formats_is_one(tmp_path: Path, cli: Cli) -> None:
+    for name, format in (("one", "csv"), ("two", "mcap")):
+        simulate_to_folder(tmp_path / name, postures=5, seed=3, format=format)  # type: ignore[arg-type]
+    simulate_to_folder(tmp_path / "other", postures=5, seed=4, format="parquet")
+    one, two, other = (tmp_path / name for name in ("one", "two", "other"))
+    done = cli("calibrate", one, two, "--trials", 0, "-q")
+    assert (done.status, "same recording" in done.err) == (2, True)
+    done = cli("calibrate", one, other, "--trials", 0, "-q")
+    assert "same recording" not in done.err
+
+
+def test_two_logs_of_the_same_hours_are_one_recording() -> None:
+    def recorded(name: str, begin: float, end: float) -> Recording:
+        return Recording(name, (), Measured(begin, end, "log"))
+
+    day = 1.7e9
+    refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 599, day + 1200)])
+    with pytest.raises(UsageError, match="same recording as a"):
+        refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 1, day + 500)])
