@@ -47,6 +47,11 @@ POSITION = np.asarray(
 )
 
 
+MADE = simulation.make_rig()
+DWELLS = simulation.simulate_dwells(MADE, Options(), np.random.default_rng(1), 1).dwells(0)
+SEEN = postures(MADE, DWELLS)
+
+
 def held_against(rig: Rig, position: FloatArray) -> None:
     """Without readings: what declared supports give is another test's."""
     check_geometry(rig, position, np.zeros_like(position))
@@ -233,9 +238,7 @@ def test_ways_to_exchange_supports() -> None:
 
 def test_every_rewiring_can_be_undone_by_itself() -> None:
     """Exchanges of sensors come back by their inverse, mirrors by themselves; covariances too."""
-    rig = simulation.make_rig()
-    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
-    seen = postures(rig, batch.dwells(0))
+    rig, seen = MADE, SEEN
     root = 0.1 * RNG.normal(size=(len(seen), 3, 3, 3))
     seen = replace(seen, force_cov=root @ np.swapaxes(root, 2, 3))
     all_ways = dict(rewired(rig, seen))
@@ -243,13 +246,8 @@ def test_every_rewiring_can_be_undone_by_itself() -> None:
     forces, covs = [], []
     for words, other in all_ways.items():
         again = dict(rewired(rig, other))
-        there_and_back = [
-            p
-            for p in again.values()
-            if np.array_equal(p.force, seen.force)
-            and np.allclose(p.force_cov, seen.force_cov, atol=0)
-        ]
-        assert len(there_and_back) == 1, words
+        back = (p for p in again.values() if np.array_equal(p.force, seen.force))
+        assert sum(np.allclose(p.force_cov, seen.force_cov, atol=0) for p in back) == 1, words
         forces.append(other.force.tobytes())
         covs.append(other.force_cov)
         assert np.array_equal(other.position, seen.position)
@@ -269,9 +267,7 @@ def test_every_rewiring_can_be_undone_by_itself() -> None:
 def test_a_rewiring_does_what_it_says(
     words: str, change: Callable[[FloatArray], FloatArray]
 ) -> None:
-    rig = simulation.make_rig()
-    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
-    seen = postures(rig, batch.dwells(0))
+    rig, seen = MADE, SEEN
     found = dict(rewired(rig, seen))[words]
     assert np.array_equal(found.force, change(seen.force))
     # Each entry of a covariance is that of two readings, and goes where these go.
@@ -325,10 +321,7 @@ def test_share_of_the_weight_that_the_sensors_hold() -> None:
     ],
 )
 def test_forces_in_another_unit_or_sign(factor: float, words: str | None) -> None:
-    rig = simulation.make_rig()
-    rig = replace(rig, mass=UncertainValue.exact(rig.mass.value))
-    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
-    seen = postures(rig, batch.dwells(0))
+    rig, seen = replace(MADE, mass=UncertainValue.exact(MADE.mass.value)), SEEN
     share = np.median(weight_share(nominal(rig), rig.gravity, seen.force))
     scaled = replace(seen, force=factor / share * seen.force)
     state = replace(nominal(rig), zero=np.zeros((3, 3)))
@@ -348,22 +341,19 @@ def test_forces_in_another_unit_or_sign(factor: float, words: str | None) -> Non
 @pytest.mark.parametrize(("step", "unit"), [(1.0, 1e-3), (1e-2, 1e3)])
 def test_a_unit_that_leaves_few_digits_is_no_dead_sensor(step: float, unit: float) -> None:
     """kN without decimals where N is declared stand still; N read as kN pass capacities."""
-    rig = replace(simulation.make_rig(), capacity=np.full((3, 3), 5e3))
-    dwells = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1).dwells(0)
+    rig = replace(MADE, capacity=np.full((3, 3), 5e3))
     arrays = {
-        name: step * np.round(unit * getattr(dwells, name) / step)
+        name: step * np.round(unit * getattr(DWELLS, name) / step)
         for name in ("force", "force_min", "force_max")
     }
     with pytest.raises(DataError, match="in kN where N" if unit < 1 else "in N where kN"):
-        screen(rig, replace(dwells, **arrays))
+        screen(rig, replace(DWELLS, **arrays))
 
 
 def test_an_uncertain_mass_widens_what_is_allowed() -> None:
     assert weight_tolerance(0.0) == 0.2
     assert weight_tolerance(0.05) == pytest.approx(0.5)
-    rig = simulation.make_rig()
-    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
-    seen = postures(rig, batch.dwells(0))
+    rig, seen = MADE, SEEN
     more = replace(seen, force=1.4 * seen.force)
     with pytest.raises(DataError):
         check_weight(rig, more, nominal(rig))

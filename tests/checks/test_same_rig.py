@@ -34,20 +34,14 @@ def moved(values: FloatArray, place: Any, by: float) -> FloatArray:
 
 def shifted(quantity: str, by: float) -> Rig:
     """The rig with one number moved."""
-    match quantity:
-        case "hinge":
-            return replace(RIG, hinge=moved(RIG.hinge, (1, 2), by))
-        case "nominal mounting":
-            return replace(RIG, nominal_rpy=moved(RIG.nominal_rpy, (1, 0), by))
-        case "zero":
-            return replace(RIG, zero=replace(RIG.zero, value=moved(RIG.zero.value, (1, 1), by)))
-        case "mass":
-            return replace(RIG, mass=replace(RIG.mass, value=RIG.mass.value + by))
-        case "barycentre":
-            value = moved(RIG.barycentre.value, 0, by)
-            return replace(RIG, barycentre=replace(RIG.barycentre, value=value))
-        case _:
-            return replace(RIG, gravity=RIG.gravity + by)
+    if quantity == "gravity":
+        return replace(RIG, gravity=RIG.gravity + by)
+    name = {"nominal mounting": "nominal_rpy"}.get(quantity, quantity)
+    old: Any = getattr(RIG, name)
+    place = {"hinge": (1, 2), "nominal_rpy": (1, 0), "zero": (1, 1), "mass": (), "barycentre": 0}
+    new: Any = moved(getattr(old, "value", old), place[name], by)
+    change: dict[str, Any] = {name: replace(old, value=new) if hasattr(old, "value") else new}
+    return replace(RIG, **change)
 
 
 #: Quantity and its standard uncertainty in each of the two files.

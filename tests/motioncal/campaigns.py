@@ -75,3 +75,9 @@ def quiet(**changes: object) -> MovingOptions:
 def turn_error(campaign: MovingCampaign, rotation: FloatArray) -> FloatArray:
     """log(X_true X̂ᵀ), (3n,), rad."""
     return so3.log(campaign.truth.rotation @ np.swapaxes(rotation, 1, 2)).ravel()
+
+
+def distance(campaign: MovingCampaign, rotation: FloatArray, covariance: FloatArray) -> float:
+    """d² of the turns' errors in their covariance, of as many sensors as it has."""
+    error = turn_error(campaign, rotation)[: len(covariance)]
+    return float(error @ np.linalg.solve(covariance, error))

@@ -13,7 +13,7 @@ from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Series, UncertainValue
 from tdfscal.simulation.options import MovingOptions
-from tests.motioncal.campaigns import DELAY, played, turn_error
+from tests.motioncal.campaigns import DELAY, distance, played
 
 FOUR_MINUTES = MovingOptions(duration=240.0, rate=40.0, noise=0.7)
 
@@ -24,20 +24,20 @@ def calibrated(rate: float) -> tuple[MotionCalibration, float]:
     late = tuple(Series(s.time * (1 + rate), s.value) for s in campaign.log.force)
     slow = slow_streams([replace(campaign.log, force=late)], campaign.rig.capacity)
     result = calibrate_moving(campaign.rig, slow, DELAY)
-    error = turn_error(campaign, result.fit.state.still.rotation)
-    return result, float(error @ np.linalg.solve(result.uncertainty.covariance, error))
+    rotation = result.fit.state.still.rotation
+    return result, distance(campaign, rotation, result.uncertainty.covariance)
 
 
 def test_clocks_that_run_apart_are_followed() -> None:
     """60 ppm over four minutes are 14 ms, of which the halves' delays tell 7."""
     rate = 6e-5
-    result, distance = calibrated(rate)
+    result, away = calibrated(rate)
     moving, std = result.fit.state.moving, result.estimate.moving_std
     assert result.rate_told
     assert std[RATE] < 0.3 * CLOCK_RATE
     assert abs(moving.rate - rate) < 4 * std[RATE]
     assert abs(moving.delay - (0.005 + 120.0 * rate)) < 4 * std[RATE - 1]
-    assert distance < chi2_quantile(1 - 1e-3, 9)
+    assert away < chi2_quantile(1 - 1e-3, 9)
 
 
 def test_one_clock_has_no_rate() -> None:

@@ -16,7 +16,7 @@ from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import MovingOptions, Touch
-from tests.motioncal.campaigns import played, turn_error
+from tests.motioncal.campaigns import distance, played
 from tests.words import in_words
 
 #: A rig file that states no delay, and no inertia.
@@ -31,9 +31,8 @@ def calibrated(options: MovingOptions, seed: int = 5) -> tuple[MovingCampaign, M
 
 
 def within(campaign: MovingCampaign, result: MotionCalibration) -> bool:
-    error = turn_error(campaign, result.fit.state.still.rotation)
-    covariance = result.uncertainty.covariance
-    return bool(error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9))
+    rotation, covariance = result.fit.state.still.rotation, result.uncertainty.covariance
+    return bool(distance(campaign, rotation, covariance) < chi2_quantile(1 - 1e-3, 9))
 
 
 def test_a_static_rig_file_calibrates_in_motion_and_a_contact_costs_little() -> None:

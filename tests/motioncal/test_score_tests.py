@@ -17,7 +17,7 @@ from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.simulation.options import MovingOptions
-from tests.motioncal.campaigns import DELAY, played, turn_error
+from tests.motioncal.campaigns import DELAY, distance, played, turn_error
 from tests.words import in_words
 
 MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3, stiffness=(2e8, 2e8, 2e8))
@@ -90,9 +90,8 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
     assert result.suspicions == ()
     std = result.uncertainty.parameter_std[layout(3, 1)["drift"]].reshape(3, 3)
     assert np.all(np.abs(result.fit.state.still.drift[0, 1] - slope) < 4 * std[1])
-    error = turn_error(campaign, result.fit.state.still.rotation)
-    covariance = result.uncertainty.covariance
-    assert error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9)
+    rotation, covariance = result.fit.state.still.rotation, result.uncertainty.covariance
+    assert distance(campaign, rotation, covariance) < chi2_quantile(1 - 1e-3, 9)
     with pytest.raises(DataError, match="no temperature"):
         calibrate_moving(declared, slow, DELAY)
 

@@ -10,7 +10,7 @@ from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import MovingOptions
-from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
+from tests.motioncal.campaigns import DELAY, distance, played, true_state
 
 
 def fitted(options: MovingOptions, seed: int) -> tuple[MovingCampaign, MovingFit]:
@@ -30,9 +30,8 @@ def test_a_minute_of_motion_calibrates_and_says_how_well(
     assert fit.converged
     found = estimate(fit)
     known = found.uncertainty
-    error = turn_error(campaign, fit.state.still.rotation)
-    distance = error @ np.linalg.solve(known.covariance, error)
-    assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
+    away = distance(campaign, fit.state.still.rotation, known.covariance)
+    assert chi2_quantile(1e-3, 9) < away < chi2_quantile(1 - 1e-3, 9)
     std = np.sqrt(np.diag(known.covariance))
     assert 0.07e-3 < std.mean() < 0.13e-3
     truth = true_state(campaign).moving.vector
