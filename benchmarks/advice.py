@@ -2,10 +2,11 @@
 
     python -m benchmarks.advice [SEED] > benchmarks/advice.md
 
-Only the words are followed, as a user has them: a line of rig.yaml that the first advice spells is
+Reference rig, 24 postures, squeeze 100 N. Only the words are followed, round by round, as a user
+has them: a line of rig.yaml that the first advice spells (the next one where it was in vain) is
 written there; where it spells none, what it asks for is done to the simulated machine or log, and
-nothing else. So advice that names the wrong cure leaves the fault, and the verdict shows it. Angles
-that are accepted in the end are held against the truth.
+nothing else. d²/m and the largest error, in standard uncertainties, hold the m accepted angles
+against the truth.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from benchmarks.frame import declaring, errors, heads, numbers, scratch, show
+from benchmarks.frame import declaring, errors, heads, introduce, numbers, scratch, show
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_campaign
@@ -33,8 +34,7 @@ from tdfscal.simulation.faults import Contact, Crosstalk, DeadAxis, Drift, Gain,
 
 RIG = reference_rig()
 BASE = Options(squeeze=100.0)
-#: Rounds of following before a user gives up.
-ROUNDS = 4
+ROUNDS = 4  # of following before a user gives up
 
 Table = Callable[[pa.Table], pa.Table]
 
@@ -113,10 +113,6 @@ def late(values: FloatArray) -> FloatArray:
 LATE_FORCES = altered(r"ncp\d\.f[xyz]", late)
 
 
-def without_temperature(table: pa.Table) -> pa.Table:
-    return table.drop_columns([n for n in table.column_names if n.startswith("temp")])
-
-
 def cases() -> dict[str, World]:
     """Every fault of the table by its name."""
     touch = ((15.0, -25.0, 40.0), (6.0, 4.0, -3.0))
@@ -154,7 +150,8 @@ def cases() -> dict[str, World]:
         "BCS tilted by 3 mrad": really(gravity_tilt_std=3e-3),
         "hall warms by 5 K": replace(faults(warming=warm), lines={"log.temperature": "temp"}),
         "hall warms by 5 K, not recorded": replace(
-            faults(warming=warm), recorder=without_temperature, lines={"log.temperature": None}
+            faults(warming=warm), lines={"log.temperature": None},
+            recorder=lambda t: t.drop_columns([n for n in t.column_names if n.startswith("temp")]),
         ),
         "sensors 30 times as noisy": driven(recorder=Recorder(force_sd=(60.0, 60.0))),
         "three postures": driven(postures=3),
@@ -178,9 +175,6 @@ def cases() -> dict[str, World]:
             faults(dead_axes=(DeadAxis(0, 0, 0),)), recorder=scaled(r"ncp\d\.[xyz]", 1e3)
         ),
     }  # fmt: skip
-
-
-# What a person does when told so ------------------------------------------------------------------
 
 
 def _driven(world: World, **changes: Any) -> World:
@@ -216,11 +210,6 @@ def _look_at(world: World, found: re.Match[str]) -> World:
     return _mended(world, found[1], "gains", "crosstalk")
 
 
-def _part_before(world: World, found: re.Match[str]) -> World:
-    """The postures before a zero jumped, as a campaign of its own."""
-    return _mended(_driven(world, postures=int(found[2])), found[1], "zero_shifts")
-
-
 def _repair(world: World, found: re.Match[str]) -> World:
     axis, i = "xyz".index(found[1]), RIG.supports.index(found[2])
     dead = world.options.faults.dead_axes
@@ -251,20 +240,14 @@ def _turn_axis(world: World, found: re.Match[str]) -> World:
     return replace(world, recorder=lambda table: mend(before(table) if before else table))
 
 
-def _measure_hinges(world: World, found: re.Match[str]) -> World:
-    return replace(world, stated=replace(world.stated, hinge=world.real.hinge))
-
-
-def _one_clock(world: World, found: re.Match[str]) -> World:
-    return replace(world, recorder=None) if world.recorder is LATE_FORCES else world
-
-
 Act = Callable[[World, re.Match[str]], World]
 ACTS: tuple[tuple[str, Act], ...] = (
     (r"widen the range of sensor and amplifier", _range),
-    (r"see that forces and positions share one clock", _one_clock),
-    (r"zero of (ncp\d) jumped by .* between postures (\d+) and .* one of them by --from",
-     _part_before),
+    (r"see that forces and positions share one clock",
+     lambda w, m: replace(w, recorder=None) if w.recorder is LATE_FORCES else w),
+    # The postures before the jump, as a campaign of its own.
+    (r"zero of (ncp\d) jumped by .* between postures (\d+) and .* or one of them by",
+     lambda w, m: _mended(_driven(w, postures=int(m[2])), m[1], "zero_shifts")),
     (r"ind what touched the terminal or a sensor at .* look at F. of (ncp\d)", _look_at),
     (r"asten the sensor of (ncp\d)", lambda w, m: _mended(w, m[1], "slips", "zero_shifts")),
     (r"ind what touched the terminal at postures ([\d, …]+)", _free),
@@ -283,7 +266,8 @@ ACTS: tuple[tuple[str, Act], ...] = (
      lambda w, m: _written(w, "log.force_on", "sensor")),
     (r"the opposite sign of F(.) of (ncp\d)", _turn_axis),
     (r"the sensors of ncp.*, and not as they are named.* Correct the force fields", _rename),
-    (r"easure the hinges again", _measure_hinges),
+    (r"easure the hinges again",
+     lambda w, m: replace(w, stated=replace(w.stated, hinge=w.real.hinge))),
 )  # fmt: skip
 LINE = re.compile(r"`([a-z_.]+): ([^`]+)`(?: for (ncp\d))?")
 
@@ -351,15 +335,9 @@ def led(world: World, seed: int) -> list[Outcome]:
 def main() -> None:
     """Print the table."""
     (seed,) = numbers(3)
-    print(
-        "# Faults, the advice given, and the verdict after\n\n"
-        f"`python -m benchmarks.advice {seed}`; reference rig, 24 postures, squeeze 100 N. The "
-        "first advice\nis followed to the letter, round by round, the next one where it was in "
-        "vain. d²/m and the largest error,\nin standard uncertainties, hold the accepted angles "
-        "against the truth; m is their number.\n"
-    )
-    print(heads("fault", "verdict", "first advice of each round", "rounds", "verdict after", "d²/m",
-                "largest"))  # fmt: skip
+    introduce("Faults, the advice given, and the verdict after", f"advice {seed}", __doc__)
+    names = "fault", "verdict", "first advice of each round", "rounds", "verdict after", "d²/m"
+    print("\n" + heads(*names, "largest"))
     for name, world in cases().items():
         outcomes = led(world, seed)
         first, last = outcomes[0], outcomes[-1]
