@@ -177,7 +177,8 @@ def _nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
     place = slow.position[block.index]
     out = np.zeros((len(place), len(resting)))
     for k, run in enumerate(resting):
-        way = np.linalg.norm(place - place[run].mean(axis=0), axis=2).max(axis=1)
+        gap = place - place[run].mean(axis=0)
+        way = np.sqrt(np.einsum("kna,kna->kn", gap, gap).max(axis=1))
         near = np.exp(-0.5 * (way / _LEAD) ** 2)
         # A place that is come back to counts as another rest.
         far = np.flatnonzero(way > 3 * _LEAD)
@@ -194,10 +195,10 @@ def _turns(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) ->
     """
     std = max(rig.declared.positioner, UNSTATED)
     out = np.zeros((len(near), 6, 3 * len(resting)))
-    for k, run in enumerate(resting):
-        middle = (run.start + run.stop) // 2
-        turn = at.noise_turn @ np.linalg.cholesky(at.turn_cov[middle])
-        out[:, :, 3 * k : 3 * k + 3] = std * near[:, k, None, None] * turn
+    middle = [(run.start + run.stop) // 2 for run in resting]
+    roots = np.moveaxis(np.linalg.cholesky(at.turn_cov[middle]), 0, 1).reshape(3, -1)
+    # A turn of the pose makes no force.
+    out[:, 3:] = at.noise_turn[:, 3:] @ roots * np.repeat(std * near, 3, axis=1)[:, None]
     return out
 
 

@@ -228,17 +228,17 @@ def moved_to(fit: MovingFit, state: MovingState) -> MovingFit:
 def _at(fit: MovingFit, state: MovingState, turn: FloatArray) -> MovingFit:
     """The fit at a state and turns (rests,) at the rests."""
     psi, slope = fit.features_at(state), fit.slope_at(state)[:, fit.active]
-    cut, unit = len(psi) - fit.rests, np.eye(fit.rests)
+    cut, unit, design = len(psi) - fit.rests, np.eye(fit.rests), fit.data.design
     psi[cut:] = turn
-    slope = block_diagonal(slope[:cut], unit)
+    jacobian = np.concatenate([design[:, :cut] @ slope[:cut], design[:, cut:]], axis=1)
     prior_r, prior_j = fit.priors(state)
     return replace(
         fit,
         state=state,
         psi=psi,
-        slope=slope,
-        residual=fit.data.design @ psi,
-        jacobian=fit.data.design @ slope,
+        slope=block_diagonal(slope[:cut], unit),
+        residual=design @ psi,
+        jacobian=jacobian,
         prior_residual=np.concatenate([prior_r, turn]),
         prior_jacobian=block_diagonal(prior_j, unit),
     )
