@@ -113,7 +113,8 @@ def block_design(
     position = course(lag) if lag.any() else slow.position[rows]
     observed = instants(rig, slow, position, rows)
     if not rig.axes.all():
-        driven = inertia_wrench(position - state.datum, block.step, state, moving)
+        R = rotations(state.hinge, position - state.datum)
+        driven = inertia_wrench(R, position - state.datum, block.step, state, moving)
         observed = filled(observed, driven, state, rig.gravity)
     at = statics.balance(observed, state, centre, rig.gravity)
     seen = across(block, at, rig.axes)
@@ -254,16 +255,17 @@ def stuck(turning: FloatArray) -> FloatArray:
     return np.asarray(turning / np.sqrt(np.sum(turning**2, axis=1, keepdims=True) + _STICK**2))
 
 
-def inertia_wrench(position: FloatArray, step: float, state: State, moving: Moving) -> FloatArray:
+def inertia_wrench(
+    R: FloatArray, position: FloatArray, step: float, state: State, moving: Moving
+) -> FloatArray:
     """Wrench (N, 6) of inertia and friction about the barycentre, BCS, at every instant.
 
-    position : (N, n, 3), m, of the hinges. step : s. It holds accelerations, which the estimate
-    itself moves onto the taper.
+    R : (N, 3, 3), poses. position : (N, n, 3), m, of the hinges. step : s. It holds accelerations,
+    which the estimate itself moves onto the taper.
     """
     from tdfscal.wrench.contact_wrench import inertial  # where axes lack
 
-    R, centre = rotations(state.hinge, position), state.barycentre
-    place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
+    place = position.mean(axis=1) + R @ (state.barycentre - state.hinge.mean(axis=0))
     found = motion(R, place, step, _WIDE)
     assert found is not None  # blocks are longer than the window
     own = symmetric(_own_inertia(state, moving))

@@ -162,27 +162,29 @@ def residual_wrench(fit: MovingFit, before: State, after: State) -> ResidualWren
     times, lengths = [], []
     mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MEANS)
     for block in fit.blocks:
-        both = [_wrench(fit, block, state) for state in (before, after)]
+        position = shifted(fit.slow, block.index, fit.state.moving)
+        both = [_wrench(fit, block, position, state) for state in (before, after)]
         count = max(1, round(block.seconds / mean))
-        parts = np.array_split(np.arange(len(both[0])), count)
-        times += [float(fit.slow.time[block.index][part].mean()) for part in parts]
-        means = [[e[part].mean(axis=0).reshape(2, 3) for e in both] for part in parts]
-        lengths.append(np.linalg.norm(np.array(means), axis=3))
+        first = np.linspace(0, len(position), count, endpoint=False).astype(int)
+        size = np.diff(first, append=len(position))
+        times.append(np.add.reduceat(fit.slow.time[block.index], first) / size)
+        means = np.add.reduceat(np.stack(both, axis=1), first, axis=0) / size[:, None, None]
+        lengths.append(np.linalg.norm(means.reshape(count, 2, 2, 3), axis=3))
     length = np.concatenate(lengths)
-    return ResidualWrench(np.array(times), length[:, 0], length[:, 1])
+    return ResidualWrench(np.concatenate(times), length[:, 0], length[:, 1])
 
 
-def _wrench(fit: MovingFit, block: Block, state: State) -> FloatArray:
+def _wrench(fit: MovingFit, block: Block, position: FloatArray, state: State) -> FloatArray:
     """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
 
+    position : (N, n, 3), m, of the servos where the forces were felt.
     Forces that nobody measures are those that leave least of it.
     """
-    rig, slow, moving = fit.rig, fit.slow, fit.state.moving
-    position = shifted(slow, block.index, moving) - state.datum
+    rig, position = fit.rig, position - state.datum
     R = rotations(state.hinge, position)
     arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
-    F = forces(state, slow.force[block.index])
-    e = inertia_wrench(position, block.step, state, moving)
+    F = forces(state, fit.slow.force[block.index])
+    e = inertia_wrench(R, position, block.step, state, fit.state.moving)
     e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
     e[:, 3:] += np.cross(arm, F).sum(axis=1)
     if rig.axes.all():
