@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Self
+from typing import Final, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -229,6 +229,8 @@ class Rig:
 
 
 Scale = tuple[float, float, float]
+#: Relative: by which a recorder's clock may run fast or slow, where nothing is stated.
+CLOCK_RATE_STD: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +243,7 @@ class ClockPrior:
     offset: UncertainValue = field(
         default_factory=lambda: UncertainValue(np.array(0.0), np.array(np.inf))
     )
-    rate_std: float = 1e-4
+    rate_std: float = CLOCK_RATE_STD
 
     @property
     def exact(self) -> bool:

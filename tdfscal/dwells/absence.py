@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.dwells.bins import Bins, zeros
+from tdfscal.dwells.field import SHORTEST
 from tdfscal.dwells.noise_level import runs, signals
 from tdfscal.errors import DataError
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
@@ -20,7 +21,6 @@ _THIRDS = 6  # bins at least that are parted in three
 _ALIKE = 0.9  # correlation of the changes in successive parts of a decay
 _FALLS = (0.02, 0.8)  # ratio of those changes
 _SAMPLES = 20  # per stop: ten for the shortest dwell, as many for what is kept clear of moves
-_SHORTEST = 0.2  # s, of a dwell sampled fast
 _STOP = 2.0  # s, that a stop should last at least
 _DECAYED = 0.1  # standard errors of a mean that may be left of a decay
 _FINE = 0.3  # bins / correlation time: windows of 32 bins then reach beyond it
@@ -73,7 +73,7 @@ def _too_slow(bins: Bins, first: IntArray, last: IntArray) -> Absence | None:
     """A clock too slow for the stops [first, last)."""
     period = float(bins.period.max())
     rest = float((last - first).max(initial=0) * bins.width)
-    if _SAMPLES / 2 * period < max(rest, _SHORTEST):
+    if _SAMPLES / 2 * period < max(rest, SHORTEST):
         return None
     stop, rate = _rounded_up(_SAMPLES * period), _rounded_up(_SAMPLES / max(rest, _STOP))
     return Absence(

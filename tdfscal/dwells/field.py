@@ -38,7 +38,7 @@ _ROUNDS = 4
 _SPAN = 2**12  # bins whose differences are taken at once; they stay in the cache
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
-_SHORTEST = 0.2  # s
+SHORTEST = 0.2  # s, of a dwell sampled fast
 _SHORTEST_BINS = 5
 _MANY = 10  # stops that show what is common
 _ALIKE = 0.8  # share of them with one sign
@@ -233,7 +233,7 @@ def prepare(bins: Bins) -> Field:
         noisier=noisier,
         noise=without_creep(difference_noise(every, disturbed, LONGEST)),
         visible=threshold(positions, position_noise)[0],
-        shortest=max(int(np.ceil(_SHORTEST / bins.width - 1e-9)), _SHORTEST_BINS),
+        shortest=max(int(np.ceil(SHORTEST / bins.width - 1e-9)), _SHORTEST_BINS),
         rate=rate,
         ringing=ringing,
     )

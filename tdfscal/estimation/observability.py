@@ -14,7 +14,7 @@ from tdfscal.model.statics import Postures, forces
 from tdfscal.records import BoolArray, FloatArray, Rig
 
 #: An angle known better than half its prior owes more to the data than to the prior.
-_PRIOR_SHARE = 0.5
+PRIOR_SHARE = 0.5
 _CORRELATED = 0.8
 #: Turning a sensor about its load is what no datum shows: within this angle it is the cause.
 _ALONG_LOAD = np.radians(20.0)
@@ -170,7 +170,7 @@ def verdict(
     std, names = turn_std(covariance), turn_names(state.rotation)
     prior = prior_turn_std(rig.rpy_std, state.rotation)
     limit = rig.acceptance.identifiable
-    good = (std < limit) & (std <= _PRIOR_SHARE * prior)
+    good = (std < limit) & (std <= PRIOR_SHARE * prior)
     angles = tuple(
         Angle(name, names[i][j], float(std[i, j]), float(prior[i, j]), bool(good[i, j]))
         for i, name in enumerate(rig.supports)

@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, check_limits, check_reach, draw
 from tdfscal.planning.plan import Plan, Request, contact_conforms, hinge_radius
@@ -45,8 +46,6 @@ _PER_RETURN = 24
 _FEWEST_WITH_RETURN = 6
 #: Random sets that stand for driving without a plan.
 _RANDOM_SETS = 16
-#: An angle known no better than this share of its prior owes nothing to the data.
-_PRIOR_SHARE = 0.5
 #: An objective that follows the width of ignorance by more than this share is not measured.
 _FOLLOWS = 1e-2
 
@@ -103,7 +102,7 @@ class Planner:
 
     def _weak(self, std: FloatArray) -> BoolArray:
         """Angles (n, 3) that standard uncertainties, rad, leave undetermined."""
-        limit, prior = self.rig.acceptance.identifiable, _PRIOR_SHARE * self.rig.rpy_std
+        limit, prior = self.rig.acceptance.identifiable, PRIOR_SHARE * self.rig.rpy_std
         return np.asarray((std >= limit) | (std > prior))
 
     def _objective(self) -> FloatArray:

@@ -22,7 +22,7 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
-from tdfscal.records import Rows
+from tdfscal.records import CLOCK_RATE_STD, Rows
 
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
 FieldName = Annotated[Text, BeforeValidator(whole_as_text), WithJsonSchema(_FIELD)]
@@ -103,7 +103,7 @@ class ClockBlock(Strict):
     offset: Annotated[Quantity, WithStd] = block(
         "s: quantity; std: unknown finds it", Quantity, value=0.0, std=math.inf
     )
-    rate_std: NotNegative = key("relative: standard uncertainty of its rate", 1.0e-4)
+    rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
 
 class LogBlock(Strict):
