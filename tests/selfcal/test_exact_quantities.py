@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,36 +60,36 @@ def test_a_base_off_level_moves_the_angles_as_predicted(stated: Rig, tilt_std: f
         np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.02 * largest)
 
 
-def test_a_gain_moves_the_angles_as_predicted() -> None:
-    right, _ = calibrated(RIG, RIG, squeeze=100.0)
-    gain = Faults(gains=(Gain(1, (1e-3, -1e-3, 2e-3)),))
-    wrong, _ = calibrated(RIG, RIG, gain, squeeze=100.0)
-    by_gain = quantity(right, "gain")
-    predicted = by_gain[:, 6:9] @ np.array([1e-3, -1e-3, 2e-3])
-    assert np.abs(predicted).max() > 2e-4
-    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
+def shifted(rig: Rig, name: str, by: FloatArray) -> Rig:
+    """A rig that is off by this where its file says otherwise."""
+    stated: UncertainValue = getattr(rig, name)
+    change: dict[str, Any] = {name: UncertainValue(stated.value + by, stated.std)}
+    return replace(rig, **change)
 
 
-def test_a_barycentre_taken_as_exact_moves_the_angles_as_predicted() -> None:
-    off = np.array([1e-5, -2e-5, 1e-5])
-    real = replace(KNOWN, barycentre=UncertainValue.exact(KNOWN.barycentre.value + off))
-    right, _ = calibrated(KNOWN, KNOWN)
-    wrong, _ = calibrated(KNOWN, real)
-    predicted = quantity(right, "barycentre") @ off
-    assert np.abs(predicted).max() > 1e-5
-    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
+OFF, TARE = np.array([1e-5, -2e-5, 1e-5]), np.zeros((3, 3))
+TARE[1] = [1.0, -0.5, 0.0]
+GAIN = np.zeros((3, 6))  # xx, yy, zz and three of cross talk
+GAIN[1, :3] = [1e-3, -1e-3, 2e-3]
+TARED, ZEROED = (make_rig(zero_std=std, declared=QUIET) for std in (0.1, 0.0))
+WRONG: list[tuple[str, Rig, Rig, Faults, FloatArray]] = [
+    # what is taken as exact, the rig as stated and as it is, by how much it is off
+    ("gain", RIG, RIG, Faults(gains=(Gain(1, (1e-3, -1e-3, 2e-3)),)), GAIN),
+    ("barycentre", KNOWN, shifted(KNOWN, "barycentre", OFF), Faults(), OFF),
+    ("zeros", TARED, shifted(TARED, "zero", TARE), Faults(), TARE),
+    ("zeros", ZEROED, shifted(ZEROED, "zero", TARE), Faults(), TARE),
+]
 
 
-@pytest.mark.parametrize("std", [0.1, 0.0])
-def test_a_tare_stated_as_too_good_moves_the_angles_as_predicted(std: float) -> None:
-    stated = make_rig(zero_std=std, declared=QUIET)
-    off = np.array([1.0, -0.5, 0.0])
-    real = replace(stated, zero=UncertainValue(stated.zero.value.copy(), stated.zero.std))
-    real.zero.value[1] += off
-    right, _ = calibrated(stated, stated)
-    wrong, _ = calibrated(stated, real)
-    predicted = quantity(right, "zeros").reshape(9, 3, 3)[:, 1] @ off
-    assert np.abs(predicted).max() > 1e-4
+@pytest.mark.parametrize(("name", "stated", "real", "faults", "off"), WRONG)
+def test_a_wrong_value_moves_the_angles_as_predicted(
+    name: str, stated: Rig, real: Rig, faults: Faults, off: FloatArray
+) -> None:
+    squeeze = 100.0 if name == "gain" else 0.0
+    right, _ = calibrated(stated, stated, squeeze=squeeze)
+    wrong, _ = calibrated(stated, real, faults, squeeze=squeeze)
+    predicted = quantity(right, name) @ off.ravel()
+    assert np.abs(predicted).max() > (1e-5 if name == "barycentre" else 1e-4)
     np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
 
 
