@@ -25,8 +25,8 @@ _UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "N·m": (("N·m", 1.0),),
 }
 
-#: Seconds beyond which a time is no duration of a campaign but a date: three years.
-EPOCH_SECONDS = 1e8
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 
@@ -107,7 +107,8 @@ class _Words(Formatter):
         if "|" in format_spec:
             return format_spec.split("|")[0 if value else 1].replace("~", visible(str(value)))
         if format_spec == "time":
-            return "" if value is None else f", between {_moments(*value)}"
+            first, last = map(when, map(round, value or (0, 0)))
+            return f", between {first} and {last}" if value else ""
         if value is None:
             return "–"
         if format_spec in _UNITS:
@@ -163,12 +164,19 @@ def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] =
     return f"{said} {name}".rstrip()
 
 
-def _moments(first: float, last: float) -> str:
-    """Return two times of a log, as dates where they are seconds since 1970."""
-    if first < EPOCH_SECONDS:
-        return f"{first:.0f} and {last:.0f} s of the log"
-    dates = [datetime.fromtimestamp(time, UTC) for time in (first, last)]
-    return f"{dates[0]:%Y-%m-%d %H:%M:%S} and {dates[1]:%H:%M:%S} UTC"
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
+def when(time: float) -> str:
+    """Write a time of a log, s, with the digits that find its place; by a wall clock as a date."""
+    if by_wall_clock(time):
+        date = f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"
+        return f"{date.rstrip('0').rstrip('.')} UTC"
+    if not 1e6 <= abs(time) < 1e15:
+        return f"{time:.9g} s"
+    return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
 def upwards(size: float, digits: int = 1) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
+from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions
 from tdfscal.commands.arguments import PathLike, PathLikes, listed
@@ -26,7 +27,6 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.findings import Finding, Value
-from tdfscal.logs import by_wall_clock
 from tdfscal.model.calibrated import Calibrated, about_point, independent
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray, Rig, UncertainValue

@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.commands.arguments import SILENT, Progress
@@ -24,7 +25,7 @@ from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
-from tdfscal.logs import TimeWindow, by_wall_clock, iter_log
+from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.

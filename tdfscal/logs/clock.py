@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
 
 import numpy as np
 
+from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray, Rows
@@ -32,25 +32,6 @@ MAX_CLOCK_OFFSET = 1.0
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
 _BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
-
-
-#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
-_WALL_CLOCK = (631152000.0, 4102444800.0)
-
-
-def by_wall_clock(*times: float) -> bool:
-    """Tell whether times, s, are those of a wall clock."""
-    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
-
-
-def when(time: float) -> str:
-    """Write a time of a log, s, with the digits that find its place; by a wall clock as a date."""
-    if by_wall_clock(time):
-        date = f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"
-        return f"{date.rstrip('0').rstrip('.')} UTC"
-    if not 1e6 <= abs(time) < 1e15:
-        return f"{time:.9g} s"
-    return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
 class Clock:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.catalogue.entry import by_wall_clock, when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import fingerprint, note_outside
 from tdfscal.findings import Finding
-from tdfscal.logs.clock import by_wall_clock, when
 from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
 from tdfscal.logs.request import Request, make_request, without_axis

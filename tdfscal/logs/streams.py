@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.logs.clock import Clock, apart, when
+from tdfscal.logs.clock import Clock, apart
 from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.request import Block, Piece, Request, Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Log, Series

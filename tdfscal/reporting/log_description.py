@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.entry import by_wall_clock, when
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
-from tdfscal.logs import by_wall_clock
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
 from tdfscal.reporting.layout import begun, told_clock
@@ -76,7 +75,7 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
         span = ""
         if field.low is not None and field.high is not None:
             dated = field.kind == "date and time" and by_wall_clock(field.low, field.high)
-            form = _date if dated else "{:.6g}".format
+            form = when if dated else "{:.6g}".format
             span = f"{form(field.low)} … {form(field.high)}"
         rows.append((label, field.kind.rsplit("/", 1)[-1], span))
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
@@ -127,15 +126,12 @@ def _recorded(info: LogInfo) -> str:
     """When the log was recorded, and what says so."""
     ends = [moment for s in info.signals for moment in (s.start, s.end) if moment is not None]
     if ends and by_wall_clock(*ends):
-        return f"Recorded {_date(min(ends))} to {_date(max(ends))} UTC, by the log's own clock."
+        first, last = when(round(min(ends))), when(round(max(ends)))
+        return f"Recorded {first} to {last}, by the log's own clock."
     return (
         "The log's clock has no dates: the file's own, which a copy changes, stands for when it "
         "was recorded unless campaign.date of rig.yaml says it."
     )
-
-
-def _date(moment: float) -> str:
-    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _dwells(info: LogInfo) -> Iterator[str]:

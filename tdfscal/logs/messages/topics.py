@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from mcap.records import Channel, Schema
 
+from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Skew, when
+from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.encodings import (

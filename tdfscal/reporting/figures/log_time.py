@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tdfscal.catalogue.entry import EPOCH_SECONDS
+from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import PostureTable, RejectedPosture
 from tdfscal.files.rig.model import RigFile
@@ -45,6 +45,6 @@ def log_clock(
 
 def clock_from(first: float) -> Clock:
     """The clock of a log whose first time is this; of a date whole seconds are subtracted."""
-    if abs(first) < EPOCH_SECONDS:
+    if not by_wall_clock(first):
         return Clock(0.0, "time in the log, s", "s")
     return Clock(float(int(first)), "time since the log's start, s", "s")

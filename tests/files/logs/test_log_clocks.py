@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
-from tdfscal.logs.clock import Clock, apart, when
+from tdfscal.logs.clock import Clock, apart
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
