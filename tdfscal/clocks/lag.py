@@ -72,8 +72,8 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     return replace(clock, activity=during(*search.courses, search.width, lag))
 
 
-def forces_behind(position: Series, force: Series) -> float | None:
-    """Time, s, by which the forces of one recording come after its positions, if it is large.
+def forces_behind(position: Series, force: Series) -> Finding | None:
+    """Say by how many s the forces of one recording come after its positions, if it is many.
 
     By the balance at lags up to a few seconds either way; None where no other lag is far better
     than none. position, force : of all supports, values (N, 3n), on the recording's one clock.
@@ -93,7 +93,8 @@ def forces_behind(position: Series, force: Series) -> float | None:
     together = min(c.misfit for c in found if abs(c.lag) <= SAME)
     if not together > CLEAR * best.misfit:
         return None
-    return search.refined(best, "").offset
+    behind = search.refined(best, "").offset
+    return Finding("forces-behind", (), abs(behind), "s", values={"late": behind > 0})
 
 
 def _check_statement(search: Search, name: str) -> None:

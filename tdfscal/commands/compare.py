@@ -15,7 +15,7 @@ from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import provisional, read_sources, sources_of
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
-from tdfscal.comparison.compatibility import Comparison
+from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
 from tdfscal.findings import Finding
@@ -126,7 +126,7 @@ def compare(
         found = _obstacle(pair, rejected, other_rig(rigs[0], rig))
         if pair.obstacle is not None and found is not pair.obstacle:
             remark = (*remark, pair.obstacle)
-        pairs.append(replace(pair, verified=pair.verified and found is None, obstacle=found))
+        pairs.append(replace(pair, obstacle=found))
         remarks.append(remark)
     drafts = (told(found) for name, c in read for found in provisional(name, c))
     renamed = (
@@ -134,7 +134,7 @@ def compare(
         for (name, _), rig in zip(read[1:], rigs[1:], strict=True)
         if rig.name != rigs[0].name
     )
-    return CompareResult(tuple(pairs), rejected, (*drafts, *renamed), tuple(remarks))
+    return CompareResult(judged_together(pairs), rejected, (*drafts, *renamed), tuple(remarks))
 
 
 def _obstacle(

@@ -16,7 +16,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.motioncal.uncertainty import with_moves
@@ -54,7 +54,7 @@ def calibrate_samples(
     if slow is None:
         return _static(log, dwells, estimator, rng)
     if samples is None and len(dwells) >= _ENOUGH:
-        own = _static(log, dwells, estimator, rng)
+        own = _static(log, dwells, estimator, rng, slow)
         if own.reasons or estimator == "linear":
             return own
         expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
@@ -66,8 +66,8 @@ def calibrate_samples(
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, estimator, rng)
-        _check_delay(slow)
-        raise neither(dwells, error) from error
+        late = _late_forces(log, slow)
+        raise (DataError(late) if late else neither(dwells, error)) from error
 
 
 def calibrate_motion(
@@ -152,14 +152,26 @@ class _Streams:
 
 
 def _static(
-    log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator
+    log: LogPass,
+    dwells: Dwells,
+    estimator: Estimator,
+    rng: np.random.Generator,
+    slow: Slow | None = None,
 ) -> SelfCalibration:
+    """Calibrate from dwells; slow : the log's streams, where these are at hand."""
     stage, trials = log.progress.stage, log.settings.trials
     stage(f"calibrating from {len(dwells)} dwells")
-    return self_calibrate(
-        log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials,
-        progress=stage,
-    )  # fmt: skip
+    try:
+        own = self_calibrate(
+            log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials, progress=stage
+        )
+    except NotIdentifiableError as error:
+        if (late := _late_forces(log, slow)) is None:
+            raise
+        raise DataError(late) from error
+    if own.reasons and (late := _late_forces(log, slow)):
+        return replace(own, findings=(replace(late, rejects=True), *own.findings))
+    return own
 
 
 def _moving(
@@ -191,18 +203,24 @@ def _moving(
     return replace(found, findings=(*found.findings, *told))
 
 
-def _check_delay(slow: Slow) -> None:
-    """Raise DataError where forces seconds behind the positions explain what did not fit."""
+def _late_forces(log: LogPass, slow: Slow | None) -> Finding | None:
+    """Tell where forces seconds behind the positions explain what did not fit.
+
+    slow : the log's streams; None reads them again.
+    """
     from tdfscal.clocks import forces_behind  # of logs that do not serve alone
 
+    if log.campaign.averaged:
+        return None
+    slow = slow or moving_samples(LogPass(log.campaign, log.settings))
     position, force = (
         Series(slow.time, values.reshape(len(slow.time), -1))
         for values in (slow.position, slow.force)
     )
-    behind = forces_behind(position, force)
-    if behind is not None:
-        late: dict[str, Value] = {"late": behind > 0}
-        raise DataError(Finding("forces-behind", (), abs(behind), "s", values=late))
+    late = forces_behind(position, force)
+    if late:  # of which moves paired with others say something else
+        log.messages = [said for said in log.messages if said.code != "clocks-apart"]
+    return late
 
 
 def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[RecorderClock, ...]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, window
 from tdfscal.commands.calibration import Calibration
@@ -66,12 +66,6 @@ class ValidateResult(Result):
             created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
             origin = Origin(self.calibration, *self._asked, created, self.inputs)
         return validation_report(self.validation, self.findings, origin, drawings)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What concerns the calibration's use, said beside the verdict too."""
-        own = self.validation.findings
-        return tuple(told(finding) for finding in self.findings if finding not in own)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""

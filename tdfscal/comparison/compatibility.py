@@ -71,7 +71,7 @@ def compatible(p_value: float, tests: int = 1) -> bool:
     return p_value * tests >= INCOMPATIBLE
 
 
-def _together(pairs: Sequence[Comparison]) -> tuple[Comparison, ...]:
+def judged_together(pairs: Sequence[Comparison]) -> tuple[Comparison, ...]:
     """Pairs that are judged together."""
     tests = max(sum(np.isfinite(pair.p_value) for pair in pairs), 1)
     known = (replace(pair, tests=tests) for pair in pairs)
@@ -153,7 +153,7 @@ def compare(
     ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
     pair = pair or (lambda later, earlier: compare_pair(ordered[later], ordered[earlier]))
     count = range(1, len(ordered))
-    against_first = _together([pair(k, 0) for k in count])
+    against_first = judged_together([pair(k, 0) for k in count])
     rpy = np.stack([so3.to_rpy(r.rotation) for _, r in ordered])
     zero = np.zeros((1, *rpy.shape[1:]))
     return History(
@@ -164,7 +164,7 @@ def compare(
         drift=np.concatenate([zero, [c.rpy for c in against_first]]),
         drift_std=np.concatenate([zero, [c.rpy_std for c in against_first]]),
         against_first=against_first,
-        steps=_together([pair(k, k - 1) for k in count]),
+        steps=judged_together([pair(k, k - 1) for k in count]),
     )
 
 

@@ -222,10 +222,7 @@ def _seconds_apart(bins: Bins) -> Finding | None:
     if len(whole) < _LEAST:
         return None
     time, mean = bins.start[whole], bins.mean[whole].reshape(-1, 6 * n)
-    behind = forces_behind(Series(time, mean[:, : 3 * n]), Series(time, mean[:, 3 * n :]))
-    if behind is None:
-        return None
-    return Finding("forces-behind", (), abs(behind), "s", values={"late": behind > 0})
+    return forces_behind(Series(time, mean[:, : 3 * n]), Series(time, mean[:, 3 * n :]))
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

@@ -119,14 +119,14 @@ def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     return _SAID[v.outcome]
 
 
-def _own(findings: Sequence[Finding]) -> list[str]:
-    """Sentences on the logs that the calibration itself was made from."""
-    return [f"{sentence(found)}." for found in findings if found.code == "log-used-before"]
+def _own(v: Tested, found: Finding) -> bool:
+    """A log of the calibration's own, which would not have shown any turn: in the headline."""
+    return v.holds and found.code == "log-used-before"
 
 
 def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
-    """The headline's sentences; a log of the calibration's own would not have shown any turn."""
-    own = _own(findings) if v.holds and v.own else []
+    """The headline's sentences."""
+    own = [f"{sentence(found)}." for found in findings if _own(v, found)]
     return [*own, *reasons(v)[: -1 if own else None]]
 
 
@@ -221,7 +221,7 @@ def validation_report(
             Section("Zeros" if zeros else "", zeros),
             Section("Left out", layout.listed("Left out", left_out)),
         ),
-        warnings=tuple(map(told, findings)),
+        warnings=tuple(told(found) for found in findings if not _own(v, found)),
         advice=advice,
     )  # fmt: skip
     if origin is None:

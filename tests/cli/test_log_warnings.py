@@ -140,3 +140,17 @@ def test_a_copy_by_another_clock_in_another_format_counts_once(
         assert np.allclose(b["rpy"], a["rpy"], rtol=0, atol=0.2 * max(a["rpy_std"]))
         assert np.allclose(b["rpy_std"], a["rpy_std"], rtol=0.1)
     assert any("repeat earlier readings" in text for text in texts(twice))
+
+
+def test_forces_seconds_behind_the_positions_are_named(campaign: Path) -> None:
+    names = [f"ncp{i}.f{axis}" for i in (1, 2, 3) for axis in "xyz"]
+    period = np.diff(pq.read_table(campaign / "log.parquet")["time"].to_numpy()[:2])[0]
+    edit(
+        campaign,
+        *(set_to(name, lambda force: np.roll(force, round(4.0 / period))) for name in names),
+    )
+    with pytest.raises(DataError) as refused:
+        tdfscal.calibrate(campaign, trials=0)
+    assert refused.value.finding is not None
+    assert refused.value.finding.code == "forces-behind"
+    assert refused.value.finding.size == pytest.approx(4.0, abs=0.1)

@@ -241,6 +241,8 @@ def test_forces_seconds_behind_the_positions_of_one_recording(seconds: float) ->
     moved = Series(time[:n], place[max(rows, 0) :][:n])
     found = forces_behind(moved, Series(time[:n], load[max(-rows, 0) :][:n]))
     if rows:
-        assert found == pytest.approx(seconds + 0.005, abs=0.05)  # of the simulated sensors
+        assert found is not None
+        assert found.values["late"] == (rows > 0)
+        assert found.size == pytest.approx(abs(seconds + 0.005), abs=0.05)  # of the sensors
     else:
         assert found is None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tdfscal.catalogue import document
@@ -171,3 +172,14 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert document["dof"] == 9
     three = json.loads(run(capsys, "compare", *files, "--json").out)
     assert [c["verified"] for c in three["comparisons"]] == [True, False]
+
+
+def test_pairs_judged_together_share_the_chance_of_a_false_alarm(
+    files: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    turn = STD * np.sqrt(2.0 * stats.chi2.isf(0.007, 9))  # alone beyond 1 %, of two within
+    files[2] = saved(flat(turn, "2026-03-05T08:00:00Z"), files[0].parent, "d.yaml")
+    alone = json.loads(run(capsys, "compare", files[0], files[2], "--json").out)
+    assert (alone["verified"], alone["p_value"]) == (False, pytest.approx(0.007, rel=1e-6))
+    assert json.loads(run(capsys, "compare", *files, "--json").out)["verified"] is True
+    assert json.loads(run(capsys, "report", *files, "--json").out)["comparison"]["verified"] is True
