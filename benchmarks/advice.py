@@ -337,7 +337,7 @@ def main() -> None:
     (seed,) = numbers(3)
     introduce("Faults, the advice given, and the verdict after", f"advice {seed}", __doc__)
     names = "fault", "verdict", "first advice of each round", "rounds", "verdict after", "d²/m"
-    print("\n" + heads(*names, "largest"))
+    print(heads(*names, "largest"))
     for name, world in cases().items():
         outcomes = led(world, seed)
         first, last = outcomes[0], outcomes[-1]

@@ -84,7 +84,7 @@ def damaged(data: bytes, whole: Records, path: Path) -> str:
 
 def mcap_table(folder: Path) -> None:
     """A row for each of the set's inputs."""
-    print("\n" + heads("MCAP", "files", "as stated", "flips", "refused", "other", "cuts", "refused",
+    print(heads("MCAP", "files", "as stated", "flips", "refused", "other", "cuts", "refused",
                        "messages before", "other"))  # fmt: skip
     for part in sorted(path for path in folder.iterdir() if path.is_dir()):
         right, flips, cuts, rng = 0, Counter[str](), Counter[str](), random.Random(0)
