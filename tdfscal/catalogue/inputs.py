@@ -30,6 +30,9 @@ log-missing warns
   {subject} describes a log{files: in ~|}, and there is none: all rests on the
   tracker's survey alone
   -> copy the log into the campaign folder, or name it
+campaign-misdated warns
+  {subject}: campaign.date is {date}, the log's clock says {clock}, which holds
+  -> correct the one that is wrong
 log-window notes
   the log is used {window} only
 messages-lost warns

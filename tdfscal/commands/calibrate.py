@@ -15,7 +15,7 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, Unasked, listed, window
 from tdfscal.commands.calibration import Calibration, Records, as_calibration, load_calibration
 from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, measured
+from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
 from tdfscal.commands.options import Option
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
@@ -175,6 +175,7 @@ def _calibrated(
             samples = "static"
         with log.explaining():
             own = calibrate_samples(log, samples, estimator, own_rng)
+        notes += misdated(log)
         if method == "self":
             if log.stops and own.reasons and not isinstance(own, SelfCalibration):
                 notes.append(log.stops)  # it may have been meant to rest

@@ -212,8 +212,21 @@ def measured(log: LogPass) -> Measured:
                 hint="write the day on which the log was recorded",
             )
         return found
-    times = [path.stat().st_mtime for path in log.campaign.logs or (rig.path,)]
+    surveyed = () if log.inputs or rig.tracker is None else rig.tracker.paths[1::2]
+    times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
     return Measured(min(times), max(times), "file")
+
+
+def misdated(log: LogPass) -> list[Finding]:
+    """Say so where the rig file states another day than the log's clock, which holds."""
+    date, found = log.rig.campaign.date, measured(log)
+    if date is None or found.source != "log":
+        return []
+    stated = stated_date(date)
+    apart = max(stated.begin - found.end, found.begin - stated.end)
+    values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
+    where = str(log.campaign.rig.path)
+    return [Finding("campaign-misdated", (where,), values=values)] if apart > _DAY else []
 
 
 def stated_date(date: str) -> Measured:

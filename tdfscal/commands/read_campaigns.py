@@ -14,7 +14,7 @@ from tdfscal.checks.same_rig import different_constants
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import surveyed
 from tdfscal.commands.campaign import resolve
-from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured
+from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured, misdated
 from tdfscal.errors import (
     DataError,
     NotConvergedError,
@@ -108,6 +108,7 @@ def _read(name: str, log: LogPass) -> Read:
     if log.campaign.logs:
         with naming(name), log.explaining():
             dwells = log.dwells()
+        log.messages += misdated(log)
     else:
         log.messages += log.campaign.lost_log
         found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))

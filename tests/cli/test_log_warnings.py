@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from tdfscal.commands.campaign import resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding
+from tdfscal.records import Measured
 from tests.cli.running import SAMPLES, Cli
 from tests.words import texts
 
@@ -154,3 +157,27 @@ def test_forces_seconds_behind_the_positions_are_named(campaign: Path) -> None:
     assert refused.value.finding is not None
     assert refused.value.finding.code == "forces-behind"
     assert refused.value.finding.size == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("date", "told"), [("2018-06-15", True), ("2025-06-15", False)])
+def test_a_date_that_the_logs_clock_contradicts_is_told(
+    date: str, told: bool, tmp_path: Path
+) -> None:
+    campaign = shutil.copytree(SAMPLES / "mcap", tmp_path / "campaign")
+    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig | {"campaign": {"date": date}}))
+    made = tdfscal.calibrate(campaign, trials=0)
+    assert made.measured is not None
+    assert (made.measured.source, made.measured.begin[:10]) == ("log", "2025-06-15")
+    assert ("campaign-misdated" in {finding.code for finding in made.findings}) == told
+
+
+def test_a_survey_is_dated_by_its_own_files(tmp_path: Path) -> None:
+    campaign = shutil.copytree(SAMPLES / "parquet", tmp_path / "campaign")
+    for name, moment in (("targets", 1e9), ("moves", 1.1e9)):
+        os.utime(campaign / "tracker" / f"{name}.csv", (moment, moment))
+    for log in (True, False):
+        made = tdfscal.calibrate(campaign, method="tracker", trials=0)
+        assert made.measured is not None
+        assert made.measured.record() == Measured(1e9, 1.1e9, "file"), log
+        (campaign / "log.parquet").unlink(missing_ok=True)
