@@ -117,7 +117,8 @@ def _told(read: Read, alone: Own | None) -> list[str]:
     elif alone is None and read.dwells is not None:
         found.append(Finding("dwells-unjudged", size=len(read.dwells)))
     first = {one.code: one for one in reversed(found)}
-    said = [sentence(first[code]) for code in dict.fromkeys(one.code for one in found)][:_REMARKS]
+    codes = list(dict.fromkeys(one.code for one in found))[:_REMARKS]
+    said = [sentence(first[code]).removeprefix(f"{read.name}/") for code in codes]
     more = len(found) - len(said)
     return [*said, *([f"and {more} more"] if more else [])]
 

@@ -214,8 +214,8 @@ def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
         raise DataError(
             f"by its times the log has a sample every {period.max():.3g} s; dwells are found where "
             f"there is one every {_SLOWEST:g} s or oftener",
-            hint="where the times are in ms, us or ns, state `time: {unit: ms}` (or us, ns) in the "
-            "log block of rig.yaml",
+            hint="in the log block of rig.yaml state `rows: postures` where each row is the mean "
+            "of a posture, `time: {unit: ms}` (or us, ns) where the times are in that",
         )
     return held, period, min(float(t[0]) for t in joined)
 

@@ -9,6 +9,7 @@ from typing import Final, Literal, cast
 
 import numpy as np
 
+from tdfscal.files.units import by_scale, unit_factor
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.messages.encodings import topic_of
 from tdfscal.logs.plausible_units import (
@@ -19,7 +20,6 @@ from tdfscal.logs.plausible_units import (
     resampled,
     time_unit,
 )
-from tdfscal.logs.request import by_scale, unit_factor
 from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]

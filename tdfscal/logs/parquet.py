@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
 from tdfscal.logs.parquet_file import (
@@ -28,7 +29,7 @@ from tdfscal.logs.parquet_file import (
     lists_of,
     open_parquet,
 )
-from tdfscal.logs.request import UNITS, Piece, Request, canonical
+from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
     DATES,
     TICKS,

@@ -8,8 +8,8 @@ from typing import Final, Literal
 
 import numpy as np
 
+from tdfscal.files.units import UNITS, Quantity, canonical, unit_factor
 from tdfscal.logs.contents import Column, Contents, Vector
-from tdfscal.logs.request import UNITS, Quantity, canonical, unit_factor
 from tdfscal.logs.text.head import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
 

@@ -205,7 +205,14 @@ FAULTS = [
     ("positioner: 1.0e-5", "positioner: -1.0e-5", "uncertainty.positioner", "or equal to 0"),
     ("positioner: 1.0e-5", "posisioner: 1.0e-5", "uncertainty.posisioner", "`positioner`"),
     ("length_unit: mm\n  force", "length_unit: furlong\n  force", "log.length_unit", "'mm'"),
-    ("force_unit: kN", "force_unit: lbf", "log.force_unit", "'kN'"),
+    ("force_unit: kN", "force_unit: stone", "log.force_unit", "'kN'"),
+    ("force_unit: kN", "force_unit: daN", "log.force_unit", "`force_scale: 10`"),
+    (
+        "length_unit: mm\n  force",
+        "length_unit: cm\n  force",
+        "log.length_unit",
+        "`position_scale: 0.01`",
+    ),
     ("[X1, Y1, Z1]", "[X1, Y1]", "log.supports.ncp1.position", "three fields or one"),
     ("[X1, Y1, Z1]", "[X1, Y1, 3.5]", "log.supports.ncp1.position[2]", "must be text"),
     (

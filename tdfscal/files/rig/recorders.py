@@ -22,6 +22,8 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
+from tdfscal.files.units import Quantity as Kind
+from tdfscal.files.units import by_scale
 from tdfscal.records import CLOCK_RATE_STD, Rows
 
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
@@ -106,6 +108,17 @@ class ClockBlock(Strict):
     rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
 
+def _stated_by_scale(kind: Kind) -> BeforeValidator:
+    """Refuse a unit that has no name here, with the scale to write instead."""
+
+    def named(unit: Any) -> Any:
+        if isinstance(unit, str) and (line := by_scale(kind, unit)):
+            raise fault(f"{unit} has no name here", hint=f"{line} in its place")
+        return unit
+
+    return BeforeValidator(named)
+
+
 class LogBlock(Strict):
     """How a recorder of this rig names things, and in which units."""
 
@@ -116,8 +129,10 @@ class LogBlock(Strict):
         "s: quantity, force stamps minus position stamps; used in motion only", None
     )
     temperature: Temperatures | None = key("°C: field, or one per support", None)
-    length_unit: Literal["m", "mm", "um"] = key("or mm, um", "m")
-    force_unit: Literal["N", "kN"] = key("or kN", "N")
+    length_unit: Annotated[Literal["m", "mm", "um"], _stated_by_scale("position")] = key(
+        "or mm, um", "m"
+    )
+    force_unit: Annotated[Literal["N", "kN"], _stated_by_scale("force")] = key("or kN", "N")
     force_on: Literal["terminal", "sensor"] = key(
         "or sensor: the reading is the reaction, and its sign is turned", "terminal"
     )

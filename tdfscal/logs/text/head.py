@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from tdfscal.errors import DataError
-from tdfscal.logs.request import is_unit
+from tdfscal.files.units import is_unit
 from tdfscal.logs.table import is_date_time
 
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")

@@ -13,9 +13,10 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
+from tdfscal.files.units import UNITS, Quantity, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, placed
-from tdfscal.logs.request import UNITS, Quantity, Request, Signal, by_scale, canonical, unit_factor
+from tdfscal.logs.request import Request, Signal
 from tdfscal.logs.table import (
     DATES,
     columns_of,
