@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 MAX_SAMPLES: Final = 1 << 16
 """Of each stream in one piece."""
 AGAIN: Final = "record or copy it again"
+EMPTY: Final = "leave the file out, or record the log again"
 """What to do about a file of which nothing is whole."""
 _SHORTEST: Final = 8  # bytes; no log has fewer
 LIBRARY_FAULTS: Final = (OSError, EOFError, ValueError, OverflowError, struct.error)

@@ -17,7 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.log_file import MAX_SAMPLES, LogFile
+from tdfscal.logs.log_file import EMPTY, MAX_SAMPLES, LogFile
 from tdfscal.logs.parquet_file import (
     MARK,
     batches,
@@ -82,7 +82,7 @@ class ParquetLog(LogFile):
                     row += table.num_rows
                     self.position = int(row * share)
         if row == 0:
-            raise DataError("the file has no rows", hint="record the log again")
+            raise DataError("the file has no rows", hint=EMPTY)
 
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""

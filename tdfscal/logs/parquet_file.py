@@ -32,8 +32,8 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     with path.open("rb") as stream:
         size = stream.seek(-len(MARK), SEEK_END) + len(MARK)
         if stream.read() != MARK:
-            what = f"the file was cut short while it was written: it ends at byte {size}, without "
-            raise DataError(f"{what}the footer that says where its columns are", hint=AGAIN)
+            what = f"the file ends at byte {size} without a footer that says where columns are"
+            raise DataError(f"{what}: it was cut short, or more was written behind", hint=AGAIN)
         known = pq.read_metadata(stream)
         sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
         # Pyarrow takes no other names than UTF-8; Python opens any.

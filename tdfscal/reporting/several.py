@@ -24,6 +24,11 @@ from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER
 
 #: Said where calibrations stand on the same recordings.
 _NO_RESULTS = "NOT SEPARATE RESULTS"
+#: Of a calibration that is not accepted.
+_SAID = {
+    "rejected": "was rejected by the quality gate",
+    "provisional": "is provisional: lines of its rig file's draft are still to be confirmed",
+}
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
@@ -177,21 +182,9 @@ def _keep(view: Several) -> str:
 
 
 def _warnings(view: Several) -> tuple[str, ...]:
-    found = [
-        f"{name} was rejected by the quality gate"
-        for name, c in zip(view.letters, view.content, strict=True)
-        if c.status == "rejected"
-    ]
-    found += [
-        f"{name} is provisional: lines of its rig file's draft are still to be confirmed"
-        for name, c in zip(view.letters, view.content, strict=True)
-        if c.status == "provisional"
-    ]
-    found += [
-        f"{name} is {UNSEALED}"
-        for name, c in zip(view.letters, view.content, strict=True)
-        if c.unsealed
-    ]
+    named = list(zip(view.letters, view.content, strict=True))
+    found = [f"{name} {_SAID[s]}" for s in _SAID for name, c in named if c.status == s]
+    found += [f"{name} is {UNSEALED}" for name, c in named if c.unsealed]
     if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")
     found += map(sentence, view.remarks)

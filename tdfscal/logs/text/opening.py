@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 import pyarrow as pa
 import zstandard
@@ -36,10 +37,13 @@ def open_text(path: Path) -> Iterator[TextFile]:
         parts = iter(lambda: raw.read(_BLOCK), b"")
         integrity: Integrity = "unverified"
         if magic.startswith(_GZIP):
-            parts, integrity = _of_gzip(raw), "verified"
+            gzip = partial(zlib.decompressobj, 31)
+            parts, integrity = _expanded(raw, gzip, _COMPRESSED, _BLOCK), "verified"
         elif magic.startswith(_ZSTD):
             checked = zstandard.get_frame_parameters(magic).has_checksum
-            parts, integrity = _of_zstd(raw), "verified" if checked else "unverified"
+            integrity = "verified" if checked else "unverified"
+            zstd = zstandard.ZstdDecompressor().decompressobj
+            parts = _expanded(raw, zstd, _COMPRESSED_ZSTD)
         yield TextFile(raw, parts, integrity)
 
 
@@ -113,31 +117,22 @@ class TextFile:
         return whole[:size] if self._rest else whole
 
 
-def _of_gzip(raw: BinaryIO) -> Iterator[bytes]:
-    """Expand; raises EOFError at the end of a file that was cut short."""
-    stream, begun, data = zlib.decompressobj(31), False, b""
-    while data := data or raw.read(_COMPRESSED):
+def _expanded(raw: BinaryIO, fresh: Callable[[], Any], size: int, *most: int) -> Iterator[bytes]:
+    """Expand stream by stream; raises EOFError at the end of a file that was cut short.
+
+    fresh : begins a stream. size : read at a time. most : of what it gives at a time, if it can.
+    """
+    stream, begun, data = fresh(), False, b""
+    while data := data or raw.read(size):
+        if not begun and not (data := data.lstrip(b"\0")):
+            continue  # zeros behind all that was compressed
         begun = True
-        yield stream.decompress(data, _BLOCK)
+        yield stream.decompress(data, *most)
         data = stream.unconsumed_tail
         if stream.eof:
-            stream, begun, data = zlib.decompressobj(31), False, stream.unused_data
+            stream, begun, data = fresh(), False, stream.unused_data
     yield stream.flush()
     if begun and not stream.eof:
-        raise EOFError
-
-
-def _of_zstd(raw: BinaryIO) -> Iterator[bytes]:
-    """Expand; raises EOFError at the end of a file that was cut short."""
-    stream, begun, data = zstandard.ZstdDecompressor().decompressobj(), False, b""
-    while data := data or raw.read(_COMPRESSED_ZSTD):
-        begun = True
-        yield stream.decompress(data)
-        data = b""
-        if stream.eof:
-            data = stream.unused_data
-            stream, begun = zstandard.ZstdDecompressor().decompressobj(), False
-    if begun:
         raise EOFError
 
 

@@ -12,7 +12,7 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow
-from tdfscal.logs.log_file import LogFile, mapped
+from tdfscal.logs.log_file import EMPTY, LogFile, mapped
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
     has_zone,
@@ -64,7 +64,7 @@ class TextLog(LogFile):
 
             with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
                 for block, whole, fast in results:
-                    if series and not (whole or parser.ends_alike(block, above)):
+                    if not (whole or parser.ends_alike(block, above, series)):
                         continue
                     above, ended = block, whole
                     value, lines = fast or parser.slow(block, line)
@@ -84,7 +84,7 @@ class TextLog(LogFile):
                 hint="record the log again, or end the line if the row is whole",
             )
         if rows_before == 0:
-            raise DataError("the file has a header and no rows", hint="record the log again")
+            raise DataError("the file has a header and no rows", hint=EMPTY)
         self.cut_at = file.cut_at if ended else None
         self.integrity = file.integrity
 

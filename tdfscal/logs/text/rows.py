@@ -278,16 +278,18 @@ class RowParser:
         table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
         return table.T.copy(), block.count(self._newline)
 
-    def ends_alike(self, line: bytes, above: bytes) -> bool:
+    def ends_alike(self, line: bytes, above: bytes, series: bool) -> bool:
         """Whether a last line without an end is whole: in decimals its last number lacks none.
 
-        above : the whole lines before it.
+        above : the whole lines before it. A posture may have any number that one of them has.
         """
-        both = (line, above.rstrip().rpartition(self._newline)[2])
-        texts = [one.decode("utf-8", errors="replace").strip() for one in both]
-        cells = [split_cells(text, self._header.separator) for text in texts]
-        decimals = [len(own[-1].partition(self._decimal)[2]) for own in cells]
-        return len(cells[0]) == len(cells[1]) and decimals[0] == decimals[1] > 0
+        before = above.rstrip().split(self._newline)[-1 if series else 0 :]
+        texts = [one.decode("utf-8", errors="replace").strip() for one in (line, *before)]
+        cells = [split_cells(text, self._header.separator) for text in texts if text]
+        last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
+        if len(cells[0]) != self._header.columns or texts[0].endswith(self._decimal):
+            return False
+        return [last] == others > [0] if series else last >= min(others, default=0)
 
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""

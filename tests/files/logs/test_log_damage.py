@@ -30,6 +30,7 @@ from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, plac
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
+from tdfscal.logs.text.opening import open_text
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     MAPPING,
@@ -372,3 +373,34 @@ def test_init_names_the_line_that_keeps_a_column_from_being_the_time(tmp_path: P
     path.write_bytes(b"\n".join(lines))
     with pytest.raises(DataError, match=r"line 1401, column time"):
         tdfscal.init(path)
+
+
+@pytest.mark.parametrize("compress", [gzip.compress, zstandard.compress])
+def test_zeros_behind_what_was_compressed_are_nothing(
+    compress: Callable[[bytes], bytes], tmp_path: Path
+) -> None:
+    text = b"a,b\n" + b"1.25,2.5\n" * 20_000
+    halves = compress(text[: len(text) // 2]), compress(text[len(text) // 2 :])
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(b"".join(halves) + bytes(1 << 17))
+    with open_text(path) as file:
+        assert b"".join(block for block, _ in file.blocks(0)) == text
+        assert file.cut_at is None
+    path.write_bytes(b"".join(halves)[:-9])
+    with open_text(path) as file:
+        list(file.blocks(0))
+        assert file.cut_at is not None
+
+
+def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Path) -> None:
+    head = "time,a.x,a.y,a.z,a.fx,a.fy,a.fz\n"
+    rows = [f"{k},1.5,2.25,3.125,{10 + k}.5,-20.25,{1300 + k}.{k}5" for k in range(5)]
+    path, text = tmp_path / "log.csv", head + "\n".join(rows)
+    for cut in range(1, len(rows[-1])):
+        path.write_text(text[:-cut])
+        log = read_log([path], replace(DEFAULT, rows="postures"), ONE)
+        assert len(log.force[0].time) == 4
+        assert [finding.code for finding in log.findings] == ["log-truncated"]
+    for end in ("", "\n"):
+        path.write_text(text + end)
+        assert len(read_log([path], replace(DEFAULT, rows="postures"), ONE).force[0].time) == 5
