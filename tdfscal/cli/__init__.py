@@ -16,6 +16,7 @@ class Signalled(BaseException):
 def main() -> None:
     """Run the command line and leave with the contract's exit status."""
     status, before = 130, sys.unraisablehook
+    gc.set_threshold(50_000)  # what modules and models are made of stays: few cycles to search for
     sys.unraisablehook = _come_again
     try:
         # All imports of weight lie inside, so that an interruption among them ends quietly too.
