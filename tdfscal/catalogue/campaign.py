@@ -251,9 +251,9 @@ noise-understated warns
 noise-overstated warns
   the residuals are only {number:.2g} times what the stated uncertainties explain:
   those may be overstated, and so the angles' own
-  -> {force_noise:write `uncertainty.force_noise: ~` (N); the residuals support no
-    more|}{positioner:write `uncertainty.positioner: ~` (m); the residuals support
-    no more|}
+  -> {force_noise:this campaign supports `uncertainty.force_noise: ~` (N) beside the
+    dwells' own scatter|}{positioner:this campaign supports
+    `uncertainty.positioner: ~` (m)|}; write less once a second one says so too
 mass-exact warns
   the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
   the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and

@@ -179,6 +179,11 @@ def when(time: float) -> str:
     return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
+def rounded(size: float, digits: int = 2) -> str:
+    """Return a size with so many significant digits, without an exponent."""
+    return f"{float(f'{size:.{digits}g}'):.9g}"
+
+
 def upwards(size: float, digits: int = 1) -> str:
     """Return a size with so many significant digits, upwards; one more where two begin with 1."""
     size = max(abs(size), np.finfo(float).tiny)

@@ -107,7 +107,6 @@ def advise(c: Calibration) -> tuple[str, ...]:
     advice += (begun(looked, ".") for looked in looks)
     new = "new postures" if c.motion is None else "a motion without contact"
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
-    advice += [begun(found.cure, ".") for found in c.found("noise-overstated") if found.cure]
     better = tuple(_forecasts(c))
     if better:
         return (*advice, f"The {within(c)} of now would be {', '.join(better)}.")

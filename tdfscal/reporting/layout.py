@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.entry import rounded
 from tdfscal.errors import visible
 from tdfscal.numerics.distributions import p_text
 from tdfscal.records import ANGLES, InputFile, LogMapping, RecorderClock
@@ -214,7 +215,7 @@ def provenance(
 def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
     """What is left of force and moment."""
     rows = tuple(
-        (name, *(f"{size:.3g} {WRENCH[name]}" for size in
+        (name, *(f"{rounded(size, 3)} {WRENCH[name]}" for size in
                  (w.rms_before, w.rms_after, w.max_before, w.max_after)))
         for name, w in found.items()
     )  # fmt: skip
@@ -225,8 +226,8 @@ def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
 def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
     """The same at a glance."""
     return tuple(
-        (f"residual contact {name}", f"{w.rms_after:.2g} {WRENCH[name]}",
-         f"before {w.rms_before:.3g} {WRENCH[name]}")
+        (f"residual contact {name}", f"{rounded(w.rms_after)} {WRENCH[name]}",
+         f"before {rounded(w.rms_before, 3)} {WRENCH[name]}")
         for name, w in found.items()
     )  # fmt: skip
 

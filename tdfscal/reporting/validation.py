@@ -212,7 +212,8 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}", chi2_test(v)),
+            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
+             f"{p_text(v.p_value)}, limit {CHI2_LIMIT:.3g}"),
             ("single change", p_text(v.search_p), f"limit {SEARCH_LIMIT:.3g}"),
         ),
         summary=(table, *zeros),

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pydantic import JsonValue
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
@@ -43,9 +44,9 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
     return Drawing(
         "residuals",
         "Residual contact wrench at each posture",
-        f"Uncalibrated, a controller would take {f:.3g} N and {m:.3g} N·m for contact where there "
-        f"is none; calibrated, {left_f:.2g} N and {left_m:.2g} N·m (rms, each posture predicted "
-        "from the others).",
+        f"Uncalibrated, a controller would take {rounded(f, 3)} N and {rounded(m, 3)} N·m for "
+        f"contact where there is none; calibrated, {rounded(left_f)} N and {rounded(left_m)} N·m "
+        "(rms, each posture predicted from the others).",
         lambda: _paint(np.array(table.index) + 1, before, after, "calibrated without this posture"),
     )
 
@@ -72,7 +73,7 @@ def validated(v: Validation | MovingValidation) -> Drawing:
         "validation",
         "Residual contact wrench at each posture",
         "Nothing should touch the terminal at these postures, so that no force should be left; "
-        f"the largest is {after[worst, 0]:.2g} N, at posture {v.used[worst] + 1}.",
+        f"the largest is {rounded(after[worst, 0])} N, at posture {v.used[worst] + 1}.",
         lambda: _paint(v.used + 1, before, after, said),
     )
 
@@ -142,7 +143,7 @@ def _over_time(
         "residual-over-time",
         "Residual contact wrench over the motion",
         "Nothing should be left while nothing touches the terminal; the residual force is "
-        f"{np.sqrt(np.mean(after[:, 0] ** 2)):.2g} N (rms of means over a second)"
+        f"{rounded(np.sqrt(np.mean(after[:, 0] ** 2)))} N (rms of means over a second)"
         f"{'; what is shaded was left out' if left_out else ''}.",
         paint,
     )
