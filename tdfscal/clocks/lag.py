@@ -11,7 +11,7 @@ from tdfscal.clocks.search import ALIKE, ALSO, CLEAR, SAME, Search
 from tdfscal.clocks.tracks import Peak, Track, Tracks, during
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import ClockPrior, RecorderClock, Series
+from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
 _BEHIND = 5.0  # s, by which forces and positions of one recording may be apart,
 _GRID = 0.1  # and steps in which they are looked at
@@ -72,20 +72,19 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     return replace(clock, activity=during(*search.courses, search.width, lag))
 
 
-def forces_behind(position: Series, force: Series) -> Finding | None:
+def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> Finding | None:
     """Say by how many s the forces of one recording come after its positions, if it is many.
 
     By the balance at lags up to a few seconds either way; None where no other lag is far better
-    than none. position, force : of all supports, values (N, 3n), on the recording's one clock.
+    than none. time : (N,), s. position, force : (N, n, 3), m and N, of all supports.
     """
-    tracks = []
-    for kind, series in enumerate((position, force)):
-        if not np.isfinite(series.value).all():
+    tracks, begin, step = [], float(time[0]), float(np.median(np.diff(time)))
+    for kind, values in enumerate((position, force)):
+        if not np.isfinite(values).all():
             return None  # of a component that is not measured
-        begin, end = float(series.time[0]), float(series.time[-1])
-        streams = {2 * i + kind: Track.of(series.time - begin, series.value[:, 3 * i : 3 * i + 3])
-                   for i in range(series.value.shape[1] // 3)}  # fmt: skip
-        tracks.append(Tracks(begin, end, float(np.median(np.diff(series.time))), streams))
+        each = enumerate(np.moveaxis(values, 1, 0))
+        streams = {2 * i + kind: Track.of(time - begin, value) for i, value in each}
+        tracks.append(Tracks(begin, float(time[-1]), step, streams))
     search = Search(tracks[0], tracks[1], ClockPrior())
     lags = np.arange(-_BEHIND, _BEHIND + 0.5 * _GRID, _GRID)
     found = [search.judged(Peak(float(lag), 0.0, search.spans[0])) for lag in lags]

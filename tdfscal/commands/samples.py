@@ -20,7 +20,7 @@ from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.motioncal.uncertainty import with_moves
-from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, Series, UncertainValue
+from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 
@@ -45,14 +45,14 @@ def calibrate_samples(
     Raises DataError, NotIdentifiableError, NotConvergedError, UsageError.
     """
     if samples == "static":
-        return _static(log, log.dwells(), estimator, rng)
+        return _static(log, log.dwells(), estimator, rng, None)
     if samples == "moving":
         return _moving(log, moving_samples(log), rng=rng)
     dwells, slow = read_samples(log)
     if len(dwells) < _ENOUGH:
         refuse(log.repeats, log.rig.supports)
     if slow is None:
-        return _static(log, dwells, estimator, rng)
+        return _static(log, dwells, estimator, rng, slow)
     if samples is None and len(dwells) >= _ENOUGH:
         own = _static(log, dwells, estimator, rng, slow)
         if own.reasons or estimator == "linear":
@@ -65,7 +65,7 @@ def calibrate_samples(
         return _for_want_of(dwells, _moving(log, slow, rng=rng))
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
-            return _static(log, dwells, estimator, rng)
+            return _static(log, dwells, estimator, rng, slow)
         late = _late_forces(log, slow)
         raise (DataError(late) if late else neither(dwells, error)) from error
 
@@ -152,11 +152,7 @@ class _Streams:
 
 
 def _static(
-    log: LogPass,
-    dwells: Dwells,
-    estimator: Estimator,
-    rng: np.random.Generator,
-    slow: Slow | None = None,
+    log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator, slow: Slow | None
 ) -> SelfCalibration:
     """Calibrate from dwells; slow : the log's streams, where these are at hand."""
     stage, trials = log.progress.stage, log.settings.trials
@@ -213,11 +209,7 @@ def _late_forces(log: LogPass, slow: Slow | None) -> Finding | None:
     if log.campaign.averaged:
         return None
     slow = slow or moving_samples(LogPass(log.campaign, log.settings))
-    position, force = (
-        Series(slow.time, values.reshape(len(slow.time), -1))
-        for values in (slow.position, slow.force)
-    )
-    late = forces_behind(position, force)
+    late = forces_behind(slow.time, slow.position, slow.force)
     if late:  # of which moves paired with others say something else
         log.messages = [said for said in log.messages if said.code != "clocks-apart"]
     return late
@@ -260,7 +252,7 @@ def _all(
     own = None
     with suppress(NotIdentifiableError):
         if len(dwells):
-            own = _static(log, dwells, estimator, rng)
+            own = _static(log, dwells, estimator, rng, slow)
     if own is None:
         return _moving(log, slow, len(dwells), rng=rng)
     try:

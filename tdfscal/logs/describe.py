@@ -35,7 +35,7 @@ from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
 from tdfscal.logs.reader import TimeWindow, iter_log
-from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock, Series
+from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
 
 Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
@@ -221,8 +221,8 @@ def _seconds_apart(bins: Bins) -> Finding | None:
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))[:_LOOKED_AT]
     if len(whole) < _LEAST:
         return None
-    time, mean = bins.start[whole], bins.mean[whole].reshape(-1, 6 * n)
-    return forces_behind(Series(time, mean[:, : 3 * n]), Series(time, mean[:, 3 * n :]))
+    mean = bins.mean[whole].reshape(-1, 2 * n, 3)
+    return forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

@@ -235,11 +235,10 @@ def test_recorders_of_different_times_are_refused_by_what_is_stated() -> None:
 def test_forces_seconds_behind_the_positions_of_one_recording(seconds: float) -> None:
     log = campaign("motion", 3)
     time = log.position[0].time[::10]
-    place, load = (np.hstack([s.value[::10] for s in kind]) for kind in (log.position, log.force))
+    place, load = (np.stack([s.value[::10] for s in kind], 1) for kind in (log.position, log.force))
     rows = round(seconds / (time[1] - time[0]))
     n = len(time) - abs(rows)
-    moved = Series(time[:n], place[max(rows, 0) :][:n])
-    found = forces_behind(moved, Series(time[:n], load[max(-rows, 0) :][:n]))
+    found = forces_behind(time[:n], place[max(rows, 0) :][:n], load[max(-rows, 0) :][:n])
     if rows:
         assert found is not None
         assert found.values["late"] == (rows > 0)

@@ -22,7 +22,6 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
-from tdfscal.files.units import Quantity as Kind
 from tdfscal.files.units import by_scale
 from tdfscal.records import CLOCK_RATE_STD, Rows
 
@@ -108,15 +107,15 @@ class ClockBlock(Strict):
     rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
 
-def _stated_by_scale(kind: Kind) -> BeforeValidator:
+def _named(unit: Any) -> Any:
     """Refuse a unit that has no name here, with the scale to write instead."""
+    line = isinstance(unit, str) and (by_scale("force", unit) or by_scale("position", unit))
+    if line:
+        raise fault(f"{unit} has no name here", hint=f"{line} in its place")
+    return unit
 
-    def named(unit: Any) -> Any:
-        if isinstance(unit, str) and (line := by_scale(kind, unit)):
-            raise fault(f"{unit} has no name here", hint=f"{line} in its place")
-        return unit
 
-    return BeforeValidator(named)
+_NAMED = BeforeValidator(_named)
 
 
 class LogBlock(Strict):
@@ -129,10 +128,8 @@ class LogBlock(Strict):
         "s: quantity, force stamps minus position stamps; used in motion only", None
     )
     temperature: Temperatures | None = key("°C: field, or one per support", None)
-    length_unit: Annotated[Literal["m", "mm", "um"], _stated_by_scale("position")] = key(
-        "or mm, um", "m"
-    )
-    force_unit: Annotated[Literal["N", "kN"], _stated_by_scale("force")] = key("or kN", "N")
+    length_unit: Annotated[Literal["m", "mm", "um"], _NAMED] = key("or mm, um", "m")
+    force_unit: Annotated[Literal["N", "kN"], _NAMED] = key("or kN", "N")
     force_on: Literal["terminal", "sensor"] = key(
         "or sensor: the reading is the reaction, and its sign is turned", "terminal"
     )
