@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,7 +31,7 @@ from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.errors import UsageError
 from tdfscal.estimation.observation import eliminate, of_estimate
 from tdfscal.files.calibration.compared import readings_of
-from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration
+from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
@@ -41,7 +40,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import constants_known, free_constants, information_of, with_rotations
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
-from tdfscal.records import BoolArray, ExactMoves, FloatArray, InputFile, Measured, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, InputFile, Rig
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
@@ -115,7 +114,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         state=known.state,
         information=constants_known(known.rig, covariance),
         determined=file.determined,
-        measured=_measured(file),
+        measured=recorded(file),
         sha256=sha256(content).hexdigest(),
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
@@ -151,14 +150,6 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
     back = np.argsort(order)
     moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
     return np.asarray(moved[np.ix_(back, back)])
-
-
-def _measured(file: CalibrationFile) -> Measured:
-    """When its data were recorded; a file of old says when it was computed."""
-    if file.measured is not None:
-        return file.measured.record()
-    moment = datetime.fromisoformat(file.created).timestamp()
-    return Measured(moment, moment, "file")
 
 
 def _alone(earlier: Earlier) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from string import ascii_uppercase
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.comparison.compatibility import Comparison, History, compare
 from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import probability
 from tdfscal.reporting import layout
@@ -63,7 +62,7 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
 
     Raises DataError where there is one only, or where their supports differ.
     """
-    ordered = sorted(calibrations, key=lambda pair: _instant(pair[1]))
+    ordered = sorted(calibrations, key=lambda pair: recorded(pair[1]).end)
     letters = tuple(letter(i) for i in range(len(ordered)))
     content = tuple(c for _, c in ordered)
     named = tuple(zip(letters, content, strict=True))
@@ -154,11 +153,6 @@ def _verdict(c: Comparison) -> str:
     if not np.isfinite(c.p_value):  # there are no two results, and nothing agrees
         return sentence(c.obstacle)
     return f"{sentence(c.obstacle)} ({sentence(c.finding)})"
-
-
-def _instant(c: Calibration) -> datetime:
-    """When it was measured; a file of old says only when it was computed."""
-    return datetime.fromisoformat(c.created if c.measured is None else c.measured.end)
 
 
 _DEPARTED = (

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from tdfscal.files.calibration.consistency import UNCONFIRMED
-from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.files.calibration.document import Calibration, file_content, recorded
 from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
@@ -133,7 +133,7 @@ def _next_due(c: Calibration) -> str:
         why = "by drift.angle an angle then reaches its limit"
         if months == LONGEST_INTERVAL:
             why = "after two years, though by drift.angle no limit is reached till then"
-        begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
+        begin = datetime.fromtimestamp(recorded(c).end, UTC)
         day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
         due.append((day, f"{why}{_by_file(c)}"))
     if ended := _ended(c):

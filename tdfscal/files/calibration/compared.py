@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +20,9 @@ from tdfscal.comparison.shared_data import (
     relation,
     relation_of_readings,
 )
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding, Value
-from tdfscal.records import Measured, Rotations
+from tdfscal.records import Rotations
 
 Named = tuple[str, Calibration]
 
@@ -59,7 +58,7 @@ def _nested(
 ) -> tuple[Comparison, tuple[Finding, ...]]:
     """Compare two calibrations of which one has all recordings of the other, and more."""
     (all_name, most), (part_name, part) = (first, second) if whole == 0 else (second, first)
-    walk = most.rig.record().drift.angle ** 2 * abs(_month(most) - _month(part))
+    walk = most.rig.record().drift.angle ** 2 * abs(recorded(most).month - recorded(part).month)
     scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
     unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
     if None not in unscaled:  # or else their ratios would pass for what the data added
@@ -144,11 +143,3 @@ def _span(c: Calibration) -> tuple[float, float] | None:
     if c.dwells is not None and len(c.dwells.start):
         return float(min(c.dwells.start)), float(max(c.dwells.end))
     return None
-
-
-def _month(c: Calibration) -> float:
-    """When the angles were as they are given, in months since 1970."""
-    if c.measured is not None:
-        return c.measured.record().month
-    moment = datetime.fromisoformat(c.created).timestamp()
-    return Measured(moment, moment, "file").month

@@ -19,7 +19,7 @@ from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
-from tdfscal.records import BoolArray, FloatArray, Rotations
+from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
 
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
 
@@ -211,6 +211,14 @@ class Calibration(Strict):
     def loaded_rig(self, source: Path | str = "calibration") -> LoadedRig:
         """Return the embedded rig; source is where this calibration was read, for messages."""
         return embedded_rig(self.rig, Path(source))
+
+
+def recorded(c: Calibration) -> Measured:
+    """When its data were recorded; a file of old says only when it was computed."""
+    if c.measured is not None:
+        return c.measured.record()
+    moment = parts.seconds(c.created)
+    return Measured(moment, moment, "file")
 
 
 def load_calibration(path: Path | str) -> Calibration:

@@ -107,15 +107,13 @@ class ClockBlock(Strict):
     rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
 
-def _named(unit: Any) -> Any:
+@BeforeValidator
+def _by_name(unit: Any) -> Any:
     """Refuse a unit that has no name here, with the scale to write instead."""
     line = isinstance(unit, str) and (by_scale("force", unit) or by_scale("position", unit))
     if line:
         raise fault(f"{unit} has no name here", hint=f"{line} in its place")
     return unit
-
-
-_NAMED = BeforeValidator(_named)
 
 
 class LogBlock(Strict):
@@ -128,8 +126,8 @@ class LogBlock(Strict):
         "s: quantity, force stamps minus position stamps; used in motion only", None
     )
     temperature: Temperatures | None = key("°C: field, or one per support", None)
-    length_unit: Annotated[Literal["m", "mm", "um"], _NAMED] = key("or mm, um", "m")
-    force_unit: Annotated[Literal["N", "kN"], _NAMED] = key("or kN", "N")
+    length_unit: Annotated[Literal["m", "mm", "um"], _by_name] = key("or mm, um", "m")
+    force_unit: Annotated[Literal["N", "kN"], _by_name] = key("or kN", "N")
     force_on: Literal["terminal", "sensor"] = key(
         "or sensor: the reading is the reaction, and its sign is turned", "terminal"
     )
