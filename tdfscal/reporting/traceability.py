@@ -12,11 +12,20 @@ import numpy as np
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
 from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
+from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
-from tdfscal.significance import EXPANDED_COVERAGE, LONGEST_INTERVAL, MOST_REJECTED
+from tdfscal.significance import (
+    CERTAIN_SHIFT,
+    CERTAINLY_UNDECLARED,
+    EXPANDED_COVERAGE,
+    HARMFUL_SHIFT,
+    LONGEST_INTERVAL,
+    MOST_REJECTED,
+    QUESTIONED,
+)
 
 #: Days of a month.
 _MONTH = 30.4375
@@ -92,9 +101,12 @@ def measured_on(c: Calibration) -> str:
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
     """What is in no uncertainty, when a result is accepted, and how its contact wrench fares."""
-    exact = "; ".join(_exact(c)) or "nothing"
-    said = ("Taken as exact", exact), ("Decision rule", _decision_rule(c))
-    return said if c.conformity is None else (*said, ("Contact wrench", _contact(c.conformity)))
+    exact = "; ".join(_exact(c))
+    said = ("Taken as exact", exact or "nothing"), ("Decision rule", _decision_rule(c))
+    if c.conformity is None:
+        return said
+    contact = _contact(c.conformity, exact) if c.accepted else "not judged: the result is rejected"
+    return (*said, ("Contact wrench", contact))
 
 
 def report_digest(c: Calibration) -> str:
@@ -108,19 +120,19 @@ def warnings(c: Calibration) -> tuple[str, ...]:
     return (*((UNSEALED,) if c.unsealed else ()), *_overdue(c), *found)
 
 
-def _contact(found: ConformityResult) -> str:
-    """Expanded uncertainty of force and torque against their limits."""
+def _contact(found: ConformityResult, exact: str) -> str:
+    """Expanded uncertainty of force and torque against their limits; what they leave out."""
     said = []
     for name, unit, part in (("force", "N", found.force), ("torque", "N·m", found.torque)):
         if part.limit is None:
             continue
-        verdict = "conforms" if part.conforms else "does not conform"
         said.append(
-            f"{name} {verdict}: U = {part.expanded:.3g} {unit}, limit {part.limit:g} {unit}, "
+            f"{name} conforms: U = {part.expanded:.3g} {unit}, limit {part.limit:g} {unit}, "
             f"exceeded with probability {probability(part.exceeding)}"
         )
     rpy = ", ".join(f"{angle:g}" for angle in found.rpy)
-    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad"
+    given = f", given that what is taken as exact ({exact}) is exact" if exact else ""
+    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given}"
 
 
 def _next_due(c: Calibration) -> str:
@@ -275,18 +287,34 @@ def _exact(c: Calibration) -> list[str]:
     return list(dict.fromkeys([*(q.name for q in _by_effect(c)), *exact]))
 
 
+def _usual(is_so: bool = True) -> str:
+    """That a limit is the program's own."""
+    return " [program default]" if is_so else ""
+
+
 def _decision_rule(c: Calibration) -> str:
     """When a result is accepted (ISO/IEC 17025, 7.8.6)."""
-    limits = c.rig.acceptance
+    limits, usual = c.rig.acceptance, AcceptanceBlock()
     rule = (
         f"accepted where every angle's standard uncertainty is at most "
-        f"{1e3 * limits.angle_std:.3g} mrad, the scatter at most {limits.birge_max:.2g} times what "
-        "is stated (Birge ratio)"
+        f"{1e3 * limits.angle_std:.3g} mrad{_usual(limits.angle_std == usual.angle_std)}, the "
+        f"scatter at most {limits.birge_max:.2g} times what is stated (Birge ratio)"
+        f"{_usual(limits.birge_max == usual.birge_max)}"
     )
-    if c.motion is not None:
-        rule += f", and at most {MOST_REJECTED:.0%} of the motion is left out"
-    elif c.method != "tracker":
-        rule += f", and at most {MOST_REJECTED:.0%} of the postures are rejected"
+    if c.method != "tracker":
+        lost = "motion is left out" if c.motion is not None else "postures are rejected"
+        rule += f", at most {MOST_REJECTED:.0%} of the {lost}{_usual()}"
+    rule += ", and no finding rejects"
+    if c.method != "tracker":
+        harm = f"an angle by more than {HARMFUL_SHIFT:g}, or " if c.motion is None else ""
+        harm += (
+            f"where p < {CERTAINLY_UNDECLARED:g} an angle or a zero by more than {CERTAIN_SHIFT:g}"
+        )
+        rule += (
+            f": an undeclared error does that the residuals suspect (level: {QUESTIONED:.1%} of "
+            f"faultless campaigns at most) and that moves {harm} of its standard uncertainties"
+            f"{_usual()}"
+        )
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
     if c.status == "provisional":
         rule += "; provisional: accepted, with lines of the rig file's draft still to be confirmed"

@@ -115,6 +115,9 @@ def test_the_rule_states_the_limits_of_the_rig() -> None:
     rule = facts(stated(acceptance=limits))["Decision rule"]
     assert "at most 2 mrad" in rule
     assert "at most 1.5 times what is stated" in rule
+    for given in (stated(acceptance=limits), stated()):  # two limits of the rig's own, or none
+        own = 2 * (given.rig.acceptance.angle_std == 2e-3)
+        assert facts(given)["Decision rule"].count("[program default]") == 4 - own
     assert "guarded acceptance" in rule
     assert "expanded uncertainty" not in facts(stated())["Decision rule"]
     assert "postures" not in facts(surveyed()[0])["Decision rule"]
@@ -134,6 +137,11 @@ def test_conformity_stands_beside_the_rule() -> None:
     assert "force conforms: U = 1.25 N, limit 5 N" in said
     assert "torque" not in said
     assert f"Contact wrench: {said}" in lines(c)
+    assert f"({facts(c)['Taken as exact']}) is exact" in said
+    finding = {"code": "gain-suspected", "severity": "rejects", "text": "the gain of support_1"}
+    c = changed(c, status="rejected", findings=[finding])
+    assert "conforms" not in render(calibration_report(c))
+    assert "Contact wrench: not judged: the result is rejected" in lines(c)
 
 
 def test_the_certificate_warns_as_the_report_does() -> None:

@@ -269,7 +269,8 @@ def _check_limits(c: Calibration) -> None:
     limits, stated = c.rig.acceptance, c.conformity
     for name in ("force", "torque") if stated is not None else ():
         part, limit = getattr(stated, name), limits.contact and getattr(limits.contact, name)
-        if part.limit != limit or part.conforms != (limit is None or part.expanded <= limit):
+        within = limit is None or part.expanded <= limit
+        if part.limit != limit or (c.accepted and part.conforms != within):
             raise fault("is against `rig.acceptance`", "conformity", name, hint=ALTERED)
     std = turn_std(c.rotation_covariance)[c.determined]
     exceeded = {

@@ -272,10 +272,11 @@ def _file(
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
     scaled, block = own["sensitivity"] is not None, parts.get("parameters")
     rows = parameter_rows(block and block["parameters"], rig.supports, stand)
+    status = status_of((f["code"], f["severity"]) for f in found)
     return Calibration.model_validate(
         {
             "format": CALIBRATION_FORMAT,
-            "status": status_of((f["code"], f["severity"]) for f in found),
+            "status": status,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "measured": origin.measured,
             "campaigns": origin.campaigns,
@@ -301,6 +302,9 @@ def _file(
             "monte_carlo": statistics.trials(angles.trials, angles.std()),
             "findings": found,
             **parts,
+            "conformity": statistics.conformity(
+                parts.get("conformity"), rejected=status == "rejected"
+            ),
         }
     )
 

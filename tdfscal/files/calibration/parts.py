@@ -397,7 +397,9 @@ class LimitedResult(Strict):
         NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
     ] = key("the rig file's; null where it states none", None)
     exceeding: Probability = key("that the error is beyond the limit")
-    conforms: Flag = key("whether the expanded uncertainty is within the limit")
+    conforms: Flag = key(
+        "whether the result is accepted, and the expanded uncertainty within the limit"
+    )
 
 
 class ConformityResult(Strict):

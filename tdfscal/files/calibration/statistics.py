@@ -26,6 +26,7 @@ from tdfscal.selfcal.result import SelfCalibration, Undetermined
 from tdfscal.selfcal.result import nuisances as nuisance_estimates
 
 if TYPE_CHECKING:
+    from tdfscal.acceptance.gate import Conformity
     from tdfscal.motioncal.evidence import HeldOut
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 _LOOKED_AT = 2000
 #: Frequencies of the spectrum in the file.
 _LINES = 24
+#: What is said of a limited quantity besides its verdict.
+_LIMITED = ("expanded", "limit", "exceeding")
 _POWERS_OF_TIME = {"time": 1, "parabola": 2}
 
 
@@ -139,6 +142,17 @@ def trials(found: MonteCarlo | None, std: FloatArray) -> dict[str, Any] | None:
         "linear_interval_validated": found.validated,
         "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
     }
+
+
+def conformity(found: Conformity | None, *, rejected: bool) -> dict[str, Any] | None:
+    """Of the contact wrench; of a rejected result nothing conforms."""
+    if found is None:
+        return None
+    said: dict[str, Any] = {"rpy": found.rpy}
+    for part in (found.force, found.torque):
+        said[part.quantity] = {key: getattr(part, key) for key in _LIMITED}
+        said[part.quantity]["conforms"] = part.conforms and not rejected
+    return said
 
 
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
