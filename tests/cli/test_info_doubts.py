@@ -312,8 +312,8 @@ def test_a_time_with_a_date_is_shown_as_one(tmp_path: Path) -> None:
     ]
     (folder / "log.csv").write_text("\n".join([head, *dated]) + "\n")
     text = tdfscal.info(folder / "log.csv").text
-    assert "2026-11-20 23:59:58 … 2026-11-21 00:00:02" in text
-    assert "Recorded 2026-11-20 23:59:58 to 2026-11-21 00:00:02 UTC" in text
+    assert "2026-11-20 23:59:58 UTC … 2026-11-21 00:00:02.78 UTC" in text
+    assert "Recorded 2026-11-20 23:59:58 UTC to 2026-11-21 00:00:03 UTC" in text
     assert "\n1 dwell of" in text
 
 
