@@ -127,9 +127,9 @@ def _of_thedraft_lines(c: Calibration) -> Iterator[str]:
 
 
 def _of_the_exact(c: Calibration) -> Iterator[str]:
-    """To state what was taken as exact, where its typical error exceeds the headline's number."""
+    """To state what was taken as exact, where typical errors exceed the headline's number."""
     if larger := exceeding(c, half_widths(c).max()):
-        keys = ", ".join(f"`{_STATED_BY[name]}`" for name in larger)
+        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in larger)
         yield f"Measure what is taken as exact, and state in rig.yaml how well it is known: {keys}."
 
 

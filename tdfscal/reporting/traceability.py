@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import PurePath
 from typing import Any
@@ -198,26 +199,38 @@ def not_whole_sentence(c: Calibration) -> str:
 def exact_sentence(c: Calibration, half_width: float) -> str:
     """What is taken as exact, the worst first, with what a typical error of each would do.
 
-    half_width : rad, of the angles' intervals; what is small against it is not named, nor what is
-    smaller where something is larger.
+    half_width : rad, of the angles' intervals; what is small against it is not named, nor what adds
+    little to those that exceed it.
     """
-    more = exceeding(c, half_width)
-    least = half_width if more else _NOTABLE * half_width
-    named = [q for q in _by_effect(c) if _effects(q).max() > least][:_NAMED]
+    more, all_of_them = exceeding(c, half_width), _by_effect(c)
+    named = more or [q for q in all_of_them if _effects(q).max() > _NOTABLE * half_width]
     parts = [
         f"{q.name} ({_typical_error(q)}{by} by {1e3 * _effects(q).max():.2g} mrad)"
-        for q, by in zip(named, (" would move an angle", "", ""), strict=False)
+        for q, by in zip(named[:_NAMED], (" would move an angle", *[""] * _NAMED), strict=False)
     ]
+    if len(more) > 1:
+        parts.append(f"together by {1e3 * _together(all_of_them):.2g} mrad")
     taken = "They may be off by more, for these are taken" if more else "Taken"
     return f"{taken} as exact: {'; '.join(parts)}." if parts else ""
 
 
-def exceeding(c: Calibration, half_width: float) -> list[str]:
-    """Quantities taken as exact of which a typical error moves an angle by more, the worst first.
+def exceeding(c: Calibration, half_width: float) -> list[ExactQuantityResult]:
+    """Quantities taken as exact of which typical errors together move an angle by more.
 
-    half_width : rad, of the angles' intervals.
+    half_width : rad, of the angles' intervals. The worst first; the others together do not.
     """
-    return [q.name for q in _by_effect(c) if _effects(q).max() > half_width]
+    each = _by_effect(c)
+    if _together(each) <= half_width:
+        return []
+    enough = (
+        k for k in range(len(each) + 1) if _together(each[k:]) <= half_width < _together(each[:k])
+    )
+    return each[: next(enough)]
+
+
+def _together(quantities: Sequence[ExactQuantityResult]) -> float:
+    """Largest move of an angle, rad, by typical errors of all, which are independent."""
+    return float(np.sqrt(np.sum([_effects(q) ** 2 for q in quantities], axis=0)).max(initial=0.0))
 
 
 def _by_effect(c: Calibration) -> list[ExactQuantityResult]:

@@ -7,6 +7,9 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.files.calibration.document import Calibration, file_content
@@ -15,6 +18,7 @@ from tdfscal.reporting.headline import headline
 from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
+from tdfscal.reporting.traceability import exceeding
 from tests.reporting.samples import changed, fit_with, sample, saved, surveyed
 
 
@@ -96,6 +100,29 @@ def test_what_is_taken_as_exact() -> None:
     tilted = tilted.model_copy(update={"taken_as_exact": ()})
     assert "base level" not in facts(tilted)["Taken as exact"]
     assert "base level" not in facts(surveyed()[0])["Taken as exact"]
+
+
+@pytest.mark.parametrize(
+    ("size", "apart", "named"), [((0.8, 0.7), 0, 2), ((0.8, 0.7), 1, 0), ((0.3, 1.1), 0, 1)]
+)
+def test_what_is_exact_adds_up_in_each_angle(
+    size: tuple[float, float], apart: int, named: int
+) -> None:
+    """In quadrature, in units of the claim: 0.8 and 0.7 of one angle exceed it, of two do not."""
+    c, half = sample().calibration, 1e-3
+    names = [support.name for support in c.supports]
+    quantities = [
+        {
+            "name": f"quantity {k}", "error": 1.0, "unit": "N",
+            "supports": [
+                {"name": name, "turn": half * part * np.eye(3)[k * apart],
+                 "rpy": half * part * np.eye(3)[k * apart]}
+                for name in names
+            ],
+        }
+        for k, part in enumerate(size)
+    ]  # fmt: skip
+    assert len(exceeding(changed(c, taken_as_exact=quantities), half)) == named
 
 
 def test_the_text_says_what_the_page_does() -> None:
