@@ -422,6 +422,8 @@ class Dwells:
     temperature : (K, n), °C at each sensor; None where the log has none.
     absence : where there is no dwell, why.
     force_range : (2, n, 3), N, smallest and largest reading of the whole log; None where unknown.
+    force_still : (n, 3), s, since when a reading stays the same to the end of the log, at no value
+    that bounded it before; NaN where it does not, None where unknown.
     """
 
     supports: tuple[str, ...]
@@ -440,6 +442,7 @@ class Dwells:
     temperature: FloatArray | None = None
     absence: Absence | None = None
     force_range: FloatArray | None = None
+    force_still: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.start)

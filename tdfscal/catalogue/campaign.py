@@ -27,14 +27,14 @@ gain-suspected warns
     {stated}` in rig.yaml (relative)
 mounting-suspected warns
   the sensor of {subject} is not mounted as stated
-  -> see how it sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for
-    {subject} in rig.yaml (rad)
+  -> see how {subject} sits, and correct `nominal_rpy`, or write `rpy_std: {stated}`
+    for {subject} in rig.yaml (rad)
 mass-suspected warns
   the mass is not what is stated
   -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
 barycentre-suspected warns
   the barycentre is not where it is stated
-  -> correct it, or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
+  -> correct the barycentre, or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
 hinge-suspected warns
   the hinge of {subject} is not where it is stated
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml (m)
@@ -124,17 +124,17 @@ supports-give warns
     vertical: {stated}}}` in rig.yaml
 frame-turned warns
   the frame of the positioner of {subject} is turned ({amount:rad} about x, y, z)
-  -> align it, or calibrate the positioner; hinge distances show no error that all
-    positioners share
+  -> align or calibrate the positioner of {subject}; hinge distances show no error
+    that all positioners share
 frame-scaled warns
   the frame of the positioner of {subject} is scaled ({amount:1} along x, y, z)
-  -> align it, or calibrate the positioner; hinge distances show no error that all
-    positioners share
+  -> align or calibrate the positioner of {subject}; hinge distances show no error
+    that all positioners share
 frame-not-square warns
   the frame of the positioner of {subject} is not square ({amount:rad} of yz, xz,
   xy)
-  -> align it, or calibrate the positioner; hinge distances show no error that all
-    positioners share
+  -> align or calibrate the positioner of {subject}; hinge distances show no error
+    that all positioners share
 """,
     f"the distances between hinges say {{tied:about as well that|that}} %s {_SHIFT}",
     f"{_BESIDES}  ? elsewhere ; other distances disagree too",
@@ -191,7 +191,10 @@ posture-saturated warns
     correct `capacity` in rig.yaml)
 posture-frozen warns
   the {axis} axis of the sensor of {subject} is frozen at {size}
-  -> look at the sensor's cable and amplifier
+  ? since since {since:when}
+  -> look at the sensor's cable and amplifier; where it stays so, leave the axis out of
+    the sensor's `axes` in rig.yaml, with none in place of its field in `force` of the
+    log block, or end before it with --to
 posture-misfits warns
   unexplained force {size} and moment {moment:N·m} about the LCS origin, {ratio:.0f}
   times what is expected: contact, a hand, or a jolt
@@ -224,7 +227,7 @@ terminal-turned warns
     upright with ~|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
-  -> look whether it is, and state nominal_rpy in rig.yaml
+  -> look whether {subject} is turned, and state nominal_rpy in rig.yaml
 angles-locked notes
   {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its
   uncertainties are those of the turns about X, Y and Z of the BCS

@@ -111,6 +111,8 @@ class _Words(Formatter):
             return f", between {first} and {last}" if value else ""
         if value is None:
             return "–"
+        if format_spec == "when":
+            return when(value)
         if format_spec in _UNITS:
             return quantity(value, format_spec, getattr(value, "beside", ()))
         if isinstance(value, Sequence) and not isinstance(value, str):

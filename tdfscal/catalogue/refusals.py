@@ -48,7 +48,8 @@ mountings-alike refuses
 axis-follows refuses
   the {axis} axis of the sensor of {subject} is declared as not measured, but its
   reading follows the load: it varies by {size}
-  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields
+  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields; where
+    it died on the way, write none in place of its field in `force` of the log block
   @ log forces
 axes-blind refuses
   the sensors together do not measure forces in all directions, so that the balance of
@@ -59,7 +60,10 @@ axis-frozen refuses
   the {axis} axis of the sensor of {subject} is frozen: it stands at {number:.6g} N in
   all {postures} postures that could be read{left_out: (~ more were left out)|}, and
   the whole log reads {low:.6g} to {high:.6g} N
-  -> check the sensor, its amplifier and the recorder
+  ? since ; it stands there since {since:when}
+  -> check the sensor, its amplifier and the recorder; what is recorded calibrates with
+    `axes: [{others}]` for {subject} in rig.yaml, and none in place of its {axis} field
+    in `force` of the log block{before:, or by the ~ stops before, with --to|}
   @ log forces
 axis-saturated refuses
   the {axis} axis of the sensor of {subject} is saturated: it stands at {number:.6g} N
@@ -129,7 +133,8 @@ zero-tared refuses
   the residuals fall from {before:.2g} to {after:.2g} times what is stated
   -> {check:tare and record this check again, or validate one part of it, by --to or
     --from|give the parts before and after as two campaigns, each in a folder with a
-    rig.yaml (zeros are each campaign's own), or one of them by --from or --to}
+    rig.yaml, or one of them by --from or --to; the {tared:earlier|later} one needs `zero.std:
+    unknown` for {subject}}
   @ log forces
 forces-mirrored refuses
   the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the

@@ -68,7 +68,8 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
         value = float(low[k, i, j])
         code = "posture-saturated" if _at_limit(dwells, value, i, j) else "posture-frozen"
-        reasons.setdefault(int(k), _spoilt(code, rig, i, j, value))
+        since = float(_since(dwells)[i, j])
+        reasons.setdefault(int(k), _spoilt(code, rig, i, j, value, since))
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     if not keep.any():
@@ -120,8 +121,9 @@ def check_directions(rig: Rig) -> None:
         raise NotIdentifiableError(Finding("axes-blind"))
 
 
-def _spoilt(code: str, rig: Rig, i: int, j: int, force: float) -> Finding:
-    return Finding(code, (rig.supports[i],), force, "N", values={"axis": AXES[j]})
+def _spoilt(code: str, rig: Rig, i: int, j: int, force: float, since: float = np.nan) -> Finding:
+    facts: dict[str, Value] = {"axis": AXES[j], **({"since": since} if since == since else {})}
+    return Finding(code, (rig.supports[i],), force, "N", values=facts)
 
 
 def _at_limit(dwells: Dwells, value: float, i: int, j: int) -> bool:
@@ -129,10 +131,18 @@ def _at_limit(dwells: Dwells, value: float, i: int, j: int) -> bool:
 
     At zero it does not: that is what an axis reads which is not connected.
     """
-    if dwells.force_range is None or value == 0:
+    if dwells.force_range is None or value == 0 or np.isfinite(_since(dwells)[i, j]):
         return False
     low, high = dwells.force_range[:, i, j]
     return bool(low < high and min(abs(value - low), abs(value - high)) <= _AT * abs(value))
+
+
+def _since(dwells: Dwells) -> FloatArray:
+    """Since when an axis is frozen for all dwells to come, (n, 3), s; NaN where it is not."""
+    if dwells.force_still is None:
+        return np.full(dwells.force.shape[1:], np.nan)
+    later = np.sum(dwells.start[:, None, None] >= dwells.force_still, axis=0)
+    return np.where(later >= _FROZEN, dwells.force_still, np.nan)
 
 
 def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
@@ -148,6 +158,8 @@ def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
         "moves": bool(low < high),
         "others": [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j],
     }
+    if np.isfinite(since := float(_since(dwells)[i, j])):
+        facts |= {"since": since, "before": sum(out.end <= since for out in dwells.left_out)}
     code = "axis-frozen" if low < high else "channel-dead"
     if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(dwells, value, i, j):
         code = "axis-saturated"

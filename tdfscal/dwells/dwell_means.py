@@ -152,6 +152,29 @@ def whole_range(bins: Bins) -> FloatArray:
     return np.stack([np.nanmin(middle + low, axis=2), np.nanmax(middle + high, axis=2)])
 
 
+def still_since(bins: Bins) -> FloatArray:
+    """Since when each force stays the same to the end of the log, (n, 3), s; NaN where it does not.
+
+    NaN too where it stood there earlier as at an end of its range: it may have been cut off.
+    """
+    n = bins.low.shape[1]
+    since = np.full((n, 3), np.nan)
+    for i, j in np.ndindex(n, 3):
+        seen = np.flatnonzero(bins.count[:, n + i] > 0)
+        mean, low, high = bins.mean[seen, n + i, j], bins.low[seen, i, j], bins.high[seen, i, j]
+        if not len(seen) or low[-1] != high[-1]:
+            continue
+        same = (low == high) & np.isclose(mean, mean[-1], rtol=1e-12, atol=0.0)
+        changed = np.flatnonzero(~same)
+        if not len(changed) or changed[-1] + 1 == len(seen):
+            continue
+        last = changed[-1]
+        before = (mean + low)[:last].min(initial=np.inf), (mean + high)[:last].max(initial=-np.inf)
+        if not np.isclose(before, mean[-1], rtol=1e-6, atol=0.0).any():
+            since[i, j] = bins.start[seen[last + 1]]
+    return since
+
+
 def evenly(count: int, most: int) -> IntArray:
     """At most so many of 0 … count − 1, evenly spread."""
     if count <= most:

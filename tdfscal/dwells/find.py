@@ -11,7 +11,14 @@ from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins, zeros
 from tdfscal.dwells.clock_offset import motion_offset
-from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
+from tdfscal.dwells.dwell_means import (
+    Extent,
+    Moments,
+    dwell_moments,
+    force_extremes,
+    still_since,
+    whole_range,
+)
 from tdfscal.dwells.field import Field, common_drift, prepare, within
 from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.errors import DataError, expect
@@ -127,6 +134,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
         findings=tuple(found),
         force_range=whole_range(bins),
+        force_still=still_since(bins),
     )
 
 

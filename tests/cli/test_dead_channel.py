@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.cli.running import Cli
+from tests.cli.running import Cli, rows
 
 
 def near_truth(content: dict[str, Any], campaign: Path) -> None:
@@ -59,6 +59,55 @@ def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> 
     assert "ncp3" in page.read_text()
     done = cli("export", found, "--to", "urdf", ends=0)
     assert "ncp3" in done.out
+
+
+@pytest.mark.parametrize("seed", [5, 11])  # frozen at an end of its range, and within it
+def test_a_channel_that_dies_on_the_way(seed: int, tmp_path: Path, cli: Cli) -> None:
+    """Since when is told, and each way out leads to angles."""
+    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
+    calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
+    cli("simulate", campaign, "--scenario", "dead-axis", "--postures", 20, "--seed", seed, "-q")
+    x = np.array([float(row["TDFS3_Fx"]) for row in rows(campaign / "log.csv")])
+    said = " ".join(cli(*calibrate, ends=3).err.split())
+    assert "frozen" in said
+    since = re.search(r"since ([\d.]+) s", said)
+    assert since is not None, said
+    assert float(since[1]) == pytest.approx(0.01 * np.flatnonzero(x != x[-1])[-1], abs=0.05)
+    cli(*calibrate, "--to", since[1], ends=0)
+    near_truth(json.loads(found.read_text()), campaign)
+    line = re.search(r"`axes: (\[[xyz, ]*\])` for (\w+) in rig.yaml, and none", said)
+    assert line is not None, said
+    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
+    (support,) = [s for s in rig["supports"] if s["name"] == line[2]]
+    support["axes"] = yaml.safe_load(line[1])
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    # The half of the cure is answered with its other half.
+    assert "write none in place of its field" in " ".join(cli(*calibrate, ends=3).err.split())
+    rig["log"]["supports"][line[2]]["force"][0] = "none"
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    cli(*calibrate, ends=0)
+    near_truth(json.loads(found.read_text()), campaign)
+
+
+@pytest.mark.parametrize("seed", [5, 11])
+def test_a_zero_that_jumped_is_given_up_for_the_part_behind(
+    seed: int, tmp_path: Path, cli: Cli
+) -> None:
+    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
+    calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
+    cli("simulate", campaign, "--scenario", "zero-shift", "--seed", seed, "-q")
+    said = " ".join(cli(*calibrate, ends=3).err.split())
+    seen = re.search(r"\(([\d.]+) and ([\d.]+) s\).* the later one needs .* for (\w+)", said)
+    assert seen is not None, said
+    between = (float(seen[1]) + float(seen[2])) / 2
+    cli(*calibrate, "--to", between, ends=0)
+    near_truth(json.loads(found.read_text()), campaign)
+    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
+    (support,) = [s for s in rig["supports"] if s["name"] == seen[3]]
+    support["zero"]["std"] = "unknown"
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    cli(*calibrate, "--from", between, ends=0)
+    near_truth(json.loads(found.read_text()), campaign)
 
 
 @pytest.mark.slow
