@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,11 +25,11 @@ from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.parameters import calibrated_from
+from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.findings import Finding, Value
-from tdfscal.model.calibrated import Calibrated, about_point, independent
+from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned
@@ -74,29 +74,6 @@ class InUse:
             return None
         variance = np.sum(np.square(fit.channel_noise), axis=1)
         return np.asarray(variance / variance.mean())
-
-
-def calibrated(calibration: CalibrationFile) -> Calibrated:
-    """Return the parameters of a calibration file with their covariance."""
-    rig = calibration.rig.record()
-    if calibration.parameters is not None:
-        return calibrated_from(calibration.parameters, rig, calibration.rotation)
-    mass, barycentre = calibration.terminal.mass, calibration.terminal.barycenter
-    error = calibration.sensitivity - np.eye(3)
-    return independent(
-        rig,
-        calibration.rotation,
-        calibration.rotation_covariance,
-        zero=UncertainValue(calibration.zero, calibration.zero_std),
-        mass=UncertainValue(np.array(mass.value), _std([mass.std])[0]),
-        barycentre=UncertainValue(np.array(barycentre.value), _std(barycentre.std)),
-        sensitivity=error[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
-    )
-
-
-def _std(values: Sequence[float | None]) -> FloatArray:
-    """Standard uncertainties of the file, ∞ where it has none."""
-    return np.array([np.inf if value is None else value for value in values])
 
 
 def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None = None) -> InUse:

@@ -23,6 +23,7 @@ from tdfscal.commands.result import Result
 from tdfscal.errors import DataError, RejectedError, UsageError
 from tdfscal.exports import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.formats import ContactThresholds
+from tdfscal.exports.statements import cautions
 from tdfscal.files.yaml import read_document
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
@@ -107,10 +108,10 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    notes = tuple(map(told, (*provisional(name, loaded), *unsealed(loaded, name))))
+    found = map(told, (*provisional(name, loaded), *unsealed(loaded, name)))
     limits = None if capability is None else _thresholds(capability, loaded, to, allow_rejected)
     text = FORMATS[to](loaded, parent, limits)
-    return ExportResult(to, text, loaded, one(output), notes)
+    return ExportResult(to, text, loaded, one(output), (*found, *cautions(loaded)))
 
 
 def _thresholds(

@@ -13,7 +13,6 @@ from tdfscal.commands.calibration import CalibrationSource, read_source
 from tdfscal.commands.calibration_in_use import (
     InUse,
     WrenchPass,
-    calibrated,
     temperatures,
     zeros_at,
 )
@@ -23,6 +22,7 @@ from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated, about_point

@@ -15,7 +15,6 @@ from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
-from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders, is_other_result
 from tdfscal.commands.log_pass import Settings, refuse_repeated, stated_date
 from tdfscal.commands.options import Option
@@ -28,6 +27,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig

@@ -14,7 +14,6 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration, CalibrationSource, as_calibration, read_source
-from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
 from tdfscal.commands.read_campaigns import Read, read_campaigns
@@ -34,6 +33,7 @@ from tdfscal.files.calibration.compared import readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
+from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value

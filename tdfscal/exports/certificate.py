@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.exports.formats import number, origin
+from tdfscal.exports.statements import number, origin
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult

@@ -1,4 +1,4 @@
-"""A calibration in the formats of controllers: URDF, ROS 2, CSV, C; what every export states."""
+"""A calibration in the formats of controllers: URDF, ROS 2, CSV, C."""
 
 from __future__ import annotations
 
@@ -6,17 +6,24 @@ import csv
 import io
 import re
 from dataclasses import dataclass
-from math import degrees
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from tdfscal.errors import UsageError, visible
+from tdfscal.exports.statements import (
+    cautions,
+    determined,
+    driver_factors,
+    gain,
+    number,
+    origin,
+    uncertain,
+)
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
-from tdfscal.reporting.traceability import measured_on
+from tdfscal.reporting.traceability import report_digest
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 _URDF = """\
@@ -59,14 +66,18 @@ static const double tdfscal_matrix[TDFSCAL_SENSORS][3][3] = {matrix};
 /* N, sensor frames */
 static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {zero};
 
+/* 1 for an axis that is measured, else 0 */
+static const int tdfscal_measured[TDFSCAL_SENSORS][3] = {measured};
+
 {thresholds}
-/* Force of sensor i on the terminal in the BCS, N; reading and force may be one array. */
+/* Force of sensor i on the terminal in the BCS, N; reading and force may be one array.
+   What an axis bears that is not measured is missing in it: its reading is not looked at. */
 static inline void tdfscal_force_bcs(int i, const double reading[3], double force[3])
 {{
     double load[3], sum[3];
     int a, b;
     for (a = 0; a < 3; ++a)
-        load[a] = reading[a] - tdfscal_zero[i][a];
+        load[a] = tdfscal_measured[i][a] ? reading[a] - tdfscal_zero[i][a] : 0.0;
     for (a = 0; a < 3; ++a) {{
         sum[a] = 0.0;
         for (b = 0; b < 3; ++b)
@@ -109,60 +120,22 @@ class ContactThresholds:
         )
 
 
-def origin(c: Calibration) -> list[str]:
-    """Lines that say what the numbers are, from what, and how to use them."""
-    lines = [
-        f"Installation rotations of the force sensors of: {c.rig.name}",
-        f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
-        f"{c.created}, {c.status}",
-        c.convention,
-        "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
-    ]
-    if c.undetermined:
-        lines.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
-    if c.status == "rejected":
-        lines.append("REJECTED by the quality gate: not for use on a machine")
-    return lines
+def frame(name: str, c: Calibration) -> str:
+    """Return a parent frame's name as it is.
 
-
-def determined(c: Calibration) -> tuple[SupportResult, ...]:
-    """The sensors that have a rotation: the others have no entry."""
-    return tuple(support for support in c.supports if support.determined)
-
-
-def uncertain(support: SupportResult) -> str:
-    """Roll, pitch, yaw in degrees and the zero in N, each with its standard uncertainty."""
-    angles = [
-        f"{name} {degrees(value or 0.0):.4f}° ± "
-        + ("not separable" if std is None else f"{1e3 * std:.3f} mrad")
-        for name, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True)
-    ]
-    zeros = [
-        f"{value:.3f} ± {'open' if std is None else f'{std:.3f}'}"
-        for value, std in zip(support.zero, support.zero_std, strict=True)
-        if value is not None
-    ]
-    return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
-
-
-def _gain(support: SupportResult) -> str:
-    """The sensor's sensitivity, by rows, in words; empty where none was estimated."""
-    rows = [list(map(float, row)) for row in support.sensitivity or ()]
-    return f"{support.name}: sensitivity {rows}" if rows else ""
-
-
-def number(value: float | None) -> str:
-    """Return the shortest text that reads back as the same double; none of what is not known."""
-    return "" if value is None else repr(float(value))
-
-
-def frame(name: str) -> str:
-    """Return a frame's name as it is. Raises UsageError for one that URDF or ROS cannot hold."""
+    Raises UsageError for one that URDF or ROS cannot hold, or that is a sensor's own.
+    """
     if not _FRAME.fullmatch(name):
         raise UsageError(
             f"{name!r} is no name of a frame",
             where="--parent",
             hint="use letters, digits, _ and /, a letter first",
+        )
+    if name in map(sensor_frame, c.support_names):
+        raise UsageError(
+            f"{name} is the frame of a sensor itself",
+            where="--parent",
+            hint="name the frame that the sensors stand in",
         )
     return name
 
@@ -173,7 +146,7 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
     URDF's rpy are fixed-axis roll, pitch, yaw, so that R = Rz(yaw)·Ry(pitch)·Rx(roll) takes the
     child's frame to the parent's: the same convention as here.
     """
-    base = frame(parent)
+    base = frame(parent, c)
     notes = [
         *origin(c),
         "An NCP only translates, so its link has the BCS's axes: paste each joint under that link. "
@@ -185,8 +158,8 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
         _JOINT.format(
             sensor=sensor_frame(support.name),
             name=support.name,
-            gain=f"  <!-- {gain}, not applied by URDF -->\n" if (gain := _gain(support)) else "",
-            zero=" ".join(map(number, support.offset)),
+            gain=f"  <!-- {told}, not applied by URDF -->\n" if (told := gain(support)) else "",
+            zero=" ".join(number(zero) or "unmeasured" for zero in support.zero),
             said=xml_comment(uncertain(support)),
             base=base,
             rpy=" ".join(map(number, support.rpy)),
@@ -204,34 +177,48 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
 def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | None = None) -> str:
     """Return a parameter file, a `force_torque_sensor_broadcaster` per sensor.
 
-    A broadcaster adds its `offset`, so that it stands as −zero. The transforms, whose rotation
-    takes coordinates in the sensor's frame to the BCS, stand as commands in comments. A
-    sensitivity that was estimated is no parameter of a broadcaster: it stands in the comments too.
+    A broadcaster adds its `offset` to what the driver reads, and multiplies the sum: the offset
+    stands as −zero in the driver's own sign and unit. An axis that is not measured has no name, so
+    that it is published as not a number. The transforms, whose rotation takes coordinates in the
+    sensor's frame to the BCS, stand as commands in comments. A sensitivity that was estimated is no
+    parameter of a broadcaster: it stands in the comments too.
     """
-    base = frame(parent)
+    base = frame(parent, c)
     notes = [
         *origin(c),
         f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
         f"Frame {LCS_FRAME}, in which `tdfscal apply` writes wrenches, moves with the terminal.",
-        "A broadcaster adds its offset, N, to the reading: it is the zero with its sign turned.",
+        "A broadcaster adds its offset to the driver's reading, in sign and unit of that reading "
+        "as the rig's log has it; then it multiplies by its multiplier, 1 where none stands.",
     ]
+    driver, measured = driver_factors(c), c.rig.record().axes
+    if np.any(driver != 1.0):
+        notes.append("A broadcaster whose release knows no multiplier leaves sign and unit.")
     nodes: dict[str, object] = {}
-    for support in determined(c):
+    for i, support in enumerate(c.supports):
+        if not support.determined:
+            continue
         name, sensor = support.name, sensor_frame(support.name)
         notes.append(f"{name}: {uncertain(support)}")
-        if gain := _gain(support):
-            notes.append(f"{gain}, not applied by a broadcaster")
+        if told := gain(support):
+            notes.append(f"{told}, not applied by a broadcaster")
         turn = map(number, support.quaternion_xyzw or ())
         notes.append(_TRANSFORM.format(*turn, base=base, sensor=sensor))
-        offset = {axis: -zero + 0.0 for axis, zero in zip("xyz", support.offset, strict=True)}
-        names = {axis: f"{sensor}/force.{axis}" for axis in "xyz"}
-        nodes[f"{sensor}_broadcaster"] = {
-            "ros__parameters": {
-                "frame_id": sensor,
-                "interface_names": {"force": names},
-                "offset": {"force": offset},
-            }
+        axes = [axis for axis, has in zip("xyz", measured[i], strict=True) if has]
+        factors = dict(zip("xyz", driver[i].tolist(), strict=True))
+        offset = {
+            axis: -zero / factors[axis] + 0.0
+            for axis, zero in zip("xyz", support.zero, strict=True)
+            if zero is not None
         }
+        given: dict[str, object] = {
+            "frame_id": sensor,
+            "interface_names": {"force": {axis: f"{sensor}/force.{axis}" for axis in axes}},
+            "offset": {"force": offset},
+        }
+        if np.any(driver[i] != 1.0):
+            given["multiplier"] = {"force": {axis: factors[axis] for axis in axes}}
+        nodes[f"{sensor}_broadcaster"] = {"ros__parameters": given}
     if limits is not None and limits.bounded:
         notes += limits.notes
         force, torque = (
@@ -242,45 +229,56 @@ def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | Non
 
 
 def csv_table(c: Calibration) -> str:
-    """Return a row per sensor: r_xx … r_zz, zero in N, inverse sensitivity u_xx … u_zz; roll,
-    pitch, yaw in degrees, their standard uncertainties in rad, the zero's in N; convention.
+    """Return a row per sensor: r_xx … r_zz, zero, inverse sensitivity u_xx … u_zz, angles, standard
+    uncertainties; what is not known stays empty. The rest of a row is alike for all.
 
     F_bcs = r · u · (F_sensor − zero); u = (I + S)⁻¹ stands only where a sensitivity was estimated.
     """
     scaled, entries = _scaled(c), [f"{a}{b}" for a in "xyz" for b in "xyz"]
-    header = ["sensor", *(f"r_{e}" for e in entries), *(f"zero_{a}" for a in "xyz")]
+    zeros, angles = [f"zero_{a}_N" for a in "xyz"], [f"{angle}_deg" for angle in ANGLES]
+    header = ["sensor", *(f"r_{e}" for e in entries), *zeros]
     header += [f"u_{e}" for e in entries] if scaled else []
-    header += [f"{angle}_deg" for angle in ANGLES] + [f"std_{angle}" for angle in ANGLES]
-    header += [f"std_zero_{a}" for a in "xyz"]
+    header += [*angles, *(f"std_{name}" for name in (*angles, *zeros)), "k"]
+    common = {
+        "status": c.status,
+        "measured": c.measured.end if c.measured else "",
+        "created": c.created,
+        "software": f"{c.software.name} {c.software.version}",
+        "content_sha256": report_digest(c),
+        "convention": c.convention,
+        "remarks": "; ".join(cautions(c)),
+    }
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*header, "status", "created", "convention"])
-    for support in determined(c):
-        scale = np.eye(3) if support.sensitivity is None else np.array(support.sensitivity)
+    writer.writerow([*header, *common])
+    for i, support in enumerate(c.supports):
         numbers = [
-            *np.ravel(support.rotation),  # type: ignore[arg-type]
-            *support.offset,
-            *(np.linalg.inv(scale).ravel() if scaled else ()),
-            *np.degrees(np.array(support.rpy, dtype=np.float64)),
-            *support.rpy_std,
+            *(c.rotation[i].ravel() if support.determined else [None] * 9),
+            *support.zero,
+            *(np.linalg.inv(c.sensitivity[i]).ravel() if scaled else ()),
+            *np.degrees(c.rpy[i]),
+            *np.degrees(np.array(support.rpy_std, dtype=np.float64)),
             *support.zero_std,
         ]
-        cells = [csv_cell(support.name), *map(number, numbers)]
-        writer.writerow([*cells, c.status, c.created, c.convention])
+        cells = map(csv_cell, (support.name, *map(visible, common.values())))
+        writer.writerow([next(cells), *map(number, numbers), "1", *cells])
     return stream.getvalue()
 
 
 def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
-    """Return a C99 and C++ header without dependencies.
+    """Return a C99 and C++ header without dependencies; sensors in the rig file's order.
 
-    tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated.
+    tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated. An axis
+    without a direction, or without a reading, has a column of zeros in it.
     """
-    rotation = c.rotation[c.determined]
-    matrix = rotation @ np.linalg.inv(c.sensitivity[c.determined]) if _scaled(c) else rotation
+    measured = c.rig.record().axes
+    rotation = np.where((c.determined[:, None] | measured)[:, None], c.rotation, 0.0)
+    matrix = rotation @ np.linalg.inv(c.sensitivity) if _scaled(c) else rotation
     notes = [
         *origin(c),
         "For C99 and later, and C++.",
-        "Rows of a matrix are the BCS's axes, columns the sensor's.",
+        "Rows of a matrix are the BCS's axes, columns the sensor's; a column of zeros is of an "
+        "axis that is not known.",
         *(f"{support.name}: {uncertain(support)}" for support in determined(c)),
     ]
     thresholds = ""
@@ -291,10 +289,11 @@ def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
     return _HEADER.format(
         notes=_remarks(notes),
         count=len(rotation),
-        names=", ".join(f'"{support.name}"' for support in determined(c)),
+        names=", ".join(f'"{support.name}"' for support in c.supports),
         rotation=_initialiser(rotation),
-        matrix=_initialiser(matrix),
-        zero=_initialiser(c.zero[c.determined]),
+        matrix=_initialiser(np.where(measured[:, None], matrix, 0.0)),
+        zero=_initialiser(c.zero),
+        measured=re.sub(r"\.0", "", _initialiser(measured.astype(np.float64))),
         thresholds=thresholds,
     )
 

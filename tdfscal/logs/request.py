@@ -128,9 +128,9 @@ def make_request(
             )
         i = mapping.supports.index(name)
         measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
-        moves = _signal(mapping, "position", i, mapping.position[i])
+        moves = signal_of(mapping, "position", i, mapping.position[i])
         # Without a sensor it reads 0, at the times of the positions.
-        loads = _signal(
+        loads = signal_of(
             mapping, "force", i, mapping.force[i] if measured.any() else mapping.position[i]
         )
         if moves.fields:
@@ -144,7 +144,7 @@ def make_request(
     return Request(tuple(supports), tuple(signals.values()), tuple(signals), mapping, declared)
 
 
-def _signal(
+def signal_of(
     mapping: LogMapping, quantity: Literal["position", "force"], i: int, fields: tuple[str, ...]
 ) -> Signal:
     """The signal of support i, with factors where the mapping states them in place of its unit."""

@@ -14,9 +14,9 @@ from scipy.special import ndtri
 
 import tdfscal
 from tdfscal.acceptance.gate import coverage_radius
-from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.commands.capability import CapabilityResult
 from tdfscal.files.calibration.document import save_calibration
+from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Rig
 from tdfscal.simulation import (

@@ -22,11 +22,20 @@ from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
 from tdfscal.exports import FORMATS
 from tdfscal.exports.formats import c_header, csv_table, ros, urdf
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.exports.statements import cautions
+from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.findings import Finding
+from tdfscal.records import ANGLES
 from tests.cli.running import Cli
-from tests.reporting.samples import NASTY, changed, sample, saved, without_parameters
+from tests.reporting.samples import (
+    NASTY,
+    changed,
+    sample,
+    saved,
+    with_load_cell,
+    without_parameters,
+)
 from tests.words import found
 
 PLAIN = sample().calibration
@@ -47,12 +56,30 @@ def scaled() -> Calibration:
 
 
 SCALED = scaled()
+#: The last sensor measures z alone, which leaves its mounting open.
+CELL = with_load_cell()
+#: Its driver gives the reaction in kN, but for one of its sensors.
+LOG = {"force_unit": "kN", "force_on": "sensor", "supports": {
+    s.name: {"position": f"{s.name}.p", "force": f"{s.name}.f"} for s in PLAIN.supports
+}}  # fmt: skip
+LOG["supports"]["support_2"]["force_scale"] = [1.0, 2.0, 4.0]  # type: ignore[index]
+DRIVEN = changed(PLAIN, rig=PLAIN.rig.model_dump() | {"log": LOG})
+FACTORS = np.array([[-1e3] * 3, [-1.0, -2.0, -4.0], [-1e3] * 3])
+ALL = {"plain": PLAIN, "scaled": SCALED, "cell": CELL, "driven": DRIVEN}
+EACH = pytest.mark.parametrize("c", ALL.values(), ids=ALL)
 BOTH = pytest.mark.parametrize("c", [PLAIN, SCALED], ids=["plain", "scaled"])
 
 
 def force(c: Calibration, i: int, reading: np.ndarray) -> np.ndarray:
-    """F_bcs = rotation · (I + S)⁻¹ · (F_sensor − zero), from the file's numbers."""
+    """F_bcs = rotation · (I + S)⁻¹ · (F_sensor − zero), from the file's numbers.
+
+    Of a sensor without rotation: along the directions of the axes that it measures.
+    """
     support = c.supports[i]
+    if support.directions is not None:
+        each = [("xyz".index(axis), e) for axis, e in support.directions.items()]
+        zero = np.array(support.offset)
+        return np.asarray(sum((reading[k] - zero[k]) * np.array(e) for k, e in each))
     load = reading - np.array(support.zero)
     if support.sensitivity is not None:
         load = np.linalg.solve(np.array(support.sensitivity), load)
@@ -93,9 +120,10 @@ def test_urdf(c: Calibration) -> None:
     assert gains_stated(text) == gains(c)
 
 
-@BOTH
+@pytest.mark.parametrize("c", [PLAIN, SCALED, DRIVEN], ids=["plain", "scaled", "driven"])
 def test_ros(c: Calibration) -> None:
-    """A broadcaster publishes reading + offset; the transforms turn it."""
+    """A broadcaster publishes multiplier · (reading + offset), the force on the terminal less zero;
+    the transforms turn it."""
     text = ros(c, "base")
     document = yaml.safe_load(text)
     commands = [
@@ -115,38 +143,47 @@ def test_ros(c: Calibration) -> None:
         np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
         offset = np.array([given["offset"]["force"][axis] for axis in "xyz"])
         assert {type(v) for v in given["offset"]["force"].values()} == {float}
-        load = READING + offset
-        if support.sensitivity is None:
-            np.testing.assert_allclose(
-                R @ load,
-                force(c, 0, READING)
-                if support is c.supports[0]
-                else R @ (READING - np.array(support.zero)),
-                rtol=1e-12,
-            )
+        factor = FACTORS[c.supports.index(support)] if c is DRIVEN else np.ones(3)
+        times = given.get("multiplier", {"force": dict.fromkeys("xyz", 1.0)})["force"]
+        published = np.array([times[axis] for axis in "xyz"]) * (READING / factor + offset)
+        np.testing.assert_allclose(published, READING - np.array(support.zero), rtol=1e-12)
     assert gains_stated(text) == gains(c)
 
 
-@BOTH
+def test_ros_names_no_axis_that_is_not_measured() -> None:
+    """A broadcaster takes an axis without a name for one that the sensor does not have."""
+    *_, last = yaml.safe_load(ros(with_load_cell("xz"))).values()
+    assert last["ros__parameters"]["frame_id"] == "support_4_tdfs"
+    given = last["ros__parameters"]
+    assert set(given["interface_names"]["force"]) == set(given["offset"]["force"]) == {"x", "z"}
+
+
+@EACH
 def test_csv(c: Calibration) -> None:
     rows = list(csv.DictReader(io.StringIO(csv_table(c))))
     assert [row["sensor"] for row in rows] == list(c.support_names)
     for i, (row, support) in enumerate(zip(rows, c.supports, strict=True)):
+        zero = [row[f"zero_{a}_N"] for a in "xyz"]
+        assert zero == ["" if z is None else repr(z) for z in support.zero]
+        if not support.determined:
+            assert not any(row[name] for name in row if name.startswith(("r_", "roll_deg")))
+            continue
         R = np.array([[float(row[f"r_{a}{b}"]) for b in "xyz"] for a in "xyz"])
         assert R.tolist() == np.array(support.rotation).tolist()
-        load = READING - [float(row[f"zero_{a}"]) for a in "xyz"]
+        load = READING - np.array(zero, dtype=np.float64)
         if c is SCALED:
             load = np.array([[float(row[f"u_{a}{b}"]) for b in "xyz"] for a in "xyz"]) @ load
         np.testing.assert_allclose(R @ load, force(c, i, READING), rtol=1e-12)
         assert row["convention"] == c.convention
-        degrees = [float(row[f"{angle}_deg"]) for angle in ("roll", "pitch", "yaw")]
-        np.testing.assert_allclose(np.radians(degrees), c.rpy[i], rtol=1e-12)
-        assert float(row["std_pitch"]) == support.rpy_std[1]
-        assert float(row["std_zero_z"]) == support.zero_std[2]
+        for angle, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True):
+            given = [float(row[f"{name}_deg"]) for name in (angle, f"std_{angle}")]
+            np.testing.assert_allclose(given, np.degrees(np.array([value, std], float)), 1e-12)
+        assert float(row["std_zero_z_N"]) == support.zero_std[2]
+        assert row["content_sha256"] == file_content(c)["content_sha256"]
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-@BOTH
+@EACH
 def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -> None:
     header = c_header(c)
     assert CONVENTION in header
@@ -157,6 +194,7 @@ def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -
         "const char *name(int i) { return tdfscal_sensor[i]; }\n"
         "void turn(int i, const double *f, double *F) { tdfscal_force_bcs(i, f, F); }\n"
         "double rotation(int i, int a, int b) { return tdfscal_rotation[i][a][b]; }\n"
+        "int measured(int i, int a) { return tdfscal_measured[i][a]; }\n"
     )
     (tmp_path / "use.c").write_text(source, encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
@@ -170,8 +208,11 @@ def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -
     for i, support in enumerate(c.supports):
         assert library.name(i).decode() == support.name
         values = [[library.rotation(i, a, b) for b in range(3)] for a in range(3)]
-        assert values == np.array(support.rotation).tolist()
-        in_place = vector(*READING)
+        if support.determined:
+            assert values == np.array(support.rotation).tolist()
+        measured = [z is not None for z in support.zero]
+        assert [library.measured(i, a) for a in range(3)] == measured
+        in_place = vector(*np.where(measured, READING, np.nan))
         library.turn(i, in_place, in_place)
         np.testing.assert_allclose(list(in_place), force(c, i, READING), rtol=1e-12)
 
@@ -213,3 +254,21 @@ def test_names_of_frames_are_checked(name: str) -> None:
     for write in (urdf, ros):
         with pytest.raises(UsageError, match="no name of a frame"):
             write(PLAIN, name)
+
+
+def test_no_sensor_is_its_own_parent() -> None:
+    for write in (urdf, ros):
+        with pytest.raises(UsageError, match="frame of a sensor"):
+            write(PLAIN, "support_1_tdfs")
+
+
+@pytest.mark.parametrize("to", sorted(FORMATS))
+@pytest.mark.parametrize("c", [CELL, DRIVEN], ids=["cell", "driven"])
+def test_what_is_lacking_or_turned_is_said(
+    c: Calibration, to: str, tmp_path: Path, cli: Cli
+) -> None:
+    done = cli("export", saved(c, tmp_path, "c.yaml"), "--to", to, ends=0)
+    for said in cautions(c):
+        assert said in done.out
+        assert said in done.err
+    assert len(cautions(c)) == 2

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.commands.calibration_in_use import calibrated
 from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import file_content, load_calibration
+from tdfscal.files.calibration.in_model import calibrated
 from tests.files.sample_documents import lacking
 
 FILES = sorted((Path(__file__).parent / "reference_1_0").glob("*.json"))

@@ -1,0 +1,91 @@
+"""What every export states of its numbers."""
+
+from __future__ import annotations
+
+from math import degrees, isnan
+
+import numpy as np
+
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.logs.request import signal_of
+from tdfscal.records import ANGLES, FloatArray
+from tdfscal.reporting.traceability import measured_on, report_digest
+from tdfscal.wrench.observable import observable_text
+
+
+def origin(c: Calibration) -> list[str]:
+    """Lines that say what the numbers are, from what, and how to use them."""
+    lines = [
+        f"Installation rotations of the force sensors of: {c.rig.name}",
+        f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
+        f"{c.created}, {c.status}, content SHA-256 {report_digest(c)}",
+        c.convention,
+        "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
+        *cautions(c),
+    ]
+    if c.status == "rejected":
+        lines.append("REJECTED by the quality gate: not for use on a machine")
+    return lines
+
+
+def cautions(c: Calibration) -> list[str]:
+    """What a user of the numbers must do without, and do to a reading first."""
+    said, given = [], calibrated(c)
+    if c.undetermined:
+        said.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
+    if not given.rig.axes.all():
+        said.append(observable_text(given))
+    turned: dict[str, list[str]] = {}
+    for name, factors in zip(c.support_names, driver_factors(c).tolist(), strict=True):
+        if factors != [1.0] * 3:
+            turned.setdefault(", ".join(f"{f:.15g}" for f in factors), []).append(name)
+    said += [
+        "READINGS as the rig's log has them are not the force on the terminal in N: those of "
+        f"{', '.join(names)}, times ({factors}) in x, y, z, are"
+        for factors, names in turned.items()
+    ]
+    return said
+
+
+def driver_factors(c: Calibration) -> FloatArray:
+    """Return (n, 3), N on the terminal per unit of a reading as the rig's log block has it."""
+    factors = np.ones((len(c.supports), 3))
+    for log in c.loaded_rig().log:
+        for i, fields in enumerate(log.force):
+            if fields:
+                factors[i] = signal_of(log, "force", i, fields).factors
+    return factors
+
+
+def determined(c: Calibration) -> tuple[SupportResult, ...]:
+    """The sensors that have a rotation: the others have no entry."""
+    return tuple(support for support in c.supports if support.determined)
+
+
+def uncertain(support: SupportResult) -> str:
+    """Roll, pitch, yaw in degrees and the zero in N, each with its standard uncertainty."""
+    angles = [
+        f"{name} {degrees(value or 0.0):.4f}° ± "
+        + ("not separable" if std is None else f"{1e3 * std:.3f} mrad")
+        for name, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True)
+    ]
+    zeros = [
+        "not measured"
+        if value is None
+        else f"{value:.3f} ± {'open' if std is None else f'{std:.3f}'}"
+        for value, std in zip(support.zero, support.zero_std, strict=True)
+    ]
+    return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
+
+
+def gain(support: SupportResult) -> str:
+    """The sensor's sensitivity, by rows, in words; empty where none was estimated."""
+    rows = [list(map(float, row)) for row in support.sensitivity or ()]
+    return f"{support.name}: sensitivity {rows}" if rows else ""
+
+
+def number(value: float | None) -> str:
+    """Return the shortest text that reads back as the same double; none of what is not known."""
+    return "" if value is None or isnan(value) else repr(float(value))
