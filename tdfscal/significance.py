@@ -91,7 +91,8 @@ CONTACT_ON_PATH: Final = 1e-3
 
 # Two calibrations, and a calibration on new data --------------------------------------------------
 
-#: Joint χ² of two calibrations less probable than this: not metrologically compatible.
+#: That two sound calibrations are called not metrologically compatible: half of it by the joint χ²,
+#: half by the sensor that differs most.
 INCOMPATIBLE: Final = 0.01
 #: That a calibration which holds is rejected by `validate`; half of it for a turned sensor, a
 #: quarter for the search for other causes, a quarter for the overall χ². One false call in 200 is

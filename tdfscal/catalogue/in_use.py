@@ -111,15 +111,15 @@ calibration-unsealed notes
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties
   (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})
-  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, as chance has it
+  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1{usual:, as chance has it|}
 calibrations-incompatible rejects
-  not compatible: {first} and {second} differ beyond their uncertainties (joint
-  {p}), in {above} of {of} angles by themselves (worst: {angle} of {support}:
-  {difference:+.3g} mrad, E_n = {en:.2f})
+  not compatible: {support} stands in {first} turned against {second}, beyond the
+  uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.3g} mrad,
+  E_n = {en:.2f}
 calibrations-incompatible-together rejects
-  not compatible: no single angle is beyond its uncertainty (worst: {angle} of
-  {support}: {difference:+.3g} mrad, E_n = {en:.2f}), but all differences together
-  are ({p})
+  not compatible: all differences of {first} and {second} together are beyond their
+  uncertainties ({p}), no sensor so much by itself (worst: {angle} of {support}:
+  {difference:+.3g} mrad, E_n = {en:.2f})
 compared-rejected rejects
   not verified: {names} was rejected by the quality gate
 compared-same-data rejects

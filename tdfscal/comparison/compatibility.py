@@ -32,10 +32,11 @@ class Comparison:
     other. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π]; rpy_std : its
     standard uncertainty. en : (n, 3), |rpy| / (2 rpy_std).
     chi2 of all rotation vectors together, its dof (3n; fewer where little was added) and p_value.
-    verified : χ² is plausible, at one level for all `tests` that are judged together (Bonferroni);
-    E_n only explains, since of nine angles one exceeds 1 by chance in a
-    third of sound comparisons.
-    detectable : (n, 3), rad, the smallest change of each angle alone that the test would have seen
+    sensor_p : (n,), chance of as much χ² as a turn of each sensor alone takes.
+    verified : p_value and the least sensor_p are plausible, at one level for all `tests` that are
+    judged together (Bonferroni); E_n only explains, since of nine angles one exceeds 1 by chance
+    in a third of sound comparisons.
+    detectable : (n, 3), rad, the smallest change of each angle alone that χ² would have seen
     with probability `significance.DETECTION_POWER`. obstacle : what makes of them no pair to be
     verified, whatever the numbers say.
     """
@@ -50,6 +51,7 @@ class Comparison:
     chi2: float
     dof: int
     p_value: float
+    sensor_p: FloatArray
     verified: bool
     detectable: FloatArray
     obstacle: Finding | None = None
@@ -58,17 +60,22 @@ class Comparison:
     @property
     def compatible(self) -> bool:
         """Whether the numbers agree, whatever keeps them from being verified."""
-        return compatible(self.p_value, self.tests)
+        return compatible(self.p_value, self.sensor_p, self.tests)
 
     @property
     def finding(self) -> Finding:
         """Whether they agree, with the angle that departs most."""
-        return verdict(self.names, self.supports, self.rpy, self.en, self.p_value, self.tests)
+        p = self.p_value, self.sensor_p
+        return verdict(self.names, self.supports, self.rpy, self.en, *p, self.tests)
 
 
-def compatible(p_value: float, tests: int = 1) -> bool:
-    """Whether two calibrations agree, by the p-value of all their differences together."""
-    return p_value * tests >= INCOMPATIBLE
+def compatible(p_value: float, sensor_p: FloatArray, tests: int = 1) -> bool:
+    """Whether two calibrations agree: by all differences together and by the likeliest sensor.
+
+    Each has half the level: the χ² of all angles alone would dilute one sensor's turn.
+    """
+    rarest = min(p_value, len(sensor_p) * float(sensor_p.min()))
+    return rarest * tests >= INCOMPATIBLE / 2
 
 
 def judged_together(pairs: Sequence[Comparison]) -> tuple[Comparison, ...]:
@@ -84,26 +91,32 @@ def verdict(
     rpy: FloatArray,
     en: FloatArray,
     p_value: float,
+    sensor_p: FloatArray,
     tests: int = 1,
 ) -> Finding:
     """Whether two calibrations agree, with the angle that departs most; as in `Comparison`."""
     i, k = np.unravel_index(int(np.argmax(en)), en.shape)
-    above = int(np.sum(en > 1))
-    code = "calibrations-compatible"
-    if not compatible(p_value, tests):
-        code = "calibrations-incompatible" if above else "calibrations-incompatible-together"
+    above, alone = int(np.sum(en > 1)), len(sensor_p) * float(sensor_p.min())
+    code, p = "calibrations-compatible", p_value
+    if not compatible(p_value, sensor_p, tests):
+        code = "calibrations-incompatible-together"
+        if alone <= p_value:
+            code, p, i = "calibrations-incompatible", alone, np.argmin(sensor_p)
+            k = np.argmax(en[i])
     values: dict[str, Value] = {
         "first": names[0],
         "second": names[1],
         "angle": ANGLES[k],
         "support": supports[int(i)],
         "difference": 1e3 * float(rpy[i, k]),
+        "expanded": 1e3 * abs(float(rpy[i, k])) / max(float(en[i, k]), 1e-9),
         "en": float(en[i, k]),
+        "usual": alone >= 0.1,
         "above": above,
         "single": above == 1,
         "of": en.size,
     }
-    return Finding(code, names, p_value=p_value, values=values)
+    return Finding(code, names, p_value=p, values=values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +196,10 @@ def compare_pair(
         _require_covariance(name, rotations)
     d = so3.log(first.rotation @ np.swapaxes(second.rotation, 1, 2))
     covariance, known, seen = _of_difference(first, second, nested)
-    chi2, dof = Contrast(known, known @ d.reshape(-1)).chi2()
-    p = p_value((chi2, dof))
+    departure = Contrast(known, known @ d.reshape(-1))
+    chi2, dof = departure.chi2()
+    p, each = p_value((chi2, dof)), np.arange(d.size).reshape(-1, 3)
+    sensor_p = np.array([p_value(departure.chi2(where)) for where in each])
     rpy = so3.deviations(first.rotation, second.rotation)
     if nested is None:  # each by its own angles, which matters where they are far apart
         std = np.hypot(rpy_std(first), rpy_std(second))
@@ -202,9 +217,10 @@ def compare_pair(
         chi2=chi2,
         dof=dof,
         p_value=p,
-        verified=compatible(p),
+        sensor_p=sensor_p,
+        verified=compatible(p, sensor_p),
         detectable=smallest_changes(
-            first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE
+            first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE / 2
         ),
     )
 

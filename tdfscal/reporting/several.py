@@ -104,7 +104,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
                 "Angles and E_n",
                 (_angles(view.history, view.letters), _en(view.history)),
                 f"E_n is the difference divided by its expanded uncertainty ({_K}); whether two "
-                "calibrations are compatible, p of all angles together says.",
+                "calibrations are compatible, the χ² of all and of each sensor say.",
             ),
         ),
         warnings=_warnings(view),
@@ -169,7 +169,7 @@ def _keep(view: Several) -> str:
         return "Use none of them: calibrate again."
     named = [pair for pair in sound if pair[1].status == "accepted"] or sound
     first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
-    keep = f"Keep {first[0]} in use: nothing has moved since, so that nothing need be loaded anew"
+    keep = f"Keep {first[0]} in use: no move since is seen, so that nothing need be loaded anew"
     if within(best[1]) == within(first[1]):
         return f"{keep}."
     return f"{keep}; {best[0]} where ± matters, for it knows the angles best."
@@ -179,7 +179,8 @@ def _warnings(view: Several) -> tuple[str, ...]:
     named = list(zip(view.letters, view.content, strict=True))
     found = [f"{name} {_SAID[s]}" for s in _SAID for name, c in named if c.status == s]
     found += [f"{name} is {UNSEALED}" for name, c in named if c.unsealed]
-    if len({c.rig.sha256 for c in view.content}) > 1:
+    rigs = [c.rig.model_dump(exclude={"sha256", "campaign"}) for c in view.content]
+    if any(rig != rigs[0] for rig in rigs):
         found.append("the rig files differ between these calibrations")
     found += map(sentence, view.remarks)
     return tuple(found)

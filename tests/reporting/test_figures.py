@@ -161,7 +161,7 @@ def test_methods_agree_by_all_angles_together() -> None:
     (said,) = (d.reading for d in drawings(c) if d.name == "methods")
     assert "agree within their uncertainties" in said
     assert f"E_n = {largest:.2f}; p = 0.14" in said
-    apart = {**c.tracker, "consistency_p_value": 0.009}
+    apart = {**c.tracker, "consistency_p_value": 0.0049}
     (said,) = (d.reading for d in drawings(changed(c, tracker=apart)) if d.name == "methods")
     assert said.startswith("not compatible")
 

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tdfscal.comparison.compatibility import combine, compare, compare_pair
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rotations
+from tdfscal.significance import INCOMPATIBLE
 
 from .world import chi2_bounds, error_vector
 
@@ -63,16 +65,38 @@ def test_a_known_difference_in_closed_form() -> None:
     assert pair.en[1, 2] == pytest.approx(1.0, rel=1e-12)
     assert pair.chi2 == pytest.approx(4.0, rel=1e-12)
     assert pair.dof == 9
-    # χ² = 21.67 on 9 at 1 %: 2.328 mrad; E_n alone, 2.3 there, decides nothing.
-    more = compare_pair(("a", about(a, 1, [0, 0, 2.34e-3])), ("b", b))
+    # Of three sensors one stands out at 1/2 %: χ² = 15.3 on 3; 21.67 on 9 would have missed it.
+    limit = 0.5e-3 * np.sqrt(stats.chi2.isf(0.005 / 3, 3))
+    more = compare_pair(("a", about(a, 1, [0, 0, 1.001 * limit])), ("b", b))
+    assert more.p_value > 0.01
     assert not more.verified
     assert more.finding.code == "calibrations-incompatible"
     assert more.finding.values["angle"] == "yaw"
     assert more.finding.values["support"] == "ncp2"
-    less = compare_pair(("a", about(a, 1, [0, 0, 2.31e-3])), ("b", b))
+    less = compare_pair(("a", about(a, 1, [0, 0, 0.999 * limit])), ("b", b))
     assert less.verified
-    assert less.en[1, 2] > 2
+    assert less.en[1, 2] > 1.7
     assert less.finding.code == "calibrations-compatible"
+
+
+def test_one_in_100_sound_pairs_is_refused_and_more_of_one_turned_sensor_than_by_chi2() -> None:
+    """5,000 correlated pairs, and the same with one sensor turned by 4 of its σ about any axis."""
+    rng = np.random.default_rng(3)
+    refused = seen = by_chi2 = 0
+    for _ in range(5000):
+        X, C = np.tile(np.eye(3), (3, 1, 1)), covariance(rng, 1e-6)
+        a, b = draw(rng, X, C), Rotations(NAMES, X, 1e-20 * np.eye(9))
+        k, axis = int(rng.integers(3)), rng.normal(size=3)
+        # What the others tell of this sensor's error shows its turn, too.
+        known = np.linalg.inv(C)[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        turn = 4.0 * axis / np.sqrt(axis @ known @ axis)
+        refused += not compare_pair(("a", a), ("b", b)).verified
+        turned = compare_pair(("a", about(a, k, turn.tolist())), ("b", b))
+        seen += not turned.verified
+        by_chi2 += turned.p_value < INCOMPATIBLE
+    assert refused <= stats.binom.isf(1e-3, 5000, INCOMPATIBLE)
+    # Of λ = 16 a χ² on 9 at 1 % finds 60.9 %, the sensor's own on 3 at 1/600 by itself 64.0 %.
+    assert by_chi2 < 0.634 * 5000 < seen
 
 
 def test_detectable_is_seen_in_95_of_100() -> None:

@@ -139,7 +139,10 @@ def methods(c: Calibration) -> Drawing | None:
         apart = so3.wrapped(own - other)
         en = np.abs(apart) / (COVERAGE_FACTOR * np.hypot(own_std, other_std))
         names = ("self-calibration", "tracker")
-        said = f"{sentence(verdict(names, c.support_names, apart, en, p))}."
+        found = verdict(names, c.support_names, apart, en, p, np.ones(len(en)))
+        said = f"{sentence(found)}."
+    for disagreement in c.found("methods-disagree"):
+        said = f"{disagreement.text}."
     title = "Two methods against each other"
     return Drawing("methods", title, said, lambda: _whiskers(c.support_names, rows, label))
 
@@ -160,8 +163,8 @@ def drift(h: History) -> Drawing:
     said = (
         f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
         f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
-        f"E_n = {en[f, i, j]:.2f}; {'within' if worst.compatible else 'beyond'} the "
-        f"uncertainties of all angles together, {p_text(worst.p_value)}."
+        f"E_n = {en[f, i, j]:.2f}; the two are {'' if worst.compatible else 'not '}"
+        f"compatible, {p_text(worst.finding.p_value or 0.0)}."
     )
     return Drawing("drift", "Change of each angle", said, lambda: _changes(pairs))
 
