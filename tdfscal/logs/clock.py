@@ -13,6 +13,8 @@ from tdfscal.records import BoolArray, FloatArray, Rows
 
 MAX_STEP_BACK = 1.0
 """A clock that steps back by more than this many seconds was set anew: refused."""
+MAX_DESCENDING = 0.25
+"""Largest share of steps back of a clock that was set anew; beyond, the rows are in no order."""
 MAX_PAUSE = 30.4375 * 86400.0
 """A clock that goes on by more than this many seconds, a month, was set meanwhile: refused."""
 MAX_DROPPED = 1e-3
@@ -130,10 +132,13 @@ class Clock:
     def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
         bad = ~keep if self._rows == "postures" else latest - time > MAX_STEP_BACK
         if bad.any():
-            if np.mean(np.diff(time) < 0.0) > 0.5:
+            step = np.diff(time)
+            if np.mean(step < 0.0) > MAX_DESCENDING:
+                how = "is in no order"
+                if not np.any(step > 0.0):
+                    how = f"runs backwards from {when(time[0])}: the newest rows come first"
                 raise DataError(
-                    f"the time of {self.name} runs backwards from {when(time[0])}: the newest "
-                    "rows come first",
+                    f"the time of {self.name} {how}",
                     hint="sort the rows so that their time ascends",
                 )
             k = int(np.argmax(bad))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from tdfscal.files.hashing import fingerprint, note_outside
 from tdfscal.findings import Finding
 from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
-from tdfscal.logs.request import Request, make_request, without_axis
+from tdfscal.logs.request import Request, make_request, with_cure
 from tdfscal.logs.streams import Streams, as_log
 from tdfscal.records import BoolArray, Log, LogMapping, Series
 
@@ -148,8 +148,11 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
                     pending = as_log(ascending, request)
                 said = streams.findings(file)
             except DataError as error:
+                seen: Set[str] = frozenset()
+                with suppress(DataError):  # of a damaged file nothing is known
+                    seen = open_log(path, bag).contents().filled if error.fields else seen
                 with placed(path):
-                    raise without_axis(error, request) from error
+                    raise with_cure(error, request, seen) from error
             note = None if bag is None else note_outside(path, bag.folder, METADATA)
             entry = described(file.integrity, note)
         reached = streams.last

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -182,17 +182,26 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
     )
 
 
-def without_axis(error: DataError, request: Request) -> DataError:
-    """The error; where it names a component of a force, with the line by which that is left out."""
+def with_cure(error: DataError, request: Request, filled: Set[str]) -> DataError:
+    """The error, where it names fields, with what to do about them: is it a hole, or a whole axis?
+
+    filled : fields in which the file has numbers elsewhere.
+    """
+    lacking = []
     for signal in request.signals:
         whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
-        gone = {name for name in signal.own if whole or name in error.fields}
-        if signal.quantity == "force" and gone:
-            each = zip("xyz", signal.components, signal.measured, strict=True)
-            left = [axis for axis, name, there in each if there and name not in gone]
-            line = (
-                f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
-                f"{signal.support} in rig.yaml"
-            )
-            return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)
-    return error
+        if gone := {name for name in signal.own if whole or name in error.fields}:
+            lacking.append((signal, gone))
+    if any(gone & filled for _, gone in lacking):
+        line = "mend what stands there, or leave out that row or message"
+    elif lacking and all(signal.quantity == "force" for signal, _ in lacking):
+        signal, gone = lacking[0]
+        each = zip("xyz", signal.components, signal.measured, strict=True)
+        left = [axis for axis, name, there in each if there and name not in gone]
+        line = (
+            f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
+            f"{signal.support} in rig.yaml"
+        )
+    else:
+        return error
+    return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)

@@ -119,12 +119,12 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     mapping = request.mapping
     if mapping.rows == "timeseries" or mapping.time_field in present:
         wanted = {mapping.time_field: None} | wanted
-    if missing := [name for name in wanted if name not in present]:
-        raise missing_fields(missing, present, kind="column")
     for name in wanted:
         if (times := present.count(name)) > 1:
             what = f"column {name} is there {times} times"
-            raise DataError(what, hint="give each column its own name", fields=(name,))
+            raise DataError(what, hint="give each column its own name")
+    if missing := [name for name in wanted if name not in present]:
+        raise missing_fields(missing, present, kind="column")
     return {name: present.index(name) for name in wanted}
 
 

@@ -63,6 +63,14 @@ def test_clock_set_back_is_refused(tmp_path: Path, jump: float) -> None:
         read([csv(tmp_path, times)])
 
 
+@pytest.mark.parametrize("step", [-1, 37])
+def test_rows_in_another_order_are_refused(tmp_path: Path, step: int) -> None:
+    order = np.arange(101) * step % 101
+    with pytest.raises(DataError, match=r"[Ss]ort the rows") as refused:
+        read([csv(tmp_path, order[1:])])
+    assert ("newest rows come first" in str(refused.value)) == (step == -1)
+
+
 def test_gaps_are_counted(tmp_path: Path) -> None:
     times = np.arange(3000) * 0.01
     times[1000:] += 0.045

@@ -16,6 +16,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.logs import read_log
 from tdfscal.records import BoolArray, Log
 from tdfscal.simulation import Recorder, make_rig
+from tests.files.logs.log_making import LOG_TIME, make_truth, mcap_bytes, write
 
 SUPPORTS = ("ncp1", "ncp2", "ncp3", "ncp4")
 #: Two load cells: one of z alone, and no sensor at all.
@@ -64,6 +65,34 @@ def test_csv_without_the_columns_or_with_nothing_in_them(
     line = r"write `axes: \[.*\]` for ncp[34] in rig.yaml"
     with pytest.raises(DataError, match=line):
         read(path, folder)
+
+
+@pytest.mark.parametrize("cell", ["nan", ""])
+def test_one_hole_is_no_axis_that_nobody_measures(
+    folders: dict[str, Path], tmp_path: Path, cell: str
+) -> None:
+    """It is named by its line; without that line the log is read."""
+    folder, path = folders["csv"], tmp_path / "log.csv"
+    lines = (folder / "log.csv").read_text().splitlines()
+    cells = lines[7].split(",")
+    cells[lines[0].split(",").index("TDFS3_Fy")] = cell
+    path.write_text("\n".join([*lines[:7], ",".join(cells), *lines[8:]]) + "\n")
+    with pytest.raises(DataError, match="line 8, column TDFS3_Fy") as refused:
+        read(path, folder)
+    assert "axes" not in str(refused.value)
+    path.write_text("\n".join(lines[:7] + lines[8:]) + "\n")
+    whole = read(folder / "log.csv", folder).force[2].value
+    assert np.array_equal(read(path, folder).force[2].value, np.delete(whole, 6, axis=0))
+
+
+@pytest.mark.parametrize(("rows", "axis"), [(slice(6, 7), False), (slice(None), True)])
+def test_messages_with_nan(tmp_path: Path, rows: slice, axis: bool) -> None:
+    truth = make_truth()
+    truth.force[2][rows, 1] = np.nan
+    path = write(tmp_path / "log.mcap", mcap_bytes(truth))
+    with pytest.raises(DataError, match=r"not finite \(/ncp3/wrench.wrench.force.y") as refused:
+        read_log([path], LOG_TIME, LOG_TIME.supports)
+    assert ("write `axes: [x, z]` for ncp3" in str(refused.value)) == axis
 
 
 @pytest.mark.parametrize("nan", [False, True])
