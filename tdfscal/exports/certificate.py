@@ -55,13 +55,11 @@ def certificate(c: Calibration) -> str:
         data = "data", [_quantity(which, value, "\\degreecelsius") for which, value in ends]
         condition = "influenceCondition", [_name("Ambient temperature"), data]
         result.append(("influenceConditions", [condition]))
-    # The standard uncertainties tell the intervals: k = 2 then covers what it says.
-    linear = c.monte_carlo is None or not c.monte_carlo.decides
     all_std = {}
     if c.parameters is not None:
         variance = np.diagonal(np.array(c.parameters.matrix))
         all_std = dict(zip(c.parameters.parameters, np.sqrt(variance).tolist(), strict=True))
-    results = [_sensor(support, all_std, linear=linear) for support in c.supports]
+    results = [_sensor(support, all_std, linear=_linear(c)) for support in c.supports]
     of = f"covariance of {', '.join(c.covariance.parameters)}"
     data = "data", [_matrix(of, c.covariance.matrix, "\\radian\\tothe{2}")]
     together = [_name("All rotations together"), _description(c.covariance.definition), data]
@@ -73,6 +71,11 @@ def certificate(c: Calibration) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
+def _linear(c: Calibration) -> bool:
+    """The standard uncertainties tell the intervals: k = 2 then covers what it says."""
+    return c.monte_carlo is None or not c.monte_carlo.decides
+
+
 def _told(c: Calibration) -> list[str]:
     """What a reader must know of the numbers: warnings first, then the report's own facts."""
     digest = traceability.report_digest(c)
@@ -81,8 +84,11 @@ def _told(c: Calibration) -> list[str]:
     facts += [("REJECTED", f.told) for f in c.reasons]
     facts += [("Warning", text) for text in traceability.warnings(c)]
     if c.measured is None:
-        facts.append(("Measured", "not known when; the dates are those of the computation"))
-    facts += [*traceability.campaign_facts(c), *statistics(c), *traceability.assumptions(c)]
+        facts.append(("Measured", traceability.measured_by(c)))
+    k = f"expanded uncertainties with k = {COVERAGE_FACTOR:g}, each with what it covers"
+    cover = ("Coverage", k if _linear(c) else f"{k}; of angles, the trials' intervals")
+    found = (cover if fact[0] == "Coverage" else fact for fact in statistics(c))
+    facts += [*traceability.campaign_facts(c), *found, *traceability.assumptions(c)]
     for table in traceability.exact_tables(c):
         for what, *effects in table.rows:
             by = ", ".join(map(" ".join, zip(table.header[1:], effects, strict=True)))
@@ -95,9 +101,13 @@ def _administration(c: Calibration) -> list[Part]:
     """Whose certificate, of what, when; the days are the computation's where none are told."""
     begin, end = (m.begin, m.end) if (m := c.measured) else (c.created, c.created)
     codes = ("countryCodeISO3166_1", "usedLangCodeISO639_1", "mandatoryLangCodeISO639_1")
-    core = [
+    # The schema has no better room beside the dates for who says them.
+    by = traceability.measured_by(c)
+    dated = [("issuer", "other"), ("value", by), _name("origin of the performance dates")]
+    core: list[Part] = [
         *zip(codes, ("XX", "en", "en"), strict=True),
         ("uniqueIdentifier", f"DRAFT-{c.created}-{traceability.report_digest(c)[:8]}"),
+        ("identifications", [("identification", dated)]),
         ("beginPerformanceDate", begin[:10]),
         ("endPerformanceDate", end[:10]),
         ("performanceLocation", "other"),

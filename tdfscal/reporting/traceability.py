@@ -72,17 +72,22 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
 
 
 def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """What is told of the rig's serial number, dates, people, place, instruments, conditions."""
+    """What is told of the rig's serial number, dates, people, place, conditions; of instruments
+    that were used.
+    """
     stated = c.rig.campaign
     facts = [("Serial number", c.rig.serial)]
     if c.measured is not None:
         span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
-        again = "; a copy has another: state campaign.date" if c.measured.source == "file" else ""
-        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}{again}"))
+        facts.append(("Measured", f"{span}, {measured_by(c)}"))
     facts.append(("Next due", _next_due(c)))
     if stated is not None:
         facts += [("Operator", stated.operator), ("Site", stated.site)]
-        facts += [("Tracker", stated.tracker), ("Scale", stated.scale), ("Note", stated.note)]
+        if any(method != "self" for method in (c.method, *(one.method for one in c.history))):
+            facts.append(("Tracker", stated.tracker))
+        if c.method != "tracker" and math.isfinite(c.rig.terminal.mass.std):
+            facts.append(("Scale", stated.scale))
+        facts.append(("Note", stated.note))
     if c.dwells is not None and c.dwells.temperature is not None:
         warm = c.dwells.temperature
         facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
@@ -98,6 +103,14 @@ def measured_on(c: Calibration) -> str:
     if c.measured is None:
         return f", computed {c.created[:10]}"
     return f" of {c.measured.end[:10]}, {_SOURCES[c.measured.source]}"
+
+
+def measured_by(c: Calibration) -> str:
+    """What says when the data were recorded."""
+    if c.measured is None:
+        return "not known when; the dates are those of the computation"
+    again = "; a copy has another: state campaign.date" if c.measured.source == "file" else ""
+    return f"{_SOURCES[c.measured.source]}{again}"
 
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:

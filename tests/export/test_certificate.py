@@ -78,6 +78,14 @@ def test_numbers_keep_two_digits_beyond_those_of_the_uncertainty() -> None:
             assert told(real, MU + "coverageProbability") == pytest.approx(0.9545, abs=5e-5)
 
 
+def test_no_other_coverage_factor_is_told() -> None:
+    """A sentence on the intervals of the page would contradict the numbers here."""
+    text = certificate(C)
+    assert set(re.findall(r"k = (\d[\d.]*\d|\d)", text)) == {"2"}
+    factors = ET.fromstring(text).iterfind(".//si:coverageFactor", NAMES)
+    assert {float(str(e.text)) for e in factors} == {2.0}
+
+
 def test_few_degrees_of_freedom_cover_less() -> None:
     """An interval of ± 2 standard uncertainties for 95 % says itself that k = 2 covers 95 %."""
     found = quantities(by_hand(C.model_dump()))
@@ -195,6 +203,8 @@ def test_it_says_by_what_it_is_dated(source: str, said: str) -> None:
     lines = [str(e.text) for e in root.iterfind(".//dcc:description/dcc:content", NAMES)]
     (told,) = (line for line in lines if line.startswith("Measured: "))
     assert told.startswith(f"Measured: 2026-11-20 08:00:00 UTC, {said}")
+    beside = root.findtext(".//dcc:coreData//dcc:identification/dcc:value", namespaces=NAMES)
+    assert str(beside).startswith(said)
 
 
 def test_matrices_stand_in_full() -> None:

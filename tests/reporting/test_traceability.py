@@ -57,7 +57,11 @@ def test_papers_of_rig_and_sensors() -> None:
 def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     """With the dates' origin, the assumptions and the rule."""
     papers = {"tracker": "LT-4711, D-K-20", "scale": "W-3, D-K-21", "date": "2026-11-21"}
-    c = stated(campaign=papers)
+    alone = facts(stated(campaign=papers))
+    assert "Tracker" not in alone
+    assert alone["Scale"] == papers["scale"]
+    c = surveyed()[1]
+    c = changed(c, rig=c.rig.model_dump(mode="json", exclude_none=True) | {"campaign": papers})
     measured = {"begin": "2026-11-21T00:00:00Z", "end": "2026-11-22T00:00:00Z", "source": "file"}
     c = changed(c, measured=measured)
     found = facts(c)
