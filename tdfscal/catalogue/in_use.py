@@ -27,6 +27,13 @@ misfit-unexplained rejects
     "{campaign} does not fit {than} ({p}): %s",
     "-> {updating:calibrate anew instead of updating; or declare drift.angle, where the angles walk"
     "|leave {campaign} out, or calibrate the campaigns before and after apart}",
+) | entries(
+    """
+campaigns-changed rejects
+  {said}
+  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the
+    rig's own|}
+"""
 )
 
 #: What may have changed since a calibration.

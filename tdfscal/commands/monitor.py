@@ -24,6 +24,7 @@ from tdfscal.commands.several_campaigns import usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
+from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -158,7 +159,8 @@ def monitor(
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
-    life, noisy = life_of(rig, known, [usable[read.name].recorded for read in reads])
+    campaigns = [usable[read.name].recorded for read in reads]
+    life, noisy = life_of(rig, known, pool(campaigns) if campaigns else None)
     return MonitorResult(
         rig,
         life,

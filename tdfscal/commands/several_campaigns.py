@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,15 @@ from tdfscal.commands.read_campaigns import Read, Unusable, naming, read_campaig
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
 from tdfscal.records import InputFile, Measured, Rig
+from tdfscal.reporting.history import sentence as alarm_sentence
+from tdfscal.reporting.history import short
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.result import SelfCalibration
@@ -200,11 +204,12 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     pooled = pool([usable[read.name].recorded for read in reads])
     last = max(k for k, read in enumerate(reads) if read.dwells is not None)
     read = reads[last]
+    changes, pooled = _changes(reads, pooled)
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
-    reasons = [*map(misfit_finding, pooled.misfits), *_lost(reads, pooled, last)]
-    reasons += (*unusable.findings, *(rejected.values() if enough else wanted(rejected.values())))
+    reasons = [*changes, *_lost(reads, pooled, last), *unusable.findings]
+    reasons += rejected.values() if enough else wanted(rejected.values())
     whole = Measured(
         min(one.measured.begin for one in reads),
         max(one.measured.end for one in reads),
@@ -213,7 +218,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
     others = (usable[one.name].remark for one in reads if one is not read)
     remarks = [remark for remark in others if remark]
-    return as_calibration(replace(own, findings=(*own.findings, *reasons)), origin, remarks)
+    return as_calibration(replace(own, findings=(*reasons, *own.findings)), origin, remarks)
 
 
 def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[dict[str, Any], ...]:
@@ -231,6 +236,39 @@ def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[dict[str, Any], ...
         )
         for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True))
     )
+
+
+def _changes(reads: Sequence[Read], pooled: Pool) -> tuple[list[Finding], Pool]:
+    """Why the campaigns are not of one state; and the pool, knowing what turned between them.
+
+    Turns that the control chart alarms of, unless fewer campaigns that do not fit the others
+    explain as much.
+    """
+    life, _ = life_of(reads[-1].rig, [], pooled)
+    alarms, misfits = life.alarms, pooled.misfits
+    unnamed = any(alarm.sensor is None for alarm in alarms)
+    if not alarms or (misfits and (unnamed or len(misfits) < len(alarms))):
+        return [misfit_finding(misfit) for misfit in misfits], pooled
+    edges = [0, *sorted({alarm.onset for alarm in alarms}), len(life.names)]
+    names = short(life.names)
+    apart = [
+        names[a] if b - a == 1 else f"{names[a]} to {names[b - 1]}" for a, b in pairwise(edges)
+    ]
+    values: dict[str, Value] = {"apart": apart, "creeps": any(a.kind == "creep" for a in alarms)}
+    steps = [a + b for a, b in zip(pooled.walk.steps, life.jumps, strict=True)]
+    found = [
+        Finding(
+            "campaigns-changed",
+            () if alarm.sensor is None else (life.supports[alarm.sensor],),
+            alarm.size,
+            "rad",
+            alarm.p_value,
+            values={"said": alarm_sentence(life, alarm), **values},
+            rejects=True,
+        )
+        for alarm in alarms
+    ]
+    return found, replace(pooled, walk=replace(pooled.walk, steps=steps))
 
 
 def _lost(reads: Sequence[Read], pooled: Pool, last: int) -> Iterator[Finding]:

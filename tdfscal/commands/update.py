@@ -255,15 +255,17 @@ def _updated(
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
     own = calibrate_informed(read, informed, trials, tuple(read.inputs))
-    own = replace(own, findings=(*own.findings, *beside))
     level = float(alarm_level(month - since))
     misfit, this = _contribution(informed, own, read, level)
     if misfit.p_value <= level:
         rejected = judged(read).rejected
-        found = (
-            [misfit_finding(misfit, since=earlier.name)] if rejected is None else wanted([rejected])
-        )
-        own = replace(own, findings=(*own.findings, *found))
+        found, said = [misfit_finding(misfit, since=earlier.name)], own.findings
+        if rejected is not None:
+            found = [*wanted([rejected])]
+        else:  # what else rejects it stands on what it does not fit
+            said = tuple(f for f in said if not f.rejects or f.code in PRECISION)
+        own = replace(own, findings=(*found, *said))
+    own = replace(own, findings=(*own.findings, *beside))
     notes = [_could_have_missed(misfit, read.rig, earlier)]
     if not earlier.file.accepted:
         notes.append(Finding("calibration-rejected", (earlier.name,)))

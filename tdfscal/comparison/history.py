@@ -52,7 +52,8 @@ class Life:
     whether it says anything of that sensor. rpy, rpy_std : (K, n, 3), the same as angles.
     path, path_std : (K, n, 3), rad, roll, pitch, yaw of the smoothed path. mean, limit : (K, n, 3),
     weighted mean between alarms and the half width outside which one angle alone is surprising.
-    level, smallest : as in `control_chart.Watch`. birge : by which all uncertainties were scaled.
+    level, smallest : as in `control_chart.Watch`. jumps : variance (C,) before each check by which
+    the alarms free the constants. birge : by which all uncertainties were scaled.
     """
 
     supports: tuple[str, ...]
@@ -71,6 +72,7 @@ class Life:
     alarms: tuple[Alarm, ...]
     level: FloatArray
     smallest: FloatArray
+    jumps: tuple[FloatArray, ...]
     rate: float
     declared: float
     walk: Intensity | None
@@ -158,6 +160,7 @@ def live(
         alarms=watch.alarms,
         level=watch.level,
         smallest=watch.smallest,
+        jumps=tuple(jumps),
         rate=rate,
         declared=rig.drift.angle,
         walk=walk,

@@ -48,7 +48,7 @@ from tdfscal.numerics.information import Information
 from tdfscal.records import ExactMoves, FloatArray, IntArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.significance import alarm_level
+from tdfscal.significance import POOL_SHARE, alarm_level
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-4
@@ -202,7 +202,8 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         )
     birge = scatter_of([within(part, walk.prior) for part in reduced])
     own = [item.scaled(ratio) for item, ratio in zip(walk.own, birge, strict=True)]
-    names, level = [item.name for item in ordered], alarm_level(np.append(gaps[1:2], gaps[1:]))
+    names = [item.name for item in ordered]
+    level = POOL_SHARE * alarm_level(np.append(gaps[1:2], gaps[1:]))
     scaled = Walk(own, walk.prior.scaled(birge.min()), steps)
     found = not_fitting(shared, names, scaled, level)
     return Pool(shared, references, walk, tuple(members), found)

@@ -14,7 +14,7 @@ from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Check
 from tdfscal.comparison.history import Life, live
 from tdfscal.comparison.misfit import scatter_of, within
-from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.pooling import Pool
 from tdfscal.errors import UsageError
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
@@ -79,18 +79,17 @@ class EarlierCalibration:
 
 
 def life_of(
-    rig: Rig, known: Sequence[EarlierCalibration], campaigns: Sequence[Recorded]
+    rig: Rig, known: Sequence[EarlierCalibration], pooled: Pool | None
 ) -> tuple[Life, list[Finding]]:
-    """Go through calibrations and campaigns of a rig; and say which count with their own scatter.
+    """Go through calibrations and a pool's campaigns; and say which count with their own scatter.
 
     Raises UsageError where a calibration stands on another that is not among them.
     """
-    pooled = pool(campaigns) if campaigns else None
     rigs = pooled.common.rigs if pooled else ()
     shared = common([*rigs, *(e.rig for e in known)])
     first, told = known[0].state if known else nominal(rig), np.zeros(rig.n, dtype=np.bool_)
     if pooled:
-        first, told = pooled.reference, _determined(rig, pooled, campaigns)
+        first, told = pooled.reference, _determined(rig, pooled)
     first = _with_turns(first, told, known)
     loads = [*(pooled.references if pooled else ()), *(e.state for e in known)]
     references = [with_load(first, loads[k]) for k in shared.terminal]
@@ -117,9 +116,9 @@ def life_of(
     return live(rig, references[-1], prior, ordered, rate=ALARMS_PER_YEAR, birge=least), noisy
 
 
-def _determined(rig: Rig, pooled: Pool, campaigns: Sequence[Recorded]) -> BoolArray:
+def _determined(rig: Rig, pooled: Pool) -> BoolArray:
     """Sensors (n,) that campaigns together determine, or that lack no axis in any of them."""
-    whole = np.all([one.rig.axes.all(axis=1) for one in campaigns], axis=0)
+    whole = np.all([one.axes.all(axis=1) for one in pooled.common.rigs], axis=0)
     last = pooled.posterior(len(pooled.members) - 1)
     std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
     return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))

@@ -102,7 +102,8 @@ def measured_on(c: Calibration) -> str:
     """Of which day the data are, and what says so; a file of old knows its own day alone."""
     if c.measured is None:
         return f", computed {c.created[:10]}"
-    return f" of {c.measured.end[:10]}, {_SOURCES[c.measured.source]}"
+    first = f"{c.measured.begin[:10]} to " if len(c.campaigns) > 1 and not c.history else ""
+    return f" of {first}{c.measured.end[:10]}, {_SOURCES[c.measured.source]}"
 
 
 def measured_by(c: Calibration) -> str:

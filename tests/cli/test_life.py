@@ -282,7 +282,7 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
         (2, ["update", base, first], "same recording"),
         (2, ["update", base, older], "before the calibration"),
         (2, ["calibrate", ""], "empty"),
-        (1, ["calibrate", *folders(months, 0, 6)], f"Leave {folders(months, 5, 6)[0]} out, or"),
+        (1, ["calibrate", *folders(months, 0, 6)], "apart: 2024-05 to 2024-09, 2024-10."),
     ):
         done = cli(*arguments, "--trials", 0, "-o", target, "-q", ends=status)
         said = done.err + done.out
@@ -290,6 +290,18 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
         assert "Traceback" not in said
         assert not target.exists()
     cli("monitor", base, ends=2)
+
+
+@pytest.mark.parametrize(("last", "alarms"), [(5, 0), (7, 1)])
+def test_a_pool_is_one_state_where_the_chart_does_not_alarm(
+    months: Path, last: int, alarms: int
+) -> None:
+    """And of several, what it says is the chart's, and no slip in the course of one log."""
+    known = folders(months, 0, last)
+    pooled = tdfscal.calibrate(known, trials=0, allow_rejected=True)
+    told = [alarm["text"] for alarm in tdfscal.monitor(known).to_dict()["alarms"]]
+    assert len(told) == alarms
+    assert [reason.text for reason in pooled.reasons] == told
 
 
 def test_one_posture_finds_new_zeros(
