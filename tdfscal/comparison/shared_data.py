@@ -22,6 +22,10 @@ from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
 Relation = Literal["apart", "first", "second", "same", "overlapping"]
 
 
+#: Share of the shorter of two parts that both may hold where one was cut after the other.
+_ABUTTING = 0.01
+
+
 @dataclass(frozen=True, slots=True)
 class Recorded:
     """A recording that went into an estimate.
@@ -39,7 +43,9 @@ class Recorded:
             return False
         if self.span is None or other.span is None:
             return True
-        return min(self.span[1], other.span[1]) > max(self.span[0], other.span[0])
+        shared = min(self.span[1], other.span[1]) - max(self.span[0], other.span[0])
+        shorter = min(end - begin for begin, end in (self.span, other.span))
+        return shared > _ABUTTING * shorter
 
     def lies_in(self, other: Recorded) -> bool:
         """Whether all of its samples are in the other too."""

@@ -7,6 +7,7 @@ add nothing of their own. Below stand the parts that several reports share.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, cast
@@ -288,8 +289,9 @@ def utc(instant: str) -> str:
 
 
 def begun(text: str, end: str = "") -> str:
-    """A sentence with its capital, and what ends it."""
-    return f"{text[0].upper()}{text[1:]}{end}"
+    """A sentence with its capital, but for a name that begins it; and what ends it."""
+    first = re.sub("[-',;:]", "", text.split(maxsplit=1)[0])
+    return f"{text[0].upper() if first.isalpha() else text[0]}{text[1:]}{end}"
 
 
 def plain(value: Any) -> Any:

@@ -274,3 +274,10 @@ def test_a_report_judges_by_what_is_common_as_compare_does(
         assert told[key] == found[key]
     known = found["p_value"] is not None
     assert ("NOT SEPARATE RESULTS" in page.read_text()) is not known
+
+
+@pytest.mark.parametrize(("begin", "related"), [(0.0, "same"), (74.0, "apart"), (50.0, "same")])
+def test_two_parts_of_a_log_that_abut_share_nothing(begin: float, related: Relation) -> None:
+    """A dwell at the cut goes into both, by a sample."""
+    first, second = (Recorded("a", span) for span in ((1.0, 74.1), (begin, 168.0)))
+    assert relation([first], [second]) == related
