@@ -42,9 +42,10 @@ class World:
 def part(dwells: Dwells, rows: FloatArray | np.typing.NDArray[np.int64]) -> Dwells:
     """Some of the dwells."""
     index = np.asarray(rows, dtype=np.int64)
-    whole = ("supports", "left_out", "findings", "temperature", "absence", "force_range")
-    names = [f.name for f in fields(Dwells) if f.name not in whole]
-    return replace(dwells, **{name: getattr(dwells, name)[index] for name in names})
+    each = {f.name: getattr(dwells, f.name) for f in fields(Dwells)}
+    whole = ("supports", "left_out", "findings", "force_range", "force_still")
+    columns = {k: v[index] for k, v in each.items() if k not in whole and v is not None}
+    return replace(dwells, **columns)
 
 
 @cache
