@@ -168,7 +168,7 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
     )
     sensitivity = Table("Sensitivity, sensor frames", ("sensor", "x", "y", "z"), gains)
     return (
-        Table("Zero offsets, N, sensor frames", ("sensor", "x", "y", "z"), zeros),
+        Table("Zero offsets ± std. unc. (k = 1), N, sensor frames", ("sensor", *"xyz"), zeros),
         *((sensitivity,) if gains else ()),
         Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), terminal),
     )
@@ -208,7 +208,7 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
-            ("Fit", chi_squared(f.chi2, f.dof, f.p_value) + _scaled(c)),
+            ("Fit", chi_squared(f.chi2, f.dof, None if c.motion else f.p_value) + _scaled(c)),
         ]
     if c.tracker is not None:
         t = {name: float(str(c.tracker[name])) for name in ("chi2", "dof", "p_value")}
@@ -217,9 +217,10 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         alone = "by the log alone, " if c.method == "joint" else ""
         facts.append(("Observability", alone + c.observability.verdict))
     facts.append(("Coverage", _coverage(c)))
-    if c.monte_carlo is not None:
-        m = c.monte_carlo
-        facts.append(("Monte Carlo", f"{m.trials} trials {m.verdict} the linear 95 % intervals"))
+    done = "none was made: the intervals are those of the linear uncertainties"
+    if (m := c.monte_carlo) is not None:
+        done = f"{m.trials} trials {m.verdict} the linear 95 % intervals"
+    facts.append(("Monte Carlo", done))
     std = np.sqrt(np.diagonal(np.array(c.covariance.matrix)))
     if np.all(std > 0):
         off = np.array(c.covariance.matrix) / np.outer(std, std) - np.eye(len(std))

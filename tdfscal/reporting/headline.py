@@ -11,7 +11,7 @@ from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.records import FloatArray
-from tdfscal.reporting.traceability import exact_sentence, not_whole_sentence
+from tdfscal.reporting.traceability import exact_sentence, expired_sentence, not_whole_sentence
 
 #: Postures named at most.
 _NAMED = 8
@@ -68,7 +68,8 @@ def headline(c: Calibration) -> str:
             f"they are right, the angles are known, {said}."
         )
     exact = exact_sentence(c, half_widths(c).max())
-    return " ".join(filter(None, (loaded, exact, not_whole_sentence(c), _rests_on(c))))
+    first = (loaded, exact, expired_sentence(c), not_whole_sentence(c), _rests_on(c))
+    return " ".join(filter(None, first))
 
 
 def draft_lines(c: Calibration) -> list[str]:

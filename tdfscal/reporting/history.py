@@ -183,14 +183,16 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     now = f"{name} is at {1e3 * due.now:.2g} of {1e3 * due.limit:.2g} mrad"
     if due.now >= due.limit:
         return f"now: {now}"
-    if due.month is not None:
-        return f"{day(due.month)}, by the most that the history allows ({now})"
-    if due.earliest is None:
-        return f"no date: no walk is declared, and the checks are too few to tell one ({now})"
     months = life.month[-1] - life.month[0]
-    if due.earliest - life.month[-1] >= LONGEST_INTERVAL:
-        return f"within two years, though no limit is reached till then ({now})"
-    return f"not before {day(due.earliest)}, as far as these {months:.1f} months tell ({now})"
+    if due.month is not None:
+        said = f"by {day(due.month)}, by the most that the history allows"
+    elif due.earliest is None:
+        said = "no date: no walk is declared, and the checks are too few to tell one"
+    elif due.earliest - life.month[-1] >= LONGEST_INTERVAL:
+        said = "within two years, though no limit is reached till then"
+    else:
+        said = f"by {day(due.earliest)}, as far as these {months:.1f} months tell"
+    return f"{said} ({now}); check monthly (tdfscal validate)"
 
 
 def _angles(life: Life) -> Table:

@@ -260,9 +260,10 @@ def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:
     return (Items(caption, found),) if found else ()
 
 
-def chi_squared(chi2: float, dof: int, p: float) -> str:
-    """A test in words."""
-    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {p_text(p)}"
+def chi_squared(chi2: float, dof: int, p: float | None) -> str:
+    """A test in words; none where the noise's spectrum was fitted to the same residuals."""
+    tested = "spectrum fitted to it" if p is None else p_text(p)
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {tested}"
 
 
 def told_clock(

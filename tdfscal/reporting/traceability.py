@@ -195,6 +195,12 @@ def _ended(c: Calibration) -> list[tuple[str, str]]:
     return [(end[:10], name) for end, name in _ends(c) if end[:10] < day]
 
 
+def expired_sentence(c: Calibration) -> str:
+    """Whose own certificate had ended, for the first lines; the warnings have the days."""
+    names = ", ".join(name for _, name in _ended(c))
+    return f"No sensor certificate was valid any more for {names}." if names else ""
+
+
 def not_whole(c: Calibration) -> tuple[FindingResult, ...]:
     """What tells that a part of the log is missing: its files, or else recorders that ran apart."""
     return c.found("log-truncated") or c.found("recorders-overlap-in-part")

@@ -184,7 +184,7 @@ def _left_out(attempt: Attempt) -> tuple[str, ...]:
 
 def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     q = seen.quality
-    fit = layout.chi_squared(q.chi2, q.dof, q.p_value)
+    fit = layout.chi_squared(q.chi2, q.dof, q.p_value if isinstance(seen, Undetermined) else None)
     facts = [("Fit", fit if q.dof > 0 else "no residual is left to judge it by")]
     if isinstance(seen, Undetermined):
         facts.append(("Settled", "yes" if seen.fit.converged else "no"))

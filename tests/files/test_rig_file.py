@@ -197,6 +197,7 @@ FAULTS = [
     ("name: ncp2", 'name: ""', "supports[1].name", "not allowed"),
     ("name: ncp2", "name: NCP 2", "supports[1].name", "letters, digits"),
     ("name: ncp2", "name: 2", "supports[1].name", "in quotes"),
+    ("rpy_std: .inf", "sensor: {serial: 4711}", "supports[1].sensor.serial", "by supports[0]"),
     ("hinge: [0.6, 0.0, 0.0]", "hinj: [0.6, 0.0, 0.0]", "supports[0].hinj", "`hinge`"),
     ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.5, 0]", "supports[1].hinge", "coincide"),
     ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.1, 0]", "supports", "one line"),

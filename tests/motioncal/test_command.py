@@ -13,6 +13,7 @@ from tdfscal.commands.calibration import load_calibration
 from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
+from tdfscal.reporting.calibration import statistics
 from tests.cli.running import Cli
 from tests.reporting.samples import sketch
 from tests.words import in_words
@@ -69,6 +70,9 @@ def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
     result = tdfscal.calibrate(tmp_path / "a", trials=0)
     assert result.motion is not None
     assert [found.severity for found in result.found("log-truncated")] == ["warns"]
+    said = dict(statistics(result))
+    assert "p" not in said["Fit"].split()  # the spectrum was fitted to the same residuals
+    assert "trials" not in said["Monte Carlo"]
 
 
 def test_what_does_not_go_together_is_refused(minute: Path) -> None:

@@ -52,6 +52,11 @@ def test_papers_of_rig_and_sensors() -> None:
     (papers,) = (t for t in tables if "serial number" in t.header)
     assert papers.rows == (("support_2", "T-7", "D-K-15", "2031-03-01"),)
     assert "A. Muster" in render(calibration_report(c))
+    # A file in which two sensors have one serial number is read; a rig file is refused.
+    one, other, *rest = c.rig.model_dump(mode="json", exclude_none=True)["supports"]
+    changed(
+        c, rig=c.rig.model_dump() | {"supports": [one | {"sensor": other["sensor"]}, other, *rest]}
+    )
 
 
 def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
@@ -85,8 +90,10 @@ def test_a_rig_that_states_none_has_no_section() -> None:
 
 def test_a_certificate_that_had_ended_is_a_warning() -> None:
     assert not any("certificate" in w for w in calibration_report(stated()).warnings)
-    late = calibration_report(stated(due="2020-01-01")).warnings
-    assert any("support_2" in w and "2020-01-01" in w for w in late)
+    late = calibration_report(stated(due="2020-01-01"))
+    assert any("support_2" in w and "2020-01-01" in w for w in late.warnings)
+    for due, named in (("2020-01-01", True), ("2031-03-01", False)):
+        assert ("any more for support_2" in headline(stated(due=due))) is named
 
 
 def test_what_is_taken_as_exact() -> None:

@@ -315,6 +315,14 @@ def check_hinges(names: Sequence[str], hinges: FloatArray) -> None:
         )
 
 
+def _each_its_own(what: str, values: Sequence[str | None], *place: str) -> None:
+    """Refuse what two supports state alike."""
+    for index, value in enumerate(values):
+        if value is not None and (first := values.index(value)) < index:
+            said = f"the {what} `{value}` is taken by supports[{first}]"
+            raise fault(said, "supports", index, *place, hint="give it another")
+
+
 def _three_or_more(given: Any) -> Any:
     if not isinstance(given, (list, tuple)) or len(given) < 3:
         got = len(given) if isinstance(given, (list, tuple)) else f"{given!r:.40}"
@@ -349,10 +357,10 @@ class RigFile(Strict):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         names = [support.name for support in self.supports]
-        for index, name in enumerate(names):
-            if (first := names.index(name)) < index:
-                what, hint = f"the name `{name}` is taken by supports[{first}]", "give it another"
-                raise fault(what, "supports", index, "name", hint=hint)
+        _each_its_own("name", names, "name")
+        if type(self) is RigFile:  # a calibration file that was written stays of use
+            serials = [s.sensor.serial if s.sensor else None for s in self.supports]
+            _each_its_own("serial number", serials, "sensor", "serial")
         check_hinges(names, np.array([support.hinge for support in self.supports]))
         check_recorders(names, self.log or ())
         if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):
