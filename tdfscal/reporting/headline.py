@@ -96,6 +96,8 @@ def _rests_on(c: Calibration) -> str:
         worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
         share, angle = c.budget.shares[worst], c.budget.angles[worst]
         source, _ = source_words(c.budget.sources[int(share.argmax())])
+        if not c.history:  # given at once, none before another
+            source = source.replace("earlier campaigns", "the other campaigns")
         of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
         limit = f"; limited by {source} ({of})"
     return f"It rests on {', '.join(parts)}{limit}."
