@@ -71,7 +71,8 @@ static const int tdfscal_measured[TDFSCAL_SENSORS][3] = {measured};
 
 {thresholds}
 /* Force of sensor i on the terminal in the BCS, N; reading and force may be one array.
-   What an axis bears that is not measured is missing in it: its reading is not looked at. */
+   What an axis bears that is not measured is missing in it, and in every sum of such forces, which
+   then seems a contact: its reading is not looked at. */
 static inline void tdfscal_force_bcs(int i, const double reading[3], double force[3])
 {{
     double load[3], sum[3];
