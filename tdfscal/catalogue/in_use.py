@@ -224,6 +224,7 @@ checks-rejected warns
   rejected by the quality gate: {subject}
 checks-undated warns
   nothing says when it was recorded, and the file's date stands for it: {subject}
+  -> write each one's day as `campaign.date` in its rig.yaml
 check-silent notes
   {subject} leaves {sensors} undetermined and says nothing of it
 sensor-never-determined warns

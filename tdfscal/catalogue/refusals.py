@@ -75,10 +75,12 @@ hinges-off refuses
   the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of
   ~ is not where it is stated, by {by:m}{more: or more|}|}{servo:{hinge:, or|:} the
   servo coordinates of ~ are offset, by {by:m}{more: or more|}|}
+  ? scale ; a scale of {servo} that is off by {scale:+.1%} would do it too
   ? fits ; it would fit with {fits}
-  -> {fits:correct the position fields of the log block in rig.yaml|measure the hinges
-    again ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in
-    rig.yaml), or check the position fields and that log and rig.yaml belong together}
+  -> {fits:correct the position fields of the log block in rig.yaml|measure
+    {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
+    ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
+    or check the position fields and that log and rig.yaml belong together}
   @ log positions
 terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards

@@ -152,7 +152,9 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         raise DataError(Finding("terminal-overturned", values=facts))
     for cause in reversed(misplaced):
         own = "hinge" if cause.kind == "hinge" else "servo"
-        facts[own] = rig.supports[cause.support or 0]
+        facts[own] = rig.supports[i := cause.support or 0]
+        if own == "servo" and (scale := _own_scale(rig, position, i, limit)):
+            facts["scale"] = scale
         facts |= {
             "by": float(np.linalg.norm(cause.amount)),
             "more": bool(np.isinf(cause.std).any()),
@@ -166,6 +168,19 @@ def _misplaced(rig: Rig, position: FloatArray) -> list[Cause]:
     if not (found.explained and found.causes and found.causes[0].support is not None):
         return []
     return [cause for cause in found.causes if cause.support is not None]
+
+
+def _own_scale(rig: Rig, position: FloatArray, i: int, limit: float) -> float | None:
+    """By which share positions (K, n, 3) of one positioner are too large, if that explains all."""
+    others = np.arange(rig.n) != i
+    apart = position[:, i, None] - position[:, others]
+    length = np.linalg.norm(apart, axis=2)
+    slope = np.einsum("kna,ka->kn", apart, position[:, i]) / length
+    off = length - np.linalg.norm(rig.hinge[i] - rig.hinge[others], axis=1)
+    share = float(np.sum(slope * off) / np.sum(slope**2))
+    mended = position.copy()
+    mended[:, i] *= 1 - share
+    return share if geometry.misfit(rig.hinge, mended)[0] <= limit else None
 
 
 def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:

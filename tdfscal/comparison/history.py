@@ -17,8 +17,8 @@ from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.significance import INTERVAL_COVERAGE, LONGEST_INTERVAL
 
-#: Fewer checks say nothing of a walk.
-_FEWEST_FOR_WALK = 4
+#: Fewer checks, or all within a day (months), say nothing of a walk.
+_FEWEST_FOR_WALK, _ONE_DAY = 4, 1 / 30.44
 #: What a history shows is taken to go on for so many times its own length, at most for the longest
 #: interval between calibrations.
 _FORESEEN = 2.0
@@ -128,7 +128,7 @@ def live(
         return [a + b for a, b in zip(steps(walk), jumps, strict=True)]
 
     walk = None
-    if len(checks) >= _FEWEST_FOR_WALK:
+    if len(checks) >= _FEWEST_FOR_WALK and gaps.sum() > _ONE_DAY:
         walk = intensity(lambda q: Walk(own, prior, jumping(q)).log_likelihood())
     used = max(rig.drift.angle, walk.value if walk else 0.0)
     rest, still = (Walk(own, prior, each).others() for each in (jumping(used), jumps))

@@ -86,7 +86,11 @@ def _since(life: Life, alarm: Alarm) -> str:
     which = slice(None) if alarm.sensor is None else slice(alarm.sensor, alarm.sensor + 1)
     before = np.flatnonzero(np.any(life.seen[: alarm.onset, which], axis=1))
     onset = day(life.month[alarm.onset])
-    return f"between {day(life.month[before[-1]])} and {onset}" if len(before) else f"by {onset}"
+    if not len(before):
+        return f"by {onset}"
+    last, names = day(life.month[before[-1]]), short(life.names)
+    last, onset = (names[before[-1]], names[alarm.onset]) if last == onset else (last, onset)
+    return f"between {last} and {onset}"
 
 
 def history_report(
@@ -150,8 +154,11 @@ def _facts(
     older = f" of {len(life.alarms)} in the history" if len(alarms) < len(life.alarms) else ""
     beside = f"; {lost} more left out" if lost else ""
     months = life.month[-1] - life.month[0]
+    time = (
+        f" in {months:.1f} months" if day(life.month[0]) != day(life.month[-1]) else " of one day"
+    )
     rows = [
-        ("checks", f"{len(life.names)} in {months:.1f} months{beside}"),
+        ("checks", f"{len(life.names)}{time}{beside}"),
         ("alarms", f"{len(alarms)}{older}" + (" in the checks judged" if lost else "")),
         ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
         ("random walk", _walk(life)),
@@ -165,7 +172,7 @@ def _facts(
 def _walk(life: Life) -> str:
     stated = f"declared {1e3 * life.declared:.2g} mrad/√month"
     if life.walk is None:
-        return f"{stated}; too few checks to estimate it"
+        return f"{stated}; too few checks, or days, to estimate it"
     low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
     seen = f"{1e3 * life.walk.value:.2g} mrad/√month" if life.walk.value > 0 else "none"
     return f"{seen} by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
@@ -187,7 +194,7 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     if due.month is not None:
         said = f"by {day(due.month)}, by the most that the history allows"
     elif due.earliest is None:
-        said = "no date: no walk is declared, and the checks are too few to tell one"
+        said = "no date: no walk is declared, and checks or days are too few to tell one"
     elif due.earliest - life.month[-1] >= LONGEST_INTERVAL:
         said = "within two years, though no limit is reached till then"
     else:

@@ -125,9 +125,10 @@ def _signals(info: LogInfo) -> Iterator[str]:
 def _recorded(info: LogInfo) -> str:
     """When the log was recorded, and what says so."""
     ends = [moment for s in info.signals for moment in (s.start, s.end) if moment is not None]
-    if ends and by_wall_clock(*ends):
-        first, last = when(round(min(ends))), when(round(max(ends)))
-        return f"Recorded {first} to {last}, by the log's own clock."
+    for offset in (0.0, *(clock.offset for clock in info.clocks)):  # where the first has no dates
+        span = [round(end + offset) for end in (min(ends), max(ends))] if ends else []
+        if span and by_wall_clock(*span):
+            return f"Recorded {when(span[0])} to {when(span[1])}, by the log's own clock."
     return (
         "The log's clock has no dates: the file's own, which a copy changes, stands for when it "
         "was recorded unless campaign.date of rig.yaml says it."

@@ -77,6 +77,21 @@ def test_two_percent_of_size_may_be_an_old_drawing(factor: float) -> None:
     check_size(RIG, middle + factor * (POSITION - middle))
 
 
+@pytest.mark.parametrize("scale", [0.01, -0.02])
+def test_a_positioner_that_is_out_of_scale(scale: float) -> None:
+    """To first order: given back, the share that is told leaves nothing to refuse."""
+    off = DWELLS.position.copy()
+    off[:, 1] *= 1 + scale
+    finding = refused(MADE, off).finding
+    assert finding is not None
+    assert finding.values["servo"] == MADE.supports[1]
+    share = finding.values["scale"]
+    assert isinstance(share, float)
+    assert share == pytest.approx(scale, abs=4 * scale**2)
+    off[:, 1] *= 1 - share
+    held_against(MADE, off)
+
+
 @pytest.mark.parametrize(
     ("factor", "named", "absent"),
     [

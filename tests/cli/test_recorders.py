@@ -89,6 +89,7 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     (folder / "rig.yaml").unlink()
     files = [folder / "cnc.csv", folder / "daq.csv"]
     looked = info(files).to_dict()
+    assert "Recorded 2023-11-14" in info(files).text  # 1.7e9 s, by the recorder that has dates
     (clock,) = looked["clocks"]
     assert abs(clock["offset"] - 1.7e9) < 4.0 * clock["offset_std"] < 0.2
     blocks = looked["mapping"]["log"]

@@ -121,8 +121,14 @@ def test_no_alarm_where_the_declared_walk_explains_the_changes() -> None:
     assert not Watching(checks, PRIOR, [step] * 18, SENSORS, 0.01).run().alarms
 
 
-def lived(turns: FloatArray, rig: Rig | None = None, noise: float = 0.0, seed: int = 0) -> Life:
-    """Life of checks a month apart that see turns (K, 9), rad, each with 0.3 mrad."""
+def lived(
+    turns: FloatArray,
+    rig: Rig | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
+    gap: float = 1.0,
+) -> Life:
+    """Life of checks `gap` months apart that see turns (K, 9), rad, each with 0.3 mrad."""
     rig = rig or reference_rig()
     size, rng = int(free_constants(rig).sum()), np.random.default_rng(seed)
     own = np.zeros((size, size))
@@ -132,7 +138,7 @@ def lived(turns: FloatArray, rig: Rig | None = None, noise: float = 0.0, seed: i
     for k, turn in enumerate(turns):
         seen = np.zeros(size)
         seen[:9] = turn + noise * SEEN * rng.standard_normal(9)
-        checks.append(Check(str(k), float(k), Information(own, own @ seen)))
+        checks.append(Check(str(k), gap * k, Information(own, own @ seen)))
     return live(rig, nominal(rig), prior, checks, rate=0.01)
 
 
@@ -166,5 +172,8 @@ def test_no_date_beyond_what_the_history_foresees() -> None:
     life = lived(np.zeros((8, 9)), noise=1.0)
     assert (life.due.month, life.due.earliest) == (None, 7 + 14)
     assert lived(np.zeros((40, 9)), noise=1.0).due.earliest == 39 + 24
+    # Checks of one day, or of files copied on one, have no pace.
+    copied = lived(np.zeros((40, 9)), noise=1.0, gap=1e-4)
+    assert (copied.walk, copied.due.month, copied.due.earliest) == (None, None, None)
     few = lived(np.zeros((2, 9)), noise=1.0)
     assert (few.due.month, few.due.earliest) == (None, None)
