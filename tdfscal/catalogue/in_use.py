@@ -43,6 +43,11 @@ change-sensor-turned rejects
   the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the
   BCS, ± {change_95:rad} (95 %)
   -> look at the mounting of this sensor, then calibrate again
+change-sensors-turned rejects
+  several sensors have turned, each by itself, or this is the calibration of another
+  rig: {whose} by {change:rad}, ± {change_95:rad} (95 %)
+  -> see that this is the rig's own calibration, look at the mounting of every
+    sensor, then calibrate again
 change-zero-drifted rejects
   the zero of {subject} {stated:is off what the rig file states|has drifted} by
   {change:N} along x, y, z of the sensor, ± {change_95:N} (95 %)

@@ -44,6 +44,10 @@ _KEEP = (
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
 _MORE = ("Too few postures to call it still valid: record six or more, with squeezes.",)
+_SHARPER = (
+    "Check again with more postures, tilt and squeezes, and state no more noise or drift than "
+    "there is.",
+)
 _ANOTHER = ("Validate on a log that did not go into the calibration.",)
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
@@ -115,7 +119,7 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
 def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
-        return "not contradicted", _ANOTHER if v.own else _MORE
+        return "not contradicted", _ANOTHER if v.own else _MORE if v.few else _SHARPER
     return _SAID[v.outcome]
 
 

@@ -55,6 +55,11 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
     match cause.kind:
         case "sensor turned":
             size, unit = float(np.linalg.norm(cause.value)), "rad"
+        case "sensors turned":
+            turns = np.linalg.norm(cause.value.reshape(-1, 3), axis=1)
+            widest = cause.std.reshape(-1, 3).max(axis=1)
+            size, unit, values["whose"] = float(turns.max()), "rad", list(v.rig.supports)
+            values |= {"change": turns.tolist(), "change_95": (INTERVAL_FACTOR * widest).tolist()}
         case "zero drifted":
             values["stated"] = v.zeros.moved
         case "sensor slipped" | "zero jumped":
@@ -142,7 +147,8 @@ def reasons(v: Tested) -> list[str]:
     said = [f"The residual wrench of {extent(v)} is not {explained}: {_rejecting(v)}."]
     if not v.suspected:
         none = "No single change, of a sensor, a zero or the load, whose size is told from none "
-        return [*said, f"{none}explains all of it."]
+        none += "explains all of it: several may have, or the calibration is another rig's."
+        return [*said, none]
     said += [layout.begun(cure(found[0]), "."), *zeros]
     if len(v.suspected) > 1:
         said.append(
@@ -173,6 +179,7 @@ def _sure(v: Tested) -> str:
         f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
         f"been detected with {DETECTION_POWER:.0%} probability"
     )
+    missed = f" It has to hold to ± {1e3 * v.limit:.2g} mrad: such turns go unseen." * v.blind
     if twist > np.pi / 4:
-        return f"{text}; a turn about the vertical would not show here."
-    return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
+        return f"{text}; a turn about the vertical would not show here.{missed}"
+    return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad.{missed}"

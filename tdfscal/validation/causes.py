@@ -76,6 +76,8 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
             group = "rotation" if cause.kind == "sensor turned" else "sensitivity"
             first = place[group].start + q * cause.support
             return at.columns[:, first : first + q][:, cause.std > 0]
+        case "sensors turned":
+            return at.columns[:, place["rotation"]]
         case "load changed":
             return np.concatenate([at.columns[:, place[name]] for name in load], axis=1)
         case "base tilted":
@@ -99,6 +101,7 @@ def _models(given: Whitened) -> list[Model]:
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
             found.append(Model(kind, i, (), given.columns[:, first : first + 3]))
+    found.append(Model("sensors turned", None, (), given.columns[:, place["rotation"]]))
     if not len(given.own):  # in motion the residual is known along these alone
         return found
     found.append(Model("base tilted", None, (), given.columns[:, place["tilt"]]))

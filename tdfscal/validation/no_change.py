@@ -83,12 +83,14 @@ def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
     moving = next((c.weight for c in same.causes.best if c.kind == "zeros moved"), 0.0)
     if same.holds:
         return fresh.holds and moving >= CAUSES_APART
+    odds = -2.0 * np.log(VALIDATION_ALARM)
     if fresh.holds:
-        odds = -2.0 * np.log(VALIDATION_ALARM)
         worth = same.white.worth
         likeliest = max((_evidence(c) - worth for c in rivals if c.explains), default=-np.inf)
         return bool(likeliest < moving + odds)
-    return fresh.merit[0] and fresh.merit > same.merit
+    # Under one load turns of all sensors look like a tare, too.
+    doubt = odds * (same.causes.best[0].kind == "sensors turned")
+    return fresh.merit[0] and fresh.merit > (same.merit[0], same.merit[1] - doubt)
 
 
 def _evidence(cause: Cause) -> float:

@@ -20,7 +20,7 @@ from scipy import special
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.residuals import Whitened
@@ -30,6 +30,7 @@ from tdfscal.validation.residuals import Whitened
 Outcome = Literal["holds", "unproven", "touched", "changed"]
 Kind = Literal[
     "sensor turned",
+    "sensors turned",
     "load changed",
     "zero drifted",
     "gain changed",
@@ -64,7 +65,8 @@ class Cause:
 
     support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
     one from which on it holds.
-    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
+    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R),
+    of all sensors in turn where several did; a load's
     mass in kg and barycentre in m, as changes; a zero's change in N,
     where it drifts the largest of each; a gain's change as S (6,): xx,
     yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
@@ -278,12 +280,22 @@ class Verdict:
         return False
 
     @property
+    def limit(self) -> float:
+        """Half width, rad, of the widest interval that the quality gate lets an angle have."""
+        return INTERVAL_FACTOR * self.rig.acceptance.angle_std
+
+    @property
+    def blind(self) -> bool:
+        """It would have missed a turn that the quality gate takes for too much."""
+        return bool(self.detectable.max() > self.limit)
+
+    @property
     def outcome(self) -> Outcome:
         """What the test says of the calibration; what is touched by the likeliest cause."""
         if not self.holds:
             likeliest = next(iter(self.suspected), None)
             return "touched" if likeliest and likeliest.kind == "contact" else "changed"
-        return "unproven" if self.own or self.few else "holds"
+        return "unproven" if self.own or self.few or self.blind else "holds"
 
     @property
     def white(self) -> Whitened:

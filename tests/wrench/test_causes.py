@@ -32,6 +32,7 @@ from .held_out import RIG, USED, calibrate, part
 
 CHECKED, SLIPPED, TRIALS = 12, 6, 2
 TURN = (2e-3, -1e-3, 2e-3)
+TURNS = ((5e-3, -2e-3, 3e-3), (-3e-3, 6e-3, -5e-3), (2e-3, 5e-3, 6e-3))
 NONE = Faults()
 
 
@@ -49,6 +50,7 @@ def declared(**really: float) -> Rig:
 
 WRONG = {
     "sensor turned": Wrong(Faults(slips=(Slip(1, 0, TURN),))),
+    "sensors turned": Wrong(Faults(slips=tuple(Slip(k, 0, turn) for k, turn in enumerate(TURNS)))),
     "zero drifted": Wrong(Faults(zero_shifts=(ZeroShift(1, 0, (2.0, -1.0, 3.0)),))),
     "gain changed": Wrong(Faults(gains=(Gain(0, (5e-3, 5e-3, 5e-3)),))),
     "load changed": Wrong(real=make_rig(mass=502.0)),
@@ -104,6 +106,7 @@ def test_what_is_wrong_is_named_and_held_against_it(kind: str, earlier: bool) ->
     ("kind", "support", "postures", "true"),
     [
         ("sensor turned", 1, (), TURN),
+        ("sensors turned", None, (), sum(TURNS, ())),
         ("zero drifted", 1, (), (2.0, -1.0, 3.0)),
         ("gain changed", 0, (), (5e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0)),
         ("load changed", None, (), (2.0, 0.0, 0.0, 0.0)),
@@ -127,3 +130,12 @@ def test_it_is_named_with_its_place_and_an_honest_size(
     assert not squares or np.mean(squares) < stats.chi2.ppf(0.999, len(squares) / 3) * 3 / len(
         squares
     )
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_check_that_would_miss_what_the_gate_refuses_proves_nothing(share: float) -> None:
+    v = validate(given(0), part(campaigns(CHECKED).dwells(0), np.arange(CHECKED)))
+    assert v.outcome == "holds"
+    limit = share * v.detectable.max() / stats.norm.isf(0.025)
+    real = replace(RIG, acceptance=replace(RIG.acceptance, angle_std=limit))
+    assert replace(v, rig=real).outcome == ("unproven" if share < 1 else "holds")
