@@ -11,8 +11,6 @@ True
 """
 # ruff: noqa: F403, F405 - what the names are is said once, in `tdfscal.api`
 
-from __future__ import annotations
-
 __version__ = "1.0.0"
 
 # Nothing is imported here: an interruption amid it could not be said in a line (`cli.main`).
@@ -56,7 +54,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     # Loaded on first use: the command line's help must not wait for numpy.
     if name in __all__:
         from tdfscal import api
@@ -68,3 +66,12 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def _main() -> None:
+    # The command's entry: an interruption is heard as soon as anything else is looked for.
+    try:
+        from tdfscal.cli import main
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+    main()

@@ -1,6 +1,6 @@
 """`python -m tdfscal`."""
 
-from tdfscal.cli import main
+from tdfscal import _main
 
 if __name__ == "__main__":
-    main()
+    _main()

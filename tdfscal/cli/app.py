@@ -52,7 +52,7 @@ _PLAIN = (
     (r"Input should be (.*)", r"it must be \1"),
     (r"Value error, ", ""),
     (r"^Missing argument '([^']*)'", r"\1 is missing"),
-    (r"^Missing option (.*)", r"the option \1 is missing"),
+    (r"^Missing option '([^']*)'", r"the option \1 is missing"),
     (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
     (r"^(No such command '[^']*')\. Did you mean '([^']*)'.*", r"\1 (did you mean \2?)"),
     (r"^No such option: ", "there is no option "),

@@ -182,7 +182,11 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     Raises TdfscalError by cause.
     """
     limit_threads()
+    import logging
+
     from tdfscal.files.outputs import together
+
+    logging.disable(logging.WARNING)  # matplotlib has words for a home without room
 
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose", False)

@@ -46,7 +46,7 @@ def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
     return nullcontext()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Progress:
     """Called while a command works.
 
@@ -61,6 +61,9 @@ class Progress:
     def __post_init__(self) -> None:
         for field in fields(self):
             expect(field.name, getattr(self, field.name), Callable, "a function")
+
+    def __repr__(self) -> str:
+        return "SILENT" if self == SILENT else object.__repr__(self)
 
 
 SILENT = Progress()

@@ -228,7 +228,7 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
             for name, p in each.items()
         )
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        parameters = "\n".join(told)
+        parameters = "\n".join(told).replace("; - for stdout", "")  # Python has none
         run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
         # `help` shows the types alone.
         bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -64,7 +64,9 @@ def register(
     measured: Annotated[PathLike, Option("point file, as measured", Path, "MEASURED")],
     reference: Annotated[PathLike, Option("point file, fitted onto it", Path, "REFERENCE")],
     *,
-    unit: Annotated[str | None, Option("of files that name none: m, mm, in …", metavar="U")] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "um", "in"] | None, Option("of files that name none")
+    ] = None,
     match: Annotated[
         Match,
         Option("pair points by group and name, by name in whatever group, or row by row"),

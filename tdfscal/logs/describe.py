@@ -24,7 +24,7 @@ from tdfscal.dwells import (
     reduce_to_bins,
 )
 from tdfscal.dwells.absence import no_dwell
-from tdfscal.errors import DataError, TdfscalError
+from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
@@ -117,7 +117,7 @@ def describe_logs(
     """
     contents = {path: open_log(path).contents() for path in expand(paths)}
     if not contents:
-        raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
+        raise UsageError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
     guess = guess_recorders(_layouts(paths, contents), rig.rig if rig else None)
     recorders = guess.recorders
     source: Source = "guessed"

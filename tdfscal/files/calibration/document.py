@@ -39,7 +39,7 @@ class Calibration(Strict):
     estimator: Literal["ml", "linear"] | None = key("linear: the paper's method", None)
     created: parts.Instant = key("UTC: when the result was computed")
     measured: parts.MeasuredResult | None = key("when the data were recorded", None)
-    rig: EmbeddedRig = key("the resolved rig file, embedded, so that this file stands alone")
+    rig: EmbeddedRig = key("the resolved rig file and its sha256, so that this file stands alone")
     software: parts.Software = key("the program that wrote the file")
     command: FreeText = key("the command line, as it was given")
     seed: Count = key("of all random numbers")
