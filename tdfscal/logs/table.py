@@ -122,7 +122,7 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     for name in wanted:
         if (times := present.count(name)) > 1:
             what = f"column {name} is there {times} times"
-            raise DataError(what, hint="give each column its own name")
+            raise DataError(what, hint="give each column its own name", fields=[name])
     if missing := [name for name in wanted if name not in present]:
         raise missing_fields(missing, present, kind="column")
     return {name: present.index(name) for name in wanted}
