@@ -226,6 +226,21 @@ def spread(distance: FloatArray, rows: IntArray | int = ROWS) -> float:
     return max(1.0, float(np.median(distance) / chi2_quantile(0.5, typical)))
 
 
+def worth(one: Fit, other: Fit, unknowns: int, weight: FloatArray | float = 1.0) -> float:
+    """Fall of −2 ln L from one fit to another of the same postures, less k ln N (Schwarz).
+
+    weight : (K,), of the postures in the other; by default all count, also those that either leaves
+    out, which its noise may have made outliers. In the one all do.
+    """
+
+    def deviance(fit: Fit, weight: FloatArray | float) -> float:
+        volume = np.linalg.slogdet(fit.at.cov)[1]
+        return float(np.sum(weight * fit.distance + volume) + np.sum(fit.prior_residual**2))
+
+    cost = unknowns * float(np.log(max(one.rows, 2)))
+    return deviance(one, 1.0) - deviance(other, weight) - cost
+
+
 def estimate(fit: Fit, *, noise_from_residuals: bool = False) -> Estimate[Fit]:
     """Judge a fit by its own residuals; see `evaluate`."""
     parts = information(fit)

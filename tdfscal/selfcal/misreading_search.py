@@ -39,9 +39,11 @@ _GAIN = np.log(1.2)
 
 @dataclass(frozen=True, slots=True)
 class Undone:
-    """The postures without a mistake, named as in `misreadings.Misreading`.
+    """The postures without a mistake.
 
-    first : posture of a jump, which is still in them. free : the channel's scale is, likewise.
+    names : what is named otherwise, in words, where that is the mistake. support, axis : whose
+    readings are `factor` times what they should be, every axis where None; `free`: that scale is
+    still in them. first : posture from which the support's zero jumped, which still is, too.
     """
 
     postures: Postures

@@ -21,10 +21,9 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import nominal, starting_state
 from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
-from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit, estimate, fit, spread
-from tdfscal.selfcal.mounting_search import robust_cost
+from tdfscal.selfcal.mounting_search import apart, robust_cost
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import CAUSES_APART
 
@@ -41,19 +40,22 @@ _TARED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
+class Rests:
+    """Of K postures at rest the number (K,) by which each goes, and when it was held, s (K,)."""
+
+    number: IntArray
+    time: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Misreading:
     """A mistake in the readings, and the fit without it.
 
-    names : what is named otherwise, in words, where that is the mistake. support, axis : whose
-    readings are `factor` times what they should be, every axis where None; or whose zero jumped by
-    `jump` (3,), N, between the postures `between`, `tared`: to nothing.
+    jump : (3,), N, by which a zero jumped between the postures `between`, `tared`: to nothing.
     """
 
+    mistake: Undone
     fit: Fit
-    names: str = ""
-    support: int = 0
-    axis: int | None = None
-    factor: float = 1.0
     jump: FloatArray | None = None
     between: tuple[int, int] = (0, 0)
     tared: bool = False
@@ -66,13 +68,8 @@ class Misreading:
     @property
     def exact(self) -> bool:
         """Whether no number was fitted to it: an exchange, a sign, a unit."""
-        return bool(self.names or (self.jump is None and any(log_against_rig.unit_of(self.factor))))
-
-    @property
-    def turn(self) -> float:
-        """Largest turn of a sensor from its nominal mounting, rad."""
-        back = np.swapaxes(nominal(self.fit.rig).rotation, 1, 2)
-        return float(np.linalg.norm(so3.log(self.fit.state.rotation @ back), axis=1).max())
+        unit = any(log_against_rig.unit_of(self.mistake.factor))
+        return bool(self.mistake.names or (self.jump is None and unit))
 
 
 def _fitted(
@@ -83,16 +80,11 @@ def _fitted(
     if undone.first:
         postures = _drifting(seen, undone.support, undone.first)
     result = fit(rig, postures, replace(starting_state(rig, postures.motions), rotation=near))
-    said = Misreading(result, undone.names, undone.support, undone.axis, undone.factor)
     if not undone.first:
-        return said
+        return Misreading(undone, result)
     jump, first = result.state.drift[-1, undone.support], undone.first
-    return replace(
-        said,
-        jump=jump,
-        between=(int(order[first - 1]), int(order[first])),
-        tared=_is_tare(jump, seen.force[first - 1 : first + 1, undone.support]),
-    )
+    tared = _is_tare(jump, seen.force[first - 1 : first + 1, undone.support])
+    return Misreading(undone, result, jump, (int(order[first - 1]), int(order[first])), tared)
 
 
 def _is_tare(jump: FloatArray, read: FloatArray) -> bool:
@@ -112,7 +104,8 @@ def _likeliest(found: list[Misreading]) -> Misreading:
     scale = min(mistake.misfit for mistake in found)
     cost = [robust_cost(mistake.fit, scale) for mistake in found]
     near = [m for m, own in zip(found, cost, strict=True) if own < min(cost) + CAUSES_APART]
-    return min(near, key=lambda mistake: mistake.turn)
+    start = nominal(found[0].fit.rig).rotation
+    return min(near, key=lambda mistake: float(apart(mistake.fit.state.rotation, start)))
 
 
 def _drifting(seen: Postures, sensor: int, first: int) -> Postures:
@@ -135,19 +128,13 @@ def _drifting(seen: Postures, sensor: int, first: int) -> Postures:
 _LOST = 100.0
 
 
-def check_forces(
-    rig: Rig,
-    observed: Postures,
-    start: Fit,
-    number: IntArray | None = None,
-    time: FloatArray | None = None,
-) -> None:
+def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None = None) -> None:
     """Raise where units, signs or names of the forces cannot be right at any mounting.
 
     Parameters
     ----------
     start : the best that can be made of the forces as they are named.
-    number, time : (K,), by which the postures go, and s, when each was held, where they are rests.
+    rests : what the postures are; none of a motion.
 
     Raises
     ------
@@ -160,7 +147,7 @@ def check_forces(
     if weak and any(log_against_rig.unit_of(float(np.median(held)))):
         log_against_rig.check_weight(rig, observed, nominal(rig))
     if spread(start.distance, start.at.rows) > _LOST:
-        check_readings(rig, observed, start, number, time)
+        check_readings(rig, observed, start, rests)
         log_against_rig.check_weight(rig, observed, nominal(rig))
     if start.state.mass <= 0:
         raise _mirrored(rig, start)
@@ -172,9 +159,8 @@ def _mirrored(rig: Rig, start: Fit) -> DataError:
 
     Which one is a matter of quarter turns: the one whose sensors are turned least is named.
     """
-    back = np.swapaxes(nominal(rig).rotation, 1, 2)
     turn = {
-        f"F{axis}": float(np.linalg.norm(so3.log(-start.state.rotation @ M @ back), axis=1).max())
+        f"F{axis}": float(apart(-start.state.rotation @ M, nominal(rig).rotation))
         for axis, M in zip("xyz", np.eye(3) - 2 * np.eye(3)[:, :, None] * np.eye(3), strict=True)
     }
     axis = min(turn, key=turn.__getitem__)
@@ -188,40 +174,27 @@ def _weakest(rig: Rig) -> float:
     return mass * rig.gravity * (1 - log_against_rig.weight_tolerance(std / mass))
 
 
-def check_readings(
-    rig: Rig,
-    observed: Postures,
-    present: Fit,
-    number: IntArray | None = None,
-    time: FloatArray | None = None,
-) -> None:
+def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | None = None) -> None:
     """Raise DataError where one mistake in the readings explains the postures.
 
     Several may, each with sensors that are turned by quarters: the least turned is the likely one.
     Parameters as in `check_forces`.
     """
-    if (found := misreading(rig, observed, present, number, time)) is not None:
-        raise misread(rig, found, present, number, time)
+    if (found := misreading(rig, observed, present, rests)) is not None:
+        raise misread(rig, found, present, rests)
 
 
 def misreading(
-    rig: Rig,
-    observed: Postures,
-    present: Fit,
-    number: IntArray | None = None,
-    time: FloatArray | None = None,
+    rig: Rig, observed: Postures, present: Fit, rests: Rests | None = None
 ) -> Misreading | None:
     """The one mistake that explains the postures, which a sensor that turned does not.
 
-    present : the best that can be made of them as they are. number, time as in `check_forces`;
-    without them no jump is looked for.
+    present : the best that can be made of them as they are. rests : as in `check_forces`; without
+    them no jump is looked for.
     """
     from tdfscal.selfcal.misreading_search import lowest  # of misread logs alone
 
-    timed = number is not None and time is not None
-    order = np.argsort(
-        time if time is not None and timed else np.arange(len(observed)), kind="stable"
-    )
+    order = np.arange(len(observed)) if rests is None else np.argsort(rests.time, kind="stable")
     some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
     seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
     if misfit < _BETTER:
@@ -229,17 +202,15 @@ def misreading(
     starts = np.stack([nominal(rig).rotation, present.state.rotation])
     tried = [
         _fitted(rig, seen, each, rotation, order[some])
-        for each, rotation in lowest(rig, seen, starts, timed=timed)
+        for each, rotation in lowest(rig, seen, starts, timed=rests is not None)
     ]
     better = [m for m in tried if _BETTER * m.misfit < misfit and m.misfit < _BETTER]
     if not better:
         return None
     found = _likeliest(better)
-    if found.jump is None or found.tared:
+    if rests is None or found.jump is None or found.tared:
         return found
-    assert number is not None  # without them no jump is looked for
-    assert time is not None
-    step = find_slip(estimate(present), time, number)
+    step = find_slip(estimate(present), rests.time, rests.number)
     # A sensor that turned is for the gate to say.
     return None if step is not None and step.kind == "slip" else found
 
@@ -248,8 +219,7 @@ def misread(
     rig: Rig,
     found: Misreading,
     present: Fit,
-    number: IntArray | None = None,
-    time: FloatArray | None = None,
+    rests: Rests | None = None,
     *,
     check: bool = False,
 ) -> DataError:
@@ -257,30 +227,29 @@ def misread(
 
     check : the postures are those of a check, which has no zeros to calibrate.
     """
-    if found.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
+    mistake = found.mistake
+    if mistake.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     values: dict[str, Value] = {
         "before": float(np.sqrt(spread(present.distance, present.at.rows))),
         "after": float(np.sqrt(found.misfit)),
     }
-    if found.names:
-        return DataError(Finding("forces-exchanged", values=values | {"exchange": found.names}))
-    subject = (rig.supports[found.support],)
-    if found.jump is None:
-        axis = "" if found.axis is None else "xyz"[found.axis]
-        unit, declared = log_against_rig.unit_of(found.factor)
+    if mistake.names:
+        return DataError(Finding("forces-exchanged", values=values | {"exchange": mistake.names}))
+    subject = (rig.supports[mistake.support],)
+    if rests is None or found.jump is None:
+        axis = "" if mistake.axis is None else "xyz"[mistake.axis]
+        unit, declared = log_against_rig.unit_of(mistake.factor)
         values |= {"axis": axis, "unit": unit, "declared": declared}
-        return DataError(Finding("force-rescaled", subject, found.factor, values=values))
-    assert number is not None  # without them no jump is looked for
-    assert time is not None
+        return DataError(Finding("force-rescaled", subject, mistake.factor, values=values))
     last, first = found.between
     values |= {
         "jump": [f"{value:.3g}" for value in found.jump],
-        "last": float(number[last]),
-        "first": float(number[first]),
-        "end": float(time[last]),
-        "begin": float(time[first]),
+        "last": float(rests.number[last]),
+        "first": float(rests.number[first]),
+        "end": float(rests.time[last]),
+        "begin": float(rests.time[first]),
         "tared": found.tared,
         "check": check,
     }

@@ -118,20 +118,6 @@ def scaled(postures: Postures, factor: FloatArray) -> Postures:
     return replace(postures, force_cov=postures.force_cov * grown)
 
 
-def worth(factor: FloatArray, stated: Fit, own: Fit) -> float:
-    """Fall of −2 ln L from a fit by the stated noise to one by this, less k ln N (Schwarz).
-
-    Of all postures, also those that either leaves out: noise may have made them outliers.
-    """
-
-    def misfit(fit: Fit) -> float:
-        spread = np.linalg.slogdet(fit.at.cov)[1]
-        return float(np.sum(fit.distance + spread) + np.sum(fit.prior_residual**2))
-
-    unknowns = int(np.sum(factor > 1.0))
-    return misfit(stated) - misfit(own) - unknowns * float(np.log(max(stated.rows, 2)))
-
-
 def noisier(factor: FloatArray, supports: tuple[str, ...]) -> Finding:
     """Name the channels that are noisier than stated."""
     named = np.argwhere(factor > _NAMED)

@@ -26,7 +26,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import ROWS, Fit, at_state, fit, spread
+from tdfscal.selfcal.estimator import ROWS, Fit, at_state, fit, spread, worth
 from tdfscal.selfcal.mounting_search import Rival, best_start, rivals
 from tdfscal.significance import OUTLYING_POSTURE
 
@@ -249,17 +249,9 @@ def _nearest(distance: FloatArray) -> BoolArray:
     return near
 
 
-def worth(of: Fit, whole: Fit) -> float:
-    """Fall of −2 ln L from the fit by all postures to one without some, by Schwarz.
-
-    Each that is left out has a wrench of its own: six unknowns.
-    """
-
-    def misfit(fit: Fit) -> float:
-        return fit.cost + float(np.sum(np.linalg.slogdet(fit.at.cov)[1]))
-
-    unknowns = ROWS * int(np.sum(of.weight == 0))
-    return misfit(whole) - misfit(of) - unknowns * float(np.log(max(whole.rows, 2)))
+def contact_worth(of: Fit, whole: Fit) -> float:
+    """Of the fit without some postures: each that is left out has six unknowns, its own wrench."""
+    return worth(whole, of, ROWS * int(np.sum(of.weight == 0)), of.weight)
 
 
 def _agreeing(whole: Fit, some: IntArray, rng: np.random.Generator) -> list[BoolArray]:

@@ -18,13 +18,26 @@ from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, Rig, Rotations
-from tdfscal.selfcal.estimator import Fit, at_state, estimate, evaluate, fit, joint_posterior
+from tdfscal.selfcal.estimator import (
+    Fit,
+    at_state,
+    estimate,
+    evaluate,
+    fit,
+    joint_posterior,
+    worth,
+)
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
-from tdfscal.selfcal.misreadings import check_readings
+from tdfscal.selfcal.misreadings import Rests, check_readings
 from tdfscal.selfcal.monte_carlo import simulate
-from tdfscal.selfcal.noise_components import channel_noise, gross_noise, scaled, worth
-from tdfscal.selfcal.outliers import RobustFit, cross_validate, fit_robust, hidden_contact
-from tdfscal.selfcal.outliers import worth as contact_worth
+from tdfscal.selfcal.noise_components import channel_noise, gross_noise, scaled
+from tdfscal.selfcal.outliers import (
+    RobustFit,
+    contact_worth,
+    cross_validate,
+    fit_robust,
+    hidden_contact,
+)
 from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
 from tdfscal.selfcal.result import (
     Estimator,
@@ -141,7 +154,7 @@ def _check(seen: Undetermined, usable: Usable, robust: RobustFit) -> None:
     except (NotIdentifiableError, NotConvergedError):
         everyone = np.ones(len(usable.index))
         present = at_state(seen.rig, usable.postures, seen.fit.state, everyone)
-        check_readings(seen.rig, usable.postures, present, usable.number, usable.time)
+        check_readings(seen.rig, usable.postures, present, Rests(usable.number, usable.time))
         raise
 
 
@@ -167,11 +180,11 @@ def _likeliest_rotations(
     noise, weighted = -np.inf, robust
     if channels is not None:
         channels, weighted = _weighted(rig, usable, robust, channels)
-        noise = worth(channels, robust.fit, weighted.fit)
+        noise = worth(robust.fit, weighted.fit, int(np.sum(channels > 1.0)))
     if slip is not None and slip.weight > max(noise, contact):
         return robust, known, None
     if channels is not None:
-        noise = worth(channels, whole.fit, weighted.fit)
+        noise = worth(whole.fit, weighted.fit, int(np.sum(channels > 1.0)))
     if touched is not None and contact > max([noise, *(doubt.weight for doubt in others)]):
         return touched, estimate(touched.fit), None
     if channels is None or any(

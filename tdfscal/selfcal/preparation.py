@@ -22,7 +22,7 @@ from tdfscal.model.parameters import State, layout
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.misreadings import check_forces
+from tdfscal.selfcal.misreadings import Rests, check_forces
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
 
@@ -75,7 +75,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     scatter = np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured]
     measured_noise = bool(scatter.min(initial=np.inf) <= 0)
     start = best_start(rig, _with_noise(observed, 1.0) if measured_noise else observed)
-    check_forces(rig, start.postures, start, index + 1, dwells.start[index])
+    check_forces(rig, start.postures, start, Rests(index + 1, dwells.start[index]))
     if measured_noise:
         observed = _with_residual_noise(rig, observed, start.state)
     time = ((dwells.start + dwells.end) / 2)[index]

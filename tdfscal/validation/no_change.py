@@ -20,7 +20,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import fit
-from tdfscal.selfcal.misreadings import MOST_POSTURES, misread, misreading
+from tdfscal.selfcal.misreadings import MOST_POSTURES, Rests, misread, misreading
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
 from tdfscal.validation.causes import unknown_columns
 from tdfscal.validation.residuals import Linearised, Whitened, basis, whiten
@@ -154,32 +154,30 @@ def refuse_misread(
     rig: Rig,
     seen: Postures,
     judge: Callable[[Postures, IntArray], Judged] | None = None,
-    number: IntArray | None = None,
-    time: FloatArray | None = None,
+    rests: Rests | None = None,
 ) -> None:
     """Raise DataError where one mistake in the readings explains them, likelier than any change.
 
     given : the calibration, with the load of this log. seen : K postures, or moments of a motion.
     judge : of postures, and which of K they are, by the calibration; without it the search itself
-    is the judge. number, time : (K,), by which the postures go, and s, when each was held, where
-    they are rests.
+    is the judge. rests : what the postures are; none of a motion.
     """
     some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
     seen = seen.subset(some)
-    if number is not None and time is not None:
-        number, time = number[some], time[some]
+    if rests is not None:
+        rests = Rests(rests.number[some], rests.time[some])
     known = loosened(informed(rig, given))
     present = fit(known, seen, starting_state(known, seen.motions))
-    found = misreading(known, seen, present, number, time)
+    found = misreading(known, seen, present, rests)
     if found is None:
         return
     if judge is not None:
         now = judge(seen, some)
         if found.jump is not None:  # a cause too, which stands beside a slip there
             best = now.causes.best[0]
-            if (best.kind, best.support) != ("zero jumped", found.support):
+            if (best.kind, best.support) != ("zero jumped", found.mistake.support):
                 return
-            raise misread(known, found, present, number, time, check=True)
+            raise misread(known, found, present, rests, check=True)
         without = judge(found.fit.postures, some)
         # What has a number is no likelier by little, nor beside a second cause.
         apart = 0.0 if found.exact else CAUSES_APART
@@ -187,4 +185,4 @@ def refuse_misread(
             found.exact or without.holds
         ):
             return
-    raise misread(known, found, present, number, time, check=True)
+    raise misread(known, found, present, rests, check=True)

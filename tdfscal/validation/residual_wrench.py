@@ -22,6 +22,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features_jacobian,
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
+from tdfscal.selfcal.misreadings import Rests
 from tdfscal.validation import causes
 from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
 from tdfscal.validation.residuals import (
@@ -112,7 +113,7 @@ def validate(
             at = _linearised(given, known.scaled(seen), course.subset(which))[2]
             return judged_with_zeros(at, given, rig, lambda white: _judged(white, known))[0]
 
-        refuse_misread(given, rig, observed, judge, used + 1, dwells.start[used])
+        refuse_misread(given, rig, observed, judge, Rests(used + 1, dwells.start[used]))
     given = zeros.brought_into(given)
     before, after = (
         contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)
