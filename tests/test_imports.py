@@ -14,7 +14,7 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 #: The rooms from the ground up; each imports only from those before it.
 ORDER = (
     "findings", "errors", "memory", "records", "significance", "numerics", "model", "simulation",
-    "dwells", "clocks", "wrench", "detection", "checks", "acceptance", "estimation", "selfcal",
+    "clocks", "dwells", "wrench", "detection", "checks", "acceptance", "estimation", "selfcal",
     "motioncal", "trackercal", "comparison", "validation", "planning", "catalogue", "files",
     "logs", "reporting", "exports", "commands", "api", "cli",
 )  # fmt: skip

@@ -216,7 +216,8 @@ recorder-not-found refuses
 forces-behind refuses
   the forces {late:lag behind|run ahead of} the positions by about {size}: with
   that, they balance far better
-  -> shift the force columns by that time, and see why the recorder writes them so
+  -> give the forces stamps that are {late:earlier|later} by that time, and see why the
+    recorder writes them so
   @ log
 recorder-backwards refuses
   the moves that the first recorder saw are those of the recorder {subject} run

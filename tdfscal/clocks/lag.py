@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.clocks.search import ALIKE, ALSO, CLEAR, SAME, Search
+from tdfscal.clocks.search import ALIKE, ALSO, CLEAR, SAME, Search, is_clear
 from tdfscal.clocks.tracks import Peak, Track, Tracks, during
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
-
-_BEHIND = 5.0  # s, by which forces and positions of one recording may be apart,
-_GRID = 0.1  # and steps in which they are looked at
 
 
 def find_clocks(
@@ -75,8 +72,8 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
 def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> Finding | None:
     """Say by how many s the forces of one recording come after its positions, if it is many.
 
-    By the balance at lags up to a few seconds either way; None where no other lag is far better
-    than none. time : (N,), s. position, force : (N, n, 3), m and N, of all supports.
+    By the balance at the lags that bring the moves together; None where no other lag is far
+    better than none. time : (N,), s. position, force : (N, n, 3), m and N, of all supports.
     """
     tracks, begin, step = [], float(time[0]), float(np.median(np.diff(time)))
     for kind, values in enumerate((position, force)):
@@ -86,11 +83,11 @@ def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> 
         streams = {2 * i + kind: Track.of(time - begin, value) for i, value in each}
         tracks.append(Tracks(begin, float(time[-1]), step, streams))
     search = Search(tracks[0], tracks[1], ClockPrior())
-    lags = np.arange(-_BEHIND, _BEHIND + 0.5 * _GRID, _GRID)
-    found = [search.judged(Peak(float(lag), 0.0, search.spans[0])) for lag in lags]
-    best = min(found, key=lambda candidate: candidate.misfit)
-    together = min(c.misfit for c in found if abs(c.lag) <= SAME)
-    if not together > CLEAR * best.misfit:
+    none = search.judged(Peak(0.0, 0.0, search.spans[0]))
+    found = [search.judged(peak) for peak in search.candidates()]
+    best = min([none, *found], key=lambda candidate: candidate.misfit)
+    together = min(c.misfit for c in [none, *found] if abs(c.lag) <= SAME)
+    if not (np.isfinite(together) and is_clear(best, together)):
         return None
     behind = search.refined(best, "").offset
     return Finding("forces-behind", (), abs(behind), "s", values={"late": behind > 0})

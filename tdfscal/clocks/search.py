@@ -117,7 +117,7 @@ class Search:
         best, *others = found
         rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
         usual = float(np.median(rest)) if rest else np.inf
-        if np.isfinite(self.std) or _is_clear(best, usual):
+        if np.isfinite(self.std) or is_clear(best, usual):
             for other in others:
                 apart = abs(other.peak.lag - best.peak.lag) > SAME
                 if apart and not np.isfinite(self.std) and self._alike(best, other, usual):
@@ -273,7 +273,7 @@ def _evidence(candidate: Candidate, balance: Balance | None, usual: float) -> fl
     return (candidate.rows - balance.parameters) * float(np.log(usual / candidate.misfit))
 
 
-def _is_clear(best: Candidate, usual: float) -> bool:
+def is_clear(best: Candidate, usual: float) -> bool:
     """Whether a lag balances far better than lags do by chance."""
     if not np.isfinite(best.misfit):
         return False

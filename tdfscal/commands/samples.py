@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.checks.repeated_samples import refuse
+from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.find import Thermometer
@@ -45,16 +46,16 @@ def calibrate_samples(
     Raises DataError, NotIdentifiableError, NotConvergedError, UsageError.
     """
     if samples == "static":
-        return _static(log, log.dwells(), estimator, rng, None)
+        return _static(log, log.dwells(), estimator, rng)
     if samples == "moving":
         return _moving(log, moving_samples(log), rng=rng)
     dwells, slow = read_samples(log)
     if len(dwells) < _ENOUGH:
         refuse(log.repeats, log.rig.supports)
     if slow is None:
-        return _static(log, dwells, estimator, rng, slow)
+        return _static(log, dwells, estimator, rng)
     if samples is None and len(dwells) >= _ENOUGH:
-        own = _static(log, dwells, estimator, rng, slow)
+        own = _static(log, dwells, estimator, rng)
         if own.reasons or estimator == "linear":
             return own
         expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
@@ -65,9 +66,8 @@ def calibrate_samples(
         return _for_want_of(dwells, _moving(log, slow, rng=rng))
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
-            return _static(log, dwells, estimator, rng, slow)
-        late = _late_forces(log, slow)
-        raise (DataError(late) if late else neither(dwells, error)) from error
+            return _static(log, dwells, estimator, rng)
+        raise neither(dwells, error) from error
 
 
 def calibrate_motion(
@@ -114,11 +114,17 @@ def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
 
 
 def moving_samples(log: LogPass) -> Slow:
-    """Read the logs once, for the slow streams alone. Raises DataError where there are none."""
+    """Read the logs once, for the slow streams alone.
+
+    Raises DataError where there are none, or their forces are seconds behind the positions.
+    """
     streams = _Streams(log)
     for _ in streams.pieces():
         pass
-    return streams.slow()
+    slow = streams.slow()
+    if late := forces_behind(slow.time, slow.position, slow.force):
+        raise DataError(late)
+    return slow
 
 
 class _Streams:
@@ -152,22 +158,14 @@ class _Streams:
 
 
 def _static(
-    log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator, slow: Slow | None
+    log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator
 ) -> SelfCalibration:
-    """Calibrate from dwells; slow : the log's streams, where these are at hand."""
+    """Calibrate from dwells."""
     stage, trials = log.progress.stage, log.settings.trials
     stage(f"calibrating from {len(dwells)} dwells")
-    try:
-        own = self_calibrate(
-            log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials, progress=stage
-        )
-    except NotIdentifiableError as error:
-        if (late := _late_forces(log, slow)) is None:
-            raise
-        raise DataError(late) from error
-    if own.reasons and (late := _late_forces(log, slow)):
-        return replace(own, findings=(replace(late, rejects=True), *own.findings))
-    return own
+    return self_calibrate(
+        log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials, progress=stage
+    )
 
 
 def _moving(
@@ -197,22 +195,6 @@ def _moving(
     # At rest the dwells bring along what the log says of itself.
     told = [finding for finding in log.messages if finding not in found.findings]
     return replace(found, findings=(*found.findings, *told))
-
-
-def _late_forces(log: LogPass, slow: Slow | None) -> Finding | None:
-    """Tell where forces seconds behind the positions explain what did not fit.
-
-    slow : the log's streams; None reads them again.
-    """
-    from tdfscal.clocks import forces_behind  # of logs that do not serve alone
-
-    if log.campaign.averaged:
-        return None
-    slow = slow or moving_samples(LogPass(log.campaign, log.settings))
-    late = forces_behind(slow.time, slow.position, slow.force)
-    if late:  # of which moves paired with others say something else
-        log.messages = [said for said in log.messages if said.code != "clocks-apart"]
-    return late
 
 
 def _with_delay(log: LogPass, found: MotionCalibration, middle: float) -> tuple[RecorderClock, ...]:
@@ -252,7 +234,7 @@ def _all(
     own = None
     with suppress(NotIdentifiableError):
         if len(dwells):
-            own = _static(log, dwells, estimator, rng, slow)
+            own = _static(log, dwells, estimator, rng)
     if own is None:
         return _moving(log, slow, len(dwells), rng=rng)
     try:

@@ -1,16 +1,16 @@
 """From a log to static dwells: stretches where all NCPs are at rest and all forces settled."""
 
 from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
-from tdfscal.dwells.clock_offset import LARGE, Offset, motion_offset
+from tdfscal.dwells.clock_offset import Offset, misaligned, motion_offset
 from tdfscal.dwells.find import dwells_of_bins, find_dwells
 
 __all__ = [
-    "LARGE",
     "Bins",
     "DwellOptions",
     "Offset",
     "dwells_of_bins",
     "find_dwells",
+    "misaligned",
     "motion_offset",
     "reduce_to_bins",
 ]

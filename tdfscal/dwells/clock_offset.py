@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.clocks import forces_behind
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
@@ -19,6 +20,8 @@ from tdfscal.records import BoolArray, Dwells, FloatArray
 _LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
 _MARGIN = 0.5  # s looked at beyond the dwells' edges
 _FEWEST, _MOST = 5, 100  # moves
+_LEAST = 100  # bins in which forces seconds behind are looked for
+_SAME = 0.6  # s, up to which two lags are one
 
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
@@ -108,6 +111,23 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
     time, late = np.array(found).T
     line = line_through(time, late, 0.1 * float(bins.period.max()))
     return Offset(line.value, line.std, len(time), line.rate, line.rate_std, line.span)
+
+
+def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
+    """Tell where forces seconds behind the positions, or ahead of them, are paired wrongly.
+
+    Not where the moves between dwells tell that lag too: in such a dwell both rest together.
+    """
+    n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
+    if len(whole) < _LEAST:
+        return None
+    mean = bins.mean[whole].reshape(-1, 2 * n, 3)
+    found = forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
+    offset = motion_offset(bins, dwells)
+    if found is None or found.size is None or offset is None:
+        return found
+    lag = found.size if found.values["late"] else -found.size
+    return None if abs(lag - offset.seconds) <= _SAME else found
 
 
 def _passing(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins, zeros
-from tdfscal.dwells.clock_offset import motion_offset
+from tdfscal.dwells.clock_offset import misaligned, motion_offset
 from tdfscal.dwells.dwell_means import (
     Extent,
     Moments,
@@ -47,8 +47,8 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     Raises
     ------
     DataError
-        for an empty log, times that step back, or readings that are not numbers. A log without a
-        single dwell is no error here: `left_out` says why.
+        for an empty log, times that step back, readings that are not numbers, or forces seconds
+        behind the positions. A log without a dwell is no error here: `left_out` says why.
     """
     expect("pieces", pieces, Iterable | Log, "what read_log returns, or its consecutive pieces")
     expect("options", options, DwellOptions | None, "DwellOptions")
@@ -69,7 +69,10 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     if first.rows == "postures":
         found = postures_as_dwells(rest)
     else:
-        found = dwells_of_bins(reduce_to_bins(rest, options))
+        bins = reduce_to_bins(rest, options)
+        found = dwells_of_bins(bins)
+        if late := misaligned(bins, found):
+            raise DataError(late)
     return replace(
         found,
         findings=(*said, *found.findings),

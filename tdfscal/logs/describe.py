@@ -13,13 +13,12 @@ from typing import Any, Literal
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.clocks import forces_behind
 from tdfscal.dwells import (
-    LARGE,
     Bins,
     Offset,
     dwells_of_bins,
     find_dwells,
+    misaligned,
     motion_offset,
     reduce_to_bins,
 )
@@ -39,7 +38,6 @@ from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, Reco
 
 Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
-_LEAST, _LOOKED_AT = 100, 10_000  # bins in which forces seconds apart are looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +142,7 @@ def describe_logs(
             info = replace(info, inputs=tuple(clocks.inputs), dwells=dwells, **more)
             lag = [info.lag] if info.lag else []
             problems += map(told, [*clocks.findings, *dwells.findings, *lag])
-            if not len(dwells):
+            if not len(dwells) and not lag:
                 absence = no_dwell(dwells)
                 problems.append(f"{absence.what}; {absence.hint}")
         except TdfscalError as error:
@@ -209,20 +207,9 @@ def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]
         return find_dwells(pieces), {}
     bins = reduce_to_bins(pieces)
     dwells = dwells_of_bins(bins)
-    offset, lag = motion_offset(bins, dwells), None
-    if offset is None or offset.std > LARGE:  # as where moves are paired with others
-        lag = _seconds_apart(bins)
-    more = {"samples": _sampled(bins), "offset": None if lag else offset, "lag": lag}
-    return dwells, more
-
-
-def _seconds_apart(bins: Bins) -> Finding | None:
-    """Tell where the forces come seconds after the positions, or before them."""
-    n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))[:_LOOKED_AT]
-    if len(whole) < _LEAST:
-        return None
-    mean = bins.mean[whole].reshape(-1, 2 * n, 3)
-    return forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
+    lag = misaligned(bins, dwells)
+    offset = None if lag else motion_offset(bins, dwells)
+    return dwells, {"samples": _sampled(bins), "offset": offset, "lag": lag}
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

@@ -16,7 +16,7 @@ from itertools import chain
 
 import numpy as np
 
-from tdfscal.dwells.find import find_dwells
+from tdfscal.dwells import dwells_of_bins, reduce_to_bins
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import wrench
@@ -127,7 +127,7 @@ def _searched(head: Samples, supports: tuple[str, ...], *, averaged: bool) -> Lo
         for v in (head.position, head.force)
     )
     try:
-        found = find_dwells(Log(supports, position, force))
+        found = dwells_of_bins(reduce_to_bins([Log(supports, position, force)]))
     except TdfscalError:
         return none
     if not len(found):

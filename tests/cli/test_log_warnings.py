@@ -145,18 +145,37 @@ def test_a_copy_by_another_clock_in_another_format_counts_once(
     assert any("repeat earlier readings" in text for text in texts(twice))
 
 
-def test_forces_seconds_behind_the_positions_are_named(campaign: Path) -> None:
+@pytest.mark.parametrize("seconds", [4.0, -9.0])
+def test_forces_seconds_behind_the_positions_are_named(
+    campaign: Path, tmp_path: Path, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By every command that takes dwells or motion, and before anything is fitted."""
+    sound = shutil.copytree(campaign, tmp_path / "sound")
+    known = tdfscal.calibrate(sound, trials=0)
     names = [f"ncp{i}.f{axis}" for i in (1, 2, 3) for axis in "xyz"]
     period = np.diff(pq.read_table(campaign / "log.parquet")["time"].to_numpy()[:2])[0]
     edit(
         campaign,
-        *(set_to(name, lambda force: np.roll(force, round(4.0 / period))) for name in names),
+        *(set_to(name, lambda force: np.roll(force, round(seconds / period))) for name in names),
     )
-    with pytest.raises(DataError) as refused:
-        tdfscal.calibrate(campaign, trials=0)
-    assert refused.value.finding is not None
-    assert refused.value.finding.code == "forces-behind"
-    assert refused.value.finding.size == pytest.approx(4.0, abs=0.1)
+    pooled = tdfscal.calibrate([sound, campaign], trials=0)
+    assert "balance far better" in next(
+        str(found.text) for found in pooled.findings if found.code == "campaign-unusable"
+    )
+    monkeypatch.delattr("tdfscal.commands.samples.self_calibrate")
+    for asked in (
+        lambda: tdfscal.calibrate(campaign, trials=0),
+        lambda: tdfscal.calibrate(campaign, samples="moving", trials=0),
+        lambda: tdfscal.update(known, campaign, trials=0),
+        lambda: tdfscal.validate(known, campaign),
+    ):
+        with pytest.raises(DataError) as refused:
+            asked()
+        found = refused.value.finding
+        assert found is not None
+        assert found.code == "forces-behind"
+        assert found.size == pytest.approx(abs(seconds), abs=0.1)
+        assert found.values["late"] == (seconds > 0)
 
 
 @pytest.mark.parametrize(("date", "told"), [("2018-06-15", True), ("2025-06-15", False)])
