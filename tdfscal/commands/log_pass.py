@@ -21,7 +21,7 @@ from tdfscal.catalogue.inputs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
-from tdfscal.comparison.shared_data import Readings, readings, repeated
+from tdfscal.comparison.shared_data import Readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
@@ -244,22 +244,17 @@ def day(moment: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What tells one recording from another. dwells, samples, means : None where not at hand."""
+    """What tells one recording from another.
+
+    samples, means : its readings, and their means; None where not at hand.
+    """
 
     name: str
     inputs: Sequence[InputFile]
     measured: Measured | None
     rig: Rig | None = None
-    dwells: Dwells | None = None
     samples: RepeatedSamples | None = None
     means: Readings | None = None
-
-    @property
-    def readings(self) -> Readings | None:
-        """Mean readings of its dwells."""
-        if self.rig is None or self.dwells is None:
-            return self.means
-        return readings(self.rig, self.dwells)
 
 
 def refuse_repeated(recordings: Sequence[Recording]) -> None:
@@ -270,7 +265,7 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
         if what is None and _at_one_time(first.measured, second.measured):
             what = "their clocks say so, for no rig is recorded twice at a time"
         if what is None and _alike(first, second):
-            what = "the mean forces of their dwells agree far below their uncertainty"
+            what = "their mean forces agree far below their uncertainty"
         if what is None and _copied(first, second):
             what = "the readings of every sensor are the same, noise included"
         if what is not None:
@@ -291,9 +286,9 @@ def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
 
 def _alike(a: Recording, b: Recording) -> bool:
     """Whether half of the dwells of the shorter one, or more, are also the other's."""
-    if a.readings is None or b.readings is None:
+    if a.means is None or b.means is None:
         return False
-    few, many = sorted((a.readings, b.readings), key=lambda one: len(one.force))
+    few, many = sorted((a.means, b.means), key=lambda one: len(one.force))
     if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
         return False
     return bool(2 * repeated(many, few).sum() >= len(few.force))

@@ -16,7 +16,7 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.campaign import campaign_folders, is_other_result
-from tdfscal.commands.log_pass import Settings, refuse_repeated, stated_date
+from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated, stated_date
 from tdfscal.commands.options import Option
 from tdfscal.commands.read_campaigns import Read, read_campaigns, require_one_rig
 from tdfscal.commands.result import Result, by_column
@@ -140,8 +140,11 @@ def monitor(
         )
     settings = Settings(progress)
     reads, unusable = read_campaigns(groups, settings, like=like)
-    refuse_repeated([*(e.recording() for e in known), *reads])
+    before = [recording for earlier in known for recording in earlier.own_recordings()]
+    refuse_repeated([*before, *reads])
     usable = usable_campaigns(reads, unusable)
+    moved = (Recording(name, (), None, means=each.means) for name, each in usable.items())
+    refuse_repeated([*before, *moved])
     if not known and not usable:
         raise unusable.first
     reads = [read for read in reads if read.name in usable]

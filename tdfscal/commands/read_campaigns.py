@@ -15,6 +15,7 @@ from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import surveyed
 from tdfscal.commands.campaign import resolve
 from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured, misdated
+from tdfscal.comparison.shared_data import readings
 from tdfscal.errors import (
     DataError,
     NotConvergedError,
@@ -25,7 +26,7 @@ from tdfscal.errors import (
     UsageError,
 )
 from tdfscal.findings import Finding
-from tdfscal.records import ExactMoves, InputFile, Measured, Rig, Rotations
+from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +39,7 @@ class Read(Recording):
     measured: Measured
     rig: Rig
     log: LogPass
+    dwells: Dwells | None
     survey: Rotations | None = None
     exact: tuple[ExactMoves, ...] = ()
 
@@ -120,6 +122,7 @@ def _read(name: str, log: LogPass) -> Read:
         rig=log.rig,
         dwells=dwells,
         samples=log.samples,
+        means=None if dwells is None else readings(log.rig, dwells),
         log=log,
         survey=survey,
         exact=exact,

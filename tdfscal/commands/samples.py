@@ -13,6 +13,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.checks.repeated_samples import refuse
 from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
+from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
@@ -88,6 +89,13 @@ def calibrate_motion(
         if len(dwells):
             return None
         raise neither(dwells, error) from error
+
+
+def mean_readings(own: Own) -> Readings:
+    """Mean readings by which the recording behind a calibration is known again."""
+    if isinstance(own, SelfCalibration):
+        return readings(own.rig, own.dwells)
+    return readings_in_motion(own.rig, own.fit.slow)
 
 
 def _for_want_of(dwells: Dwells, found: MotionCalibration) -> MotionCalibration:

@@ -22,6 +22,7 @@ from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.comparison.rig_history import life_of
+from tdfscal.comparison.shared_data import Readings, readings_in_motion
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.statistics import campaign_document
@@ -47,12 +48,14 @@ _REMARKS = 3
 class Judged:
     """What a campaign gives to a pool, and what is said of it by itself.
 
+    means : readings by which its recording is known again; None of a survey.
     rejected : why `calibrate` rejects it, however well it knows the angles; None where it does
     not, or where it does not suffice to be judged alone. remark : what its log, its postures and
     its residuals ask a reader to know; None where that is nothing.
     """
 
     recorded: Recorded
+    means: Readings | None
     rejected: Finding | None
     remark: Finding | None
 
@@ -65,17 +68,18 @@ def judged(read: Read) -> Judged:
     rig, month, alone = read.rig, read.measured.month, None
     if read.dwells is None:
         given = Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
-        return Judged(given, None, _remark(read, None))
+        return Judged(given, None, None, _remark(read, None))
     with naming(read.name), read.log.explaining():
         moving = calibrate_motion(read.log, read.dwells, rig)
         if moving is not None:
             exact = exact_quantities(moving.fit)
             given = Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
-            return Judged(given, _rejected(read, moving), _remark(read, moving))
+            means = readings_in_motion(rig, moving.fit.slow)
+            return Judged(given, means, _rejected(read, moving), _remark(read, moving))
         given = Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
     with suppress(TdfscalError):
         alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    return Judged(given, _rejected(read, alone), _remark(read, alone))
+    return Judged(given, read.means, _rejected(read, alone), _remark(read, alone))
 
 
 def _rejected(read: Read, alone: Own | None) -> Finding | None:
@@ -215,14 +219,17 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
         max(one.measured.end for one in reads),
         next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
     )
-    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
+    means = [usable[read.name].means for read in reads]
+    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled, means))
     others = (usable[one.name].remark for one in reads if one is not read)
     remarks = [remark for remark in others if remark]
     return as_calibration(replace(own, findings=(*reasons, *own.findings)), origin, remarks)
 
 
-def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[dict[str, Any], ...]:
-    """What the file says of each campaign."""
+def _campaigns(
+    reads: Sequence[Read], pooled: Pool, means: Sequence[Readings | None]
+) -> tuple[dict[str, Any], ...]:
+    """What the file says of each campaign; means : its readings."""
     return tuple(
         campaign_document(
             read.name,
@@ -233,8 +240,9 @@ def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[dict[str, Any], ...
             postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
             chi2=member.chi2,
             dof=max(member.dof, 0),
+            means=own,
         )
-        for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True))
+        for k, (read, member, own) in enumerate(zip(reads, pooled.members, means, strict=True))
     )
 
 

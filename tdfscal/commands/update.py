@@ -17,7 +17,7 @@ from tdfscal.commands.calibration import Calibration, CalibrationSource, as_cali
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
 from tdfscal.commands.read_campaigns import Read, read_campaigns
-from tdfscal.commands.samples import Own
+from tdfscal.commands.samples import Own, mean_readings
 from tdfscal.commands.several_campaigns import (
     PRECISION,
     calibrate_informed,
@@ -27,9 +27,10 @@ from tdfscal.commands.several_campaigns import (
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
+from tdfscal.comparison.shared_data import Readings
 from tdfscal.errors import UsageError
 from tdfscal.estimation.observation import eliminate, of_estimate
-from tdfscal.files.calibration.compared import readings_of
+from tdfscal.files.calibration.compared import own_readings, readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import published_std
@@ -65,20 +66,22 @@ class Earlier(EarlierCalibration):
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
+        means = readings_of(self.file, self.rig.supports)
         if not self.file.campaigns:
-            return [replace(self.recording(), measured=self.measured)]
+            return [Recording(self.name, self.inputs, self.measured, means=means[0])]
         return [
             Recording(
-                c.name, [i.record() for i in c.inputs], c.measured.record() if c.measured else None
+                c.name,
+                [i.record() for i in c.inputs],
+                c.measured.record() if c.measured else None,
+                means=own,
             )
-            for c in self.file.campaigns
+            for c, own in zip(self.file.campaigns, means, strict=True)
         ]
 
-    def recording(self) -> Recording:
-        """Its own recording, whose hours may be those of its campaigns."""
-        return Recording(
-            self.name, self.inputs, None, means=readings_of(self.file, self.rig.supports)
-        )
+    def own_recordings(self) -> list[Recording]:
+        """Those of them on which no calibration stands that this one updates."""
+        return self.recordings()[-1:] if self.file.history else self.recordings()
 
     def history(self) -> tuple[dict[str, Any], ...]:
         """The calibrations that one which stands on this one stands on."""
@@ -155,6 +158,7 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
 def _alone(earlier: Earlier) -> dict[str, Any]:
     """The one campaign of a calibration, as a file with several lists it."""
     file = earlier.file
+    table = own_readings(file)
     return {
         "name": earlier.name,
         "measured": earlier.measured,
@@ -165,6 +169,7 @@ def _alone(earlier: Earlier) -> dict[str, Any]:
         "postures": 0 if file.fit is None else file.fit.postures,
         "chi2": earlier.chi2,
         "dof": earlier.dof,
+        "readings": None if table is None or table.noise is None else table,
     }
 
 
@@ -255,8 +260,10 @@ def _updated(
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
     own = calibrate_informed(read, informed, trials, tuple(read.inputs))
+    means = mean_readings(own)
+    refuse_repeated([*earlier.recordings(), Recording(read.name, (), None, means=means)])
     level = float(alarm_level(month - since))
-    misfit, this = _contribution(informed, own, read, level)
+    misfit, this = _contribution(informed, own, read, means, level)
     if misfit.p_value <= level:
         rejected = judged(read).rejected
         found, said = [misfit_finding(misfit, since=earlier.name)], own.findings
@@ -285,7 +292,9 @@ def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
     return Finding("turns-visible", (earlier.name,), values=values)
 
 
-def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit, dict[str, Any]]:
+def _contribution(
+    rig: Rig, own: Own, read: Read, means: Readings, level: float
+) -> tuple[Misfit, dict[str, Any]]:
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
@@ -310,5 +319,6 @@ def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit,
         postures=postures,
         chi2=chi2,
         dof=dof,
+        means=means,
     )
     return misfit_of(rig, read.name, part, level), this

@@ -18,7 +18,7 @@ from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
-from tdfscal.comparison.shared_data import readings, repeated
+from tdfscal.comparison.shared_data import readings, readings_in_motion, repeated_in
 from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of
 from tdfscal.findings import Finding, Value
@@ -162,8 +162,10 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
     found = validate_moving(use.given, slow, delay, rig=rig)
     span = np.array([[found.begin, found.begin + found.seconds]])
-    used = {entry.sha256 for entry in use.calibration.inputs if _met(use.calibration, span).any()}
-    return replace(found, own=tuple(e.path for e in log.inputs if e.sha256 in used))
+    c = use.calibration
+    again = repeated_in(readings_of(c, rig.supports), readings_in_motion(rig, slow)).any()
+    used = {entry.sha256 for entry in c.inputs if _met(c, span).any()}
+    return replace(found, own=tuple(e.path for e in log.inputs if again or e.sha256 in used))
 
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
@@ -204,7 +206,7 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
     """
     c, rig = use.calibration, use.campaign.rig.rig
     used, files = {entry.sha256 for entry in c.inputs}, log.files_at(dwells.end)
-    own = repeated(readings_of(c, rig.supports), readings(rig, dwells))
+    own = repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
     named = np.array([file.sha256 in used for file in files], dtype=np.bool_)
     own |= named & _met(c, np.column_stack([dwells.start, dwells.end]))
     return {k: files[k].path for k in np.flatnonzero(own).tolist()}

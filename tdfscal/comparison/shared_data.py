@@ -3,18 +3,21 @@
 Noise does not repeat itself: the mean readings of two recordings, even of the same postures, differ
 as their standard errors say or farther. Means that agree better, over many dwells, are of the same
 samples, whatever became of file, clock and digits, and though the dwells' edges moved when a part
-was cut out.
+was cut out. A motion has no dwells: its readings are taken where they change least for a moment,
+which they tell themselves, by whatever clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import gammainc, gammaln
 
+from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
 
@@ -81,11 +84,14 @@ _MOVED = 1e-6
 _ALONE = 0.01
 #: Dwells that a cut at either end may have left as others.
 _CUT = 2
+#: s, half length of a mean in motion; how many a recording has at most; gain of fourth differences
+#: on noise behind the kernel of the slow streams, for noise of the same density.
+_MEAN, _MOMENTS, _FOURTH = 1.0, 200, 17.3**0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """Mean readings of K dwells, by which their recording is known again.
+    """Mean readings of K dwells, or moments of a motion, by which their recording is known again.
 
     force : (K, n, 3), N, sensor frames. noise : (n, 3), N, typical standard error of a mean, by the
     samples' noise alone; 0 where that is not known, or where there is none.
@@ -149,12 +155,63 @@ def repeated(known: Readings, seen: Readings) -> BoolArray:
     return alone
 
 
-def relation_of_readings(first: Readings, second: Readings) -> Relation:
-    """What two estimates have in common by their readings.
+def readings_in_motion(rig: Rig, slow: Slow) -> Readings:
+    """Return the mean readings at the moments of a motion at which they change least."""
+    from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
-    One of which all lie in the other counts as the same, as parts of one file do.
+    half = max(1, round(_MEAN / slow.step))
+    window = np.sin(np.pi * np.arange(1, 2 * half) / (2 * half)) ** 2
+    window /= window.sum()
+    force = np.where(rig.axes, slow.force, 0.0)
+    speed, found = [np.empty(0)], [np.empty((0, *rig.axes.shape))]
+    gaps = np.flatnonzero(np.diff(slow.time) > 1.5 * slow.step) + 1
+    for whole in np.split(force, gaps):
+        if len(whole) < len(window) + 4:
+            continue
+        step = np.arange(len(whole) - len(window) + 1.0)
+        mean = CubicSpline(step, sliding_window_view(whole, len(window), axis=0) @ window)
+        change = CubicSpline(step, np.sum(mean(step, 1) ** 2, axis=(1, 2)))
+        still = change.derivative().roots(extrapolate=False)
+        still = still[change(still, 2) > 0]
+        found.append(mean(still))
+        speed.append(change(still))
+    least = np.sort(np.argsort(np.concatenate(speed), kind="stable")[:_MOMENTS])
+    noise = np.zeros(rig.axes.shape)
+    if len(least):
+        rough = np.median(np.abs(np.diff(force, 4, axis=0)), axis=0) / (0.6745 * _FOURTH)
+        noise = rough * np.sqrt(window @ window)
+    return Readings(np.concatenate(found)[least], noise)
+
+
+def relation_of_readings(first: Sequence[Readings], second: Sequence[Readings]) -> Relation:
+    """What two estimates have in common by the readings of each one's recordings.
+
+    One whose readings all lie in the other, which has no further recording, counts as the same, as
+    parts of one file do.
     """
-    known = repeated(first, second), repeated(second, first)
-    if not any(each.any() for each in known):
+    met = np.array([[_meet(own, other) for other in second] for own in first])
+    if not met.any():
         return "apart"
-    return "same" if any(np.sum(~each) <= _CUT for each in known) else "overlapping"
+    alone = not met.any(axis=1).all(), not met.any(axis=0).all()  # a recording of the one or other
+    inside = (
+        not alone[0] and all(_lies_in(one, second) for one in first),
+        not alone[1] and all(_lies_in(one, first) for one in second),
+    )
+    if inside[0] and alone[1]:
+        return "first"
+    if inside[1] and alone[0]:
+        return "second"
+    return "same" if any(inside) else "overlapping"
+
+
+def repeated_in(known: Sequence[Readings], seen: Readings) -> BoolArray:
+    """Which of K dwells (K,) hold samples of any of the known recordings."""
+    return np.asarray(np.any([repeated(one, seen) for one in known], axis=0))
+
+
+def _meet(one: Readings, other: Readings) -> bool:
+    return bool(repeated(one, other).any() or repeated(other, one).any())
+
+
+def _lies_in(one: Readings, others: Sequence[Readings]) -> bool:
+    return int(np.sum(~repeated_in(others, one))) <= _CUT

@@ -26,17 +26,21 @@ from tdfscal.comparison.shared_data import (
     Recorded,
     Relation,
     readings,
+    readings_in_motion,
     relation,
     relation_of_readings,
     repeated,
 )
 from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
-from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.records import Drift, FloatArray, Log, Rig, Rotations, Series
+from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, simulate_campaign
 from tdfscal.simulation.campaign import record_means
+from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.postures import set_stage
 from tests.cli.running import run
+from tests.cli.test_life import edited
 from tests.comparison.histories import history
 from tests.comparison.test_pooling import estimate
 
@@ -190,11 +194,48 @@ def test_parts_cut_out_by_hand_are_known_by_their_readings() -> None:
 
     whole = part(0.0, np.inf)
     begin, end = part(0.0, done.start[8] + 2.0), part(done.start[4] + 1.0, np.inf, digits=1)
-    assert relation_of_readings(whole, begin) == relation_of_readings(end, whole) == "same"
-    assert relation_of_readings(begin, end) == "overlapping"
-    assert relation_of_readings(part(0.0, done.end[5] + 0.5), part(done.end[5], np.inf)) == "apart"
+    assert relation_of_readings([whole], [begin]) == relation_of_readings([end], [whole]) == "same"
+    assert relation_of_readings([begin], [end]) == "overlapping"
+    apart = [part(0.0, done.end[5] + 0.5)], [part(done.end[5], np.inf)]
+    assert relation_of_readings(*apart) == "apart"
     coarse = part(0.0, np.inf, digits=-2)  # nothing moves: it would be the same on any day
     assert not repeated(coarse, coarse).any()
+
+
+def test_a_motion_is_known_by_its_slowest_moments() -> None:
+    """Of a part, by another clock, with fewer digits; the same way driven again is another."""
+    options = replace(MOVING["motion"], noise=0.0, slow_noise=0.0)
+    log = simulate_moving(RIG, options, np.random.default_rng(3)).log
+    rng = np.random.default_rng(4)
+
+    def driven() -> Log:
+        shaken = (s.value + 1.75 * rng.standard_normal(s.value.shape) for s in log.force)
+        force = tuple(replace(s, value=v) for s, v in zip(log.force, shaken, strict=True))
+        return replace(log, force=force)
+
+    def part(of: Log, first: float, last: float, digits: int = 9) -> Readings:
+        def cut(one: Series) -> Series:
+            keep = (one.time >= first) & (one.time < last)
+            return Series(one.time[keep] - 0.7 * first, one.value[keep])
+
+        position, force = (tuple(map(cut, streams)) for streams in (of.position, of.force))
+        force = tuple(replace(s, value=s.value.round(digits)) for s in force)
+        log = replace(of, position=position, force=force)
+        return readings_in_motion(RIG, slow_streams([log], RIG.capacity))
+
+    one, again = driven(), driven()
+    whole = part(one, 0.0, np.inf)
+    begin, middle, end = part(one, 0.0, 25.0), part(one, 20.01, 45.0, 2), part(one, 30.013, np.inf)
+    other = part(again, 0.0, np.inf)
+    assert len(whole.force) > 20
+    for some in (begin, middle, end):
+        assert relation_of_readings([whole], [some]) == "same"
+        assert relation_of_readings([some], [whole, other]) == "first"
+        assert relation_of_readings([other, whole], [some]) == "second"
+        assert relation_of_readings([other], [some]) == "apart"
+    assert relation_of_readings([middle], [end]) == "overlapping"
+    assert relation_of_readings([whole, other], [other, whole]) == "same"
+    assert relation_of_readings([begin], [end]) == relation_of_readings([whole], [other]) == "apart"
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +252,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         recorder=Recorder(mean_sd=0.0),
     )
     first, second, third = sorted(p for p in (home / "rig").iterdir() if p.is_dir())[:3]
-    out = {name: home / f"{name}.yaml" for name in ("a", "b", "ab", "pooled", "bc")}
+    out = {name: home / f"{name}.yaml" for name in ("a", "b", "ab", "pooled", "bc", "recut")}
+    out["edited"] = edited(first, home / "edited")
+    log = out["edited"] / "log.csv"
+    head, *rows = log.read_text().splitlines()
+    short = (",".join(f"{float(cell):.6g}" for cell in row.split(",")) for row in rows[1:])
+    log.write_text("\n".join([head, *short]) + "\n")
+    tdfscal.calibrate(out["edited"], trials=0, output=out["recut"])
     tdfscal.calibrate(first, trials=0, output=out["a"])
     tdfscal.calibrate(second, trials=0, output=out["b"])
     tdfscal.update(out["a"], [second], trials=0, output=out["ab"])
@@ -236,6 +283,23 @@ def test_an_update_against_what_it_stands_on(
         assert np.all(np.array(found["difference_rpy_std"]) < np.hypot(a.rpy_std, ab.rpy_std))
     apart = json.loads(run(capsys, "compare", made["a"], made["b"], "--json", "-q").out)
     assert codes(apart) == []
+
+
+def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
+    made: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One posture less and six digits: no file of it is the same."""
+    for whole in ("ab", "pooled"):
+        done = run(capsys, "compare", made["recut"], made[whole], "--json", "-q")
+        assert codes(json.loads(done.out)) == ["compared-nested"]
+        done = run(capsys, "update", made[whole], made["edited"], "-o", tmp_path / "u.yaml", "-q")
+        assert (done.status, "the same recording" in done.err) == (2, True)
+        done = run(capsys, "validate", made[whole], made["edited"], "--json", "-q")
+        assert "log-used-before" in codes(json.loads(done.out))
+    done = run(capsys, "monitor", made["pooled"], made["edited"], "-q")
+    assert (done.status, "the same recording" in done.err) == (2, True)
+    done = run(capsys, "compare", made["recut"], made["bc"], "--json", "-q")
+    assert codes(json.loads(done.out)) == []
 
 
 @pytest.mark.parametrize(

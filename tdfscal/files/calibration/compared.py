@@ -21,6 +21,7 @@ from tdfscal.comparison.shared_data import (
     relation_of_readings,
 )
 from tdfscal.files.calibration.document import Calibration, recorded
+from tdfscal.files.calibration.parts import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Rotations
 
@@ -123,17 +124,26 @@ def _recordings(c: Calibration) -> frozenset[Recorded]:
     )
 
 
-def readings_of(c: Calibration, supports: Sequence[str]) -> Readings:
-    """Mean readings of the dwells that a calibration tells of; none from several campaigns.
+def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
+    """Mean readings of each recording that a calibration stands on, empty where it tells none.
 
     supports : in whose order.
     """
-    table, zeros = c.dwells, np.zeros((len(supports), 3))
-    if table is None or c.campaigns:
-        return Readings(np.zeros((0, *zeros.shape)), zeros)
-    order = [c.support_names.index(name) for name in supports]
-    noise = zeros if table.noise is None else np.array(table.noise)[order]
-    return Readings(np.array(table.force)[order].swapaxes(0, 1), noise)
+    order, zeros = [c.support_names.index(name) for name in supports], np.zeros((len(supports), 3))
+    nothing = Readings(np.zeros((0, *zeros.shape)), zeros)
+    campaigns = [entry.readings for entry in c.campaigns]
+    tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [own_readings(c)]
+    return [
+        nothing
+        if table is None or table.noise is None
+        else Readings(np.array(table.force)[order].swapaxes(0, 1), np.array(table.noise)[order])
+        for table in tables
+    ]
+
+
+def own_readings(c: Calibration) -> DwellTable | ReadingsTable | None:
+    """Mean readings of a calibration's own recording, the latest of several."""
+    return c.dwells if c.motion is None else c.motion.readings
 
 
 def _span(c: Calibration) -> tuple[float, float] | None:

@@ -18,7 +18,12 @@ from tdfscal.files.calibration.parameters import (
     places,
     turn_parameters,
 )
-from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIVITY
+from tdfscal.files.calibration.parts import (
+    CONVENTION,
+    CONVENTION_WITH_SENSITIVITY,
+    DwellTable,
+    ReadingsTable,
+)
 from tdfscal.files.field_types import Strict, fault
 from tdfscal.model.parameters import layout, symmetric
 from tdfscal.numerics import so3
@@ -131,9 +136,11 @@ def _shape(c: Calibration) -> Iterator[Statement]:
     n = len(c.supports)
     yield from _rows(("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high", "histogram"), n)
     yield from _rows(("fit",), c.fit, ("channel_noise",), n)
-    yield from _rows(("dwells",), c.dwells, ("force", "noise"), n)
     for k, campaign in enumerate(c.campaigns):
         yield from _rows(("campaigns", k), campaign, ("zero", "zero_std"), n)
+        yield from _readings(("campaigns", k, "readings"), campaign.readings, n)
+    if c.motion is not None:
+        yield from _readings(("motion", "readings"), c.motion.readings, n)
     for k, method in enumerate(c.methods or ()):
         yield from _rows(("methods", k), method, ("rpy", "rpy_std"), n)
     tables: dict[Place, Strict | None] = {("postures",): c.postures}
@@ -147,7 +154,17 @@ def _shape(c: Calibration) -> Iterator[Statement]:
     if c.dwells is not None:
         count = len(c.dwells.start)
         yield from _rows(("dwells",), c.dwells, ("end", "temperature"), count)
-        yield from ((("dwells", "force", i), len(f), count) for i, f in enumerate(c.dwells.force))
+        yield from _readings(("dwells",), c.dwells, n, count)
+
+
+def _readings(
+    place: Place, table: ReadingsTable | DwellTable | None, n: int, count: int | None = None
+) -> Iterator[Statement]:
+    """The numbers of rows of mean readings of n supports; count : of each one's, if known."""
+    yield from _rows(place, table, ("force", "noise"), n)
+    counts = [] if table is None else [len(rows) for rows in table.force]
+    for i, rows in enumerate(counts):
+        yield (*place, "force", i), rows, counts[0] if count is None else count
 
 
 def _rows(place: Place, holder: Strict | None, names: Iterable[str], count: int) -> list[Statement]:

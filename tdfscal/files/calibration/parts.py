@@ -477,6 +477,13 @@ class MeasuredResult(Strict):
         return Measured(seconds(self.begin), seconds(self.end), self.source)
 
 
+class ReadingsTable(Strict):
+    """Mean readings, sensor frames, by which a recording is known again."""
+
+    force: tuple[Vectors, ...] = key("N: per support, of each dwell or slowest moment of a motion")
+    noise: Vectors = key("N: per support, a mean's typical standard error by noise")
+
+
 class CampaignResult(Strict):
     """One of several campaigns: its own zeros and load, and what it added to χ²."""
 
@@ -489,6 +496,7 @@ class CampaignResult(Strict):
     postures: Count = key("number of postures used")
     chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
     dof: Count = key("degrees of freedom that it added")
+    readings: ReadingsTable | None = key("by which its recording is known again", None)
 
 
 def _without_nan(values: object) -> object:
@@ -659,6 +667,7 @@ class MotionResult(Strict):
     halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
     spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
     residual: MotionResidual | None = key("of the wrench, over time", None)
+    readings: ReadingsTable | None = key("by which the recording is known again", None)
 
 
 def instant(time: float) -> str:

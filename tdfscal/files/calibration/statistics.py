@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.shared_data import readings
+from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import Observability, load_directions
 from tdfscal.files.calibration.parts import EDGES
@@ -201,15 +201,18 @@ def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
     found = result.dwells
     if len(found) > _LOOKED_AT:
         return None
-    means = readings(result.rig, found)
     warm = None if found.temperature is None else found.temperature.mean(axis=1)
     return {
         "start": found.start,
         "end": found.end,
-        "force": np.swapaxes(means.force, 0, 1),
         "temperature": warm,
-        "noise": means.noise,
+        **known_again(readings(result.rig, found)),
     }
+
+
+def known_again(means: Readings) -> dict[str, Any]:
+    """Mean readings by which a recording is known again."""
+    return {"force": np.swapaxes(means.force, 0, 1), "noise": means.noise}
 
 
 def loads(result: SelfCalibration) -> list[dict[str, Any]]:
@@ -233,10 +236,11 @@ def campaign_document(
     postures: int,
     chi2: float,
     dof: int,
+    means: Readings | None,
 ) -> dict[str, Any]:
     """The block of one campaign; std : standard uncertainties, ∞ where there is none.
 
-    axes : (n, 3), which it measured.
+    axes : (n, 3), which it measured. means : None of a survey.
     """
     return {
         "name": name,
@@ -246,6 +250,7 @@ def campaign_document(
         "postures": postures,
         "chi2": chi2,
         "dof": dof,
+        "readings": None if means is None or len(means.force) > _LOOKED_AT else known_again(means),
     }
 
 
@@ -282,6 +287,7 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
         "halves_p_value": result.halves.p_value,
+        "readings": known_again(readings_in_motion(result.rig, result.fit.slow)),
         "spectrum": _spectrum(result),
         "residual": {
             "time": residual.time,
