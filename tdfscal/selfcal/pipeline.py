@@ -57,8 +57,6 @@ MAX_TRIALS = 20_000
 MOST_SIMULATED = 12
 #: Times that the noise of channels is sought again from the postures that it takes in.
 _ROUNDS = 3
-#: Trials for the covariance of the linear method.
-LINEAR_TRIALS = 1_000
 
 
 def self_calibrate(
@@ -72,8 +70,8 @@ def self_calibrate(
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
-    max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without; None
-    for `MAX_TRIALS` with up to `MOST_SIMULATED` sensors, none with more.
+    max_trials : of the Monte Carlo, 0 for none; None for `MAX_TRIALS` with up to `MOST_SIMULATED`
+    sensors, none with more. The linear method makes none.
     progress : told the name of each long stage.
 
     Raises
@@ -87,9 +85,7 @@ def self_calibrate(
     """
     usable = usable_postures(rig, dwells)
     robust, known, channels = (
-        _likeliest_rotations(rig, usable)
-        if estimator == "ml"
-        else _linear(rig, usable.postures, rng, max_trials or LINEAR_TRIALS)
+        _likeliest_rotations(rig, usable) if estimator == "ml" else _linear(rig, usable.postures)
     )
     result, stats, uncertainty = known.fit, known.quality, known.uncertainty
     seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
@@ -241,16 +237,14 @@ def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
 
 
-def _linear(
-    rig: Rig, observed: Postures, rng: np.random.Generator, trials: int
-) -> tuple[RobustFit, Estimate[Fit], None]:
+def _linear(rig: Rig, observed: Postures) -> tuple[RobustFit, Estimate[Fit], None]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
         raise RigError(missing)
     result = fit_linear(rig, observed)
     parts = information(result)
-    spread = evaluate_linear(result, rng, trials)
+    spread = evaluate_linear(result, parts)
     return RobustFit(result), Estimate(result, parts, quality(result, parts), spread), None
 
 
