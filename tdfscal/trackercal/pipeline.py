@@ -28,7 +28,7 @@ from tdfscal.trackercal.point_matching import (
     relabellings,
     unmatched,
 )
-from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
+from tdfscal.trackercal.positioner_axes import examine_axes
 from tdfscal.trackercal.uncertainty import Components, estimate_components, simulate_inputs
 
 #: Typical errors of what is taken as exact: a workshop's drawing, m, and a sensor's body against
@@ -61,7 +61,6 @@ class TrackerCalibration:
     components: Components
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
-    axes: tuple[AxisFault, ...]
     findings: tuple[Finding, ...]
     exact: tuple[ExactQuantity, ...]
 
@@ -105,7 +104,7 @@ def calibrate_tracker(
     moves, targets = _fit(rig, session, move_points, target_points, None)
     _refuse_many_outliers(moves, targets, session.targets.source)
     chi2, dof = (sum(getattr(s.fit, name) for s in (moves, *targets)) for name in ("chi2", "dof"))
-    axes, components = examine_axes(moves), estimate_components(moves, targets)
+    faults, components = examine_axes(moves), estimate_components(moves, targets)
     moves, targets = _fit(rig, session, move_points, target_points, components)
     X = so3.project(np.stack([moves.fit.rotation.T @ t.fit.rotation for t in targets]))
     shares = _shares(moves, targets, misalignment)
@@ -135,11 +134,10 @@ def calibrate_tracker(
         components=components,
         budget={name: so3.rpy_variance(X, share) for name, share in shares.items()},
         monte_carlo=monte_carlo,
-        axes=axes,
         findings=notes,
         exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
-    return replace(result, findings=(*notes, *_findings(rig, result)))
+    return replace(result, findings=(*notes, *_findings(rig, result, faults)))
 
 
 def _matched(
@@ -253,11 +251,11 @@ def _exact_quantities(
     return tuple(found)
 
 
-def _findings(rig: Rig, result: TrackerCalibration) -> Iterator[Finding]:
-    """What the survey's numbers cannot vouch for."""
+def _findings(rig: Rig, result: TrackerCalibration, faults: Sequence[Finding]) -> Iterator[Finding]:
+    """What the survey's numbers cannot vouch for; faults : of the NCPs' axes."""
     yield from (point.finding for point in result.rejected)
     yield from result.components.understated
-    yield from (fault.finding for fault in result.axes)
+    yield from faults
     if result.coplanar_targets:
         yield Finding("targets-coplanar", result.coplanar_targets)
     symmetric = {}

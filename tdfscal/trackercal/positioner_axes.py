@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,33 +26,15 @@ _AFFINE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class AxisFault:
-    """A departure of one axis of one NCP, size ± std in `unit`, and its probability by chance."""
-
-    support: str
-    axis: str
-    kind: str
-    size: float
-    std: float
-    unit: str
-    p_value: float
-
-    @property
-    def finding(self) -> Finding:
-        """As a finding."""
-        values: dict[str, Value] = {"axis": self.axis, "kind": self.kind, "std": self.std}
-        return Finding(
-            "positioner-axis-faulty",
-            (self.support,),
-            self.size,
-            self.unit,
-            self.p_value,
-            values=values,
-        )
+def _fault(
+    support: str, axis: str, kind: str, size: float, std: float, unit: str, p: float
+) -> Finding:
+    """A departure of one axis of one NCP, size ± std, and its probability by chance."""
+    values: dict[str, Value] = {"axis": axis, "kind": kind, "std": std}
+    return Finding("positioner-axis-faulty", (support,), size, unit, p, values=values)
 
 
-def examine_axes(moves: SurveyFit) -> tuple[AxisFault, ...]:
+def examine_axes(moves: SurveyFit) -> tuple[Finding, ...]:
     """Fit each support's moves by themselves, and return what departs significantly.
 
     An affine map has six parameters more than a rigid one: three scales and three squarenesses;
@@ -63,10 +44,10 @@ def examine_axes(moves: SurveyFit) -> tuple[AxisFault, ...]:
     names = moves.points.groups
     limit = POSITIONER_AXIS / (7 * len(names) * 3)
     tests = (test for name in names for test in _tests(moves, name))
-    return tuple(test for test in tests if test.p_value < limit)
+    return tuple(test for test in tests if test.p_value is not None and test.p_value < limit)
 
 
-def _tests(moves: SurveyFit, support: str) -> Iterator[AxisFault]:
+def _tests(moves: SurveyFit, support: str) -> Iterator[Finding]:
     """Every departure of one support's axes that its moves tell."""
     which = moves.points.indices(support)
     points, noise = moves.points.take(which), moves.noise.take(which)
@@ -82,11 +63,11 @@ def _tests(moves: SurveyFit, support: str) -> Iterator[AxisFault]:
     stds = np.sqrt(np.diag(affine.covariance))
     for (axis, kind, unit), value, std in zip(_AFFINE, affine.value, stds, strict=True):
         p = float(chi2_sf((value / std) ** 2, 1))
-        yield AxisFault(support, axis, kind, float(value), float(std), unit, p)
+        yield _fault(support, axis, kind, float(value), float(std), unit, p)
     yield from _bows(fit, servo, support)
 
 
-def _bows(fit: Registration, servo: FloatArray, support: str) -> Iterator[AxisFault]:
+def _bows(fit: Registration, servo: FloatArray, support: str) -> Iterator[Finding]:
     """Bow of each axis, where the moves tell bows from the affine map."""
     half = np.abs(servo).max(axis=0)
     if fit.dof < 6 + 9 + 3 or half.min() == 0:
@@ -105,10 +86,10 @@ def _bows(fit: Registration, servo: FloatArray, support: str) -> Iterator[AxisFa
         value, block = extension.value[own], extension.covariance[own, own]
         p = float(chi2_sf(value @ np.linalg.solve(block, value), 3))
         size, std = float(np.linalg.norm(value)), float(np.sqrt(np.trace(block) / 3))
-        yield AxisFault(support, f"{axis} axis", "bow", 1e-3 * size, 1e-3 * std, "m", p)
+        yield _fault(support, f"{axis} axis", "bow", 1e-3 * size, 1e-3 * std, "m", p)
 
 
-def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[AxisFault]:
+def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[Finding]:
     """Turn of one NCP's axes against the others', about the axis where it is most certain.
 
     The common rotation is the information-weighted mean of this support's own and the others',
@@ -124,4 +105,4 @@ def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[AxisFau
     p, std = float(chi2_sf(d @ np.linalg.solve(cov, d), 3)), np.sqrt(np.diag(cov))
     k = int(np.argmax(np.abs(d) / std))
     axis, kind = f"all axes about {'xyz'[k]}", "turned against the other NCPs'"
-    yield AxisFault(support, axis, kind, float(d[k]), float(std[k]), "rad", p)
+    yield _fault(support, axis, kind, float(d[k]), float(std[k]), "rad", p)
