@@ -74,6 +74,7 @@ def rigs_apart(found: Sequence[Finding], code: str, **values: Value) -> Finding:
     if [finding.code for finding in found] == ["lcs-restated"]:
         return found[0]
     differences = "; ".join(sentence(finding) for finding in found)
+    values["exchanged"] = all(finding.code == "sensor-exchanged" for finding in found)
     return Finding(code, values={**values, "differences": differences})
 
 

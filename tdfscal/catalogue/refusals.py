@@ -161,6 +161,8 @@ rig-supports notes
   its supports are {subject} instead of {others}
 rig-serial notes
   its serial is {other} instead of {own}
+sensor-exchanged notes
+  the sensor of {subject} has serial number {other} instead of {own}
 rig-constant notes
   the {what}{of: of ~|} is {other} {unit} instead of {own} {unit}
 lcs-restated refuses
@@ -170,11 +172,13 @@ lcs-restated refuses
   -> state hinges, barycentre and inertia in one LCS in both rig files
 rigs-differ refuses
   this is another rig than that of {first}: {differences}
-  -> campaigns of one rig state the same supports, hinges and uncertainties; correct
-    the rig file, or calibrate the rigs one by one
+  -> {exchanged:another sensor is mounted in another way: calibrate anew and go on from
+    there, or correct the serial number|campaigns of one rig state the same supports,
+    hinges and uncertainties; correct the rig file, or calibrate the rigs one by one}
 rig-uncalibrated refuses
   this rig is not the one that was calibrated: {differences}
-  -> correct the rig file, or calibrate this rig
+  -> {exchanged:another sensor is mounted in another way: calibrate anew, or correct the
+    serial number|correct the rig file, or calibrate this rig}
 linear-axis-missing refuses
   the sensor of {subject} does not measure {axis}, and the linear method needs every
   component

@@ -32,8 +32,8 @@ _RESTATED = "lcs-restated"
 def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     """What shows that two rig files are of two rigs; nothing: of one, for all they say.
 
-    Compared are the supports, the serial where both state one, gravity, and the hinges within the
-    uncertainties that both state.
+    Compared are the supports, the serials of rig and sensors where both state one, gravity, and the
+    hinges within the uncertainties that both state.
     """
     found = _named(first, other)
     if first.supports != other.supports:
@@ -116,12 +116,18 @@ def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
 
 
 def _named(first: Rig, other: Rig) -> tuple[Finding, ...]:
-    """Supports of other names, or another serial."""
+    """Supports of other names, or another serial of the rig or of a sensor."""
     if first.supports != other.supports:
         return (Finding("rig-supports", other.supports, values={"others": first.supports}),)
-    if None in (first.serial, other.serial) or first.serial == other.serial:
-        return ()
-    return (Finding("rig-serial", values={"own": first.serial, "other": other.serial}),)
+    pairs: list[tuple[str, tuple[str, ...], str | None, str | None]]
+    pairs = [("rig-serial", (), first.serial, other.serial)]
+    sensors = zip(first.supports, first.sensors, other.sensors, strict=False)  # none: no papers
+    pairs += [("sensor-exchanged", (name,), a.serial, b.serial) for name, a, b in sensors]
+    return tuple(
+        Finding(code, of, values={"own": own, "other": given})
+        for code, of, own, given in pairs
+        if None not in (own, given) and own != given
+    )
 
 
 def _differs(what: str, of: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> Finding:

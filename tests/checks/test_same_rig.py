@@ -13,7 +13,7 @@ from tdfscal import simulation
 from tdfscal.catalogue import cure, rigs_apart, sentence
 from tdfscal.checks.same_rig import contradictions, different_constants, other_rig
 from tdfscal.numerics import so3
-from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.significance import CONTRADICTION
 
 RIG = replace(
@@ -91,6 +91,23 @@ def test_every_difference_is_told() -> None:
     assert len(found) == 3
     said = sentence(rigs_apart(found, "rig-uncalibrated"))
     assert all(sentence(each) in said for each in found)
+
+
+@pytest.mark.parametrize("compared", [other_rig, contradictions, different_constants])
+def test_an_exchanged_sensor_is_told_where_both_files_name_theirs(
+    compared: Callable[[Rig, Rig], Any],
+) -> None:
+    def with_sensors(*serials: str | None) -> Rig:
+        return replace(RIG, sensors=tuple(SensorInfo(serial, "F-1") for serial in serials))
+
+    first = with_sensors("T-1", "T-2", None)
+    (found,) = compared(first, with_sensors("T-1", "T-9", "T-3"))
+    assert "ncp2" in sentence(found)
+    assert "T-9 instead of T-2" in sentence(found)
+    for code in ("rig-uncalibrated", "rigs-differ"):
+        assert "calibrate anew" in cure(rigs_apart([found], code))
+    for same in (first, with_sensors(None, "T-2", "T-3"), RIG):
+        assert compared(first, same) == compared(same, first) == ()
 
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.3, -0.1, 2.0)])
