@@ -23,6 +23,7 @@ P parameters (`parameters.layout`). State arrays may carry leading batch axes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -58,7 +59,7 @@ __all__ = [
 _FILLINGS = 2
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Balance:
     """All postures linearised at one state.
 
@@ -85,7 +86,7 @@ class Balance:
     datum: FloatArray
     compliance: FloatArray
 
-    @property
+    @cached_property
     def cov(self) -> FloatArray:
         """Covariance (K, 6, 6) of e by noise alone, free forces apart."""
         seen, B, turn = self.seen, self.noise_force, self.noise_turn
@@ -108,16 +109,18 @@ class Balance:
     @property
     def whitener(self) -> FloatArray:
         """V (K, 6, 6) with V e white in `rows` directions and 0 along free forces."""
-        return whitener(self.cov, self.free)[0]
+        return self._white[0]
 
     @property
     def rows(self) -> IntArray:
         """Number (K,) of directions of e that no free force reaches."""
-        if self.seen.measured.all():
-            return np.full(len(self.cov), 6)
-        return whitener(self.cov, self.free)[1]
+        return self._white[1]
 
-    @property
+    @cached_property
+    def _white(self) -> tuple[FloatArray, IntArray]:
+        return whitener(self.cov, self.free)
+
+    @cached_property
     def information(self) -> FloatArray:
         """VᵀV (K, 6, 6): the inverse of `cov` where all is measured."""
         V = self.whitener

@@ -36,13 +36,22 @@ def _angle(v: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray(np.sqrt(np.sum(v * v, axis=-1)))[..., None, None]
 
 
+def _matrix(*rows: Sequence[npt.NDArray[Any]]) -> FloatArray:
+    """Matrices (..., 3, 3) of rows of entries (...)."""
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
 def exp(v: npt.ArrayLike) -> FloatArray:
-    """Rotation by the vector v (..., 3) in rad: Rodrigues' formula, exact at 0."""
+    """Rotation by the vector v (..., 3) in rad: that of its unit quaternion, exact at 0."""
     v = np.asarray(v)
-    half, k = _angle(v) / 2, hat(v)
-    # (1 − cos a)/a² = ½ sinc²(a/2) keeps all digits near 0; sin a = 2 sin(a/2) cos(a/2).
-    s = _sinc(half)
-    return np.asarray(np.eye(3) + s * np.cos(half) * k + 0.5 * s * s * (k @ k))
+    half = _angle(v)[..., 0, 0] / 2
+    w = np.cos(half)
+    x, y, z = np.moveaxis(0.5 * _sinc(half)[..., None] * v, -1, 0)
+    return _matrix(
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    )
 
 
 def log(R: npt.ArrayLike) -> FloatArray:
@@ -80,12 +89,11 @@ def from_rpy(rpy: npt.ArrayLike) -> FloatArray:
     """Rz(yaw) Ry(pitch) Rx(roll) of rpy (..., 3) in rad (Eq. 8)."""
     rpy = np.asarray(rpy, dtype=np.float64)
     (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(t, -1, 0) for t in (np.sin(rpy), np.cos(rpy)))
-    rows = [
+    return _matrix(
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
         [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    )
 
 
 def to_rpy(R: npt.ArrayLike) -> FloatArray:
@@ -138,8 +146,7 @@ def rpy_jacobian(R: npt.ArrayLike) -> FloatArray:
     _, pitch, yaw = np.moveaxis(to_rpy(R), -1, 0)
     cy, sy, cp, tp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.tan(pitch)
     zero, one = np.zeros_like(cy), np.ones_like(cy)
-    rows = [[cy / cp, sy / cp, zero], [-sy, cy, zero], [cy * tp, sy * tp, one]]
-    jacobian = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    jacobian = _matrix([cy / cp, sy / cp, zero], [-sy, cy, zero], [cy * tp, sy * tp, one])
     return np.where(stuck[..., None, None], np.eye(3), jacobian)
 
 
