@@ -98,14 +98,14 @@ sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
   of the BCS before posture {posture}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    the campaign again
+    {campaign:~|the campaign} again
 zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
   sensor before posture {posture}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    the campaign again
+    {campaign:~|the campaign} again
 """,
-    f"the residuals say {{tied:about as well that|that}} %s {_SHIFT}",
+    f"the residuals{{campaign: of ~|}} say {{tied:about as well that|that}} %s {_SHIFT}",
     _BESIDES,
 ) | entries(
     """

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
+from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration, as_calibration
@@ -150,8 +151,18 @@ def calibrate_informed(
 ) -> Own:
     """Calibrate from a campaign's dwells or motion, by a rig with earlier knowledge.
 
-    Of a log with few dwells that which determines the zeros better.
+    Of a log with few dwells that which determines the zeros better. What its residuals say that
+    the rig file lacks names the campaign.
     """
+    own = _informed(read, informed, trials, inputs)
+    named = (
+        replace(f, values={**f.values, "campaign": read.name}) if f.code in SUSPECTS else f
+        for f in own.findings
+    )
+    return replace(own, findings=tuple(named))
+
+
+def _informed(read: Read, informed: Rig, trials: int | None, inputs: tuple[InputFile, ...]) -> Own:
     assert read.dwells is not None
     settings = read.log.settings
     with read.log.explaining():
@@ -212,6 +223,11 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials, inputs)
+    if not enough and read.name in rejected:  # what it says of itself names its cause once
+        said = {reason.code for reason in own.reasons}
+        rejected = {
+            n: f for n, f in rejected.items() if n != read.name or f.values["cause"] not in said
+        }
     reasons = [*changes, *_lost(reads, pooled, last), *unusable.findings]
     reasons += rejected.values() if enough else wanted(rejected.values())
     whole = Measured(

@@ -304,6 +304,21 @@ def test_a_pool_is_one_state_where_the_chart_does_not_alarm(
     assert [reason.text for reason in pooled.reasons] == told
 
 
+def test_a_slip_in_the_last_month_of_a_pool_names_that_month(tmp_path: Path) -> None:
+    simulate_to_folder(tmp_path, scenario="months", postures=12, months=2, seed=4, rows="postures")
+    whole, last = folders(tmp_path, 0, 2)
+    log = pd.read_csv(last / "log.csv")
+    forces = [f"TDFS2_F{axis}" for axis in "xyz"]
+    turn = so3.exp(np.array([6e-3, 0.0, 0.0]))
+    log.loc[6:, forces] = log.loc[6:, forces].to_numpy() @ turn
+    log.to_csv(last / "log.csv", index=False)
+    pooled = tdfscal.calibrate([whole, last], trials=0)
+    told = [reason for reason in pooled.reasons if "turned by" in reason.text]
+    assert [(reason.code, reason.subject) for reason in told] == [("sensor-slipped", ("ncp2",))]
+    assert f"of {last} say" in " ".join(told[0].text.split())
+    assert f"record {last} again" in str(told[0].cure)
+
+
 def test_one_posture_finds_new_zeros(
     months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
