@@ -201,9 +201,12 @@ posture-misfits warns
   -> find what touched the terminal (cables, a hand, a stop), free it, and record
     again
 stretch-frozen warns
-  the {axis} axis of the sensor of {subject} is frozen
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> look at the sensor's cable and amplifier
+  -> look at the sensor's cable and amplifier, and record again; what is recorded
+    calibrates {before:by the part before, with --to ~, or |}with `axes: [{others}]` for
+    {subject} in rig.yaml, and none in place of its {axis} {axes:fields|field} in `force`
+    of the log block
 stretch-standing warns
   the position of {subject} is frozen while others move
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
@@ -256,7 +259,8 @@ noise-overstated warns
   those may be overstated, and so the angles' own
   -> {force_noise:this campaign supports `uncertainty.force_noise: ~` (N) beside the
     dwells' own scatter|}{positioner:this campaign supports
-    `uncertainty.positioner: ~` (m)|}; write less once a second one says so too
+    `uncertainty.positioner: ~` (m)|}{neither:see whether the rig file states more
+    noise or drift than there is|}; write less once a second one says so too
 mass-exact warns
   the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
   the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and

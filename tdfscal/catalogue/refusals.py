@@ -57,17 +57,18 @@ axes-blind refuses
   -> at least one sensor has to measure the horizontal forces too
   @ rig.yaml, supports.axes
 axis-frozen refuses
-  the {axis} axis of the sensor of {subject} is frozen: it stands at {number:.6g} N in
-  all {postures} postures that could be read{left_out: (~ more were left out)|}, and
-  the whole log reads {low:.6g} to {high:.6g} N
-  ? since ; it stands there since {since:when}
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen:
+  {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
+  read{left_out: (~ more were left out)|}, and the whole log reads {low:.6g} to {high:.6g} N
+  ? since , frozen since {since:when}
   -> check the sensor, its amplifier and the recorder; what is recorded calibrates with
-    `axes: [{others}]` for {subject} in rig.yaml, and none in place of its {axis} field
-    in `force` of the log block{before:, or by the ~ stops before, with --to|}
+    `axes: [{others}]` for {subject} in rig.yaml, and none in place of its {axis}
+    {axes:fields|field} in `force` of the log block{before:, or by the ~ stops before, with --to|}
   @ log forces
 axis-saturated refuses
-  the {axis} axis of the sensor of {subject} is saturated: it stands at {number:.6g} N
-  in all {postures} postures that could be read{left_out: (~ more were left out)|}
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} saturated:
+  {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
+  read{left_out: (~ more were left out)|}
   ? moves , and the whole log reads {low:.6g} to {high:.6g} N
   -> check the range of the sensor and of its amplifier, and squeeze less
   @ log forces
@@ -190,8 +191,8 @@ linear-postures-few refuses
   -> record more postures, or use the default estimator
   @ log
 channel-dead refuses
-  the {axis} axis of the sensor of {subject} reads {number:.6g} N throughout: it is
-  dead or not connected
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:read|reads} {stuck:.6g} N
+  throughout: {axes:they are|it is} dead or not connected
   -> check the sensor, its amplifier and the force fields in rig.yaml, or write
     `axes: [{others}]` for {subject} in rig.yaml
   @ log forces

@@ -55,7 +55,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
         )
         for i, j in np.argwhere(stuck):
             check_unit(rig, dwells.force)
-            raise _stuck(rig, dwells, int(i), int(j))
+            raise _stuck(rig, dwells, int(i), int(j), stuck[i])
     reasons: dict[int, Finding] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
     over &= rig.axes
@@ -145,18 +145,31 @@ def _since(dwells: Dwells) -> FloatArray:
     return np.where(later >= _FROZEN, dwells.force_still, np.nan)
 
 
-def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
-    """The error for an axis with one reading in every posture: saturated, frozen or dead."""
+def stuck_axes(measured: BoolArray, stuck: BoolArray, force: FloatArray) -> dict[str, Value]:
+    """What is said of a sensor's axes (3,) that stand at one reading, N, and of those that live."""
+    stuck = stuck & measured
+    return {
+        "axis": [name for name, own in zip(AXES, stuck, strict=True) if own],
+        "axes": bool(stuck.sum() > 1),
+        "stuck": force[stuck].tolist(),
+        "others": [name for name, own in zip(AXES, measured & ~stuck, strict=True) if own],
+    }
+
+
+def _stuck(rig: Rig, dwells: Dwells, i: int, j: int, stuck: BoolArray) -> DataError:
+    """The error for an axis with one reading in every posture: saturated, frozen or dead.
+
+    stuck : (3,), which axes of its sensor have.
+    """
     value = float(dwells.force_max[0, i, j])
     low, high = (value, value) if dwells.force_range is None else dwells.force_range[:, i, j]
     facts: dict[str, Value] = {
-        "axis": AXES[j],
+        **stuck_axes(rig.axes[i], stuck, dwells.force_max[0, i]),
         "postures": len(dwells),
         "left_out": len(dwells.left_out),
         "low": float(low),
         "high": float(high),
         "moves": bool(low < high),
-        "others": [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j],
     }
     if np.isfinite(since := float(_since(dwells)[i, j])):
         facts |= {"since": since, "before": sum(out.end <= since for out in dwells.left_out)}

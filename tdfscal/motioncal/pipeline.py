@@ -44,6 +44,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, estimate, simulate
 from tdfscal.motioncal.usable import Usable, gaps, usable_samples, without_contacts
 from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
+from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
 
@@ -256,7 +257,7 @@ def _reasons(
         suspicions=suspected,
         conformity=conformity,
     )
-    lost = sum(s.end - s.begin for s in rejected)
+    lost = covered((s.begin, s.end) for s in rejected)
     if lost > MOST_REJECTED * (lost + result.seconds):
         values: dict[str, Value] = {"seconds": lost + result.seconds, "limit": MOST_REJECTED}
         reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)

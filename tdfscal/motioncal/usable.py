@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.checks.faulty_sensors import AXES, check_directions, check_unmeasured
+from tdfscal.checks.faulty_sensors import check_directions, check_unmeasured, stuck_axes
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
@@ -93,12 +93,10 @@ def check_stream(rig: Rig, slow: Slow) -> None:
         noise=np.diff(slow.force, 2, axis=0).std(axis=0) / np.sqrt(6.0),
     )
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
-    for i, j in np.argwhere(still & rig.axes):
+    for i in np.flatnonzero((still & rig.axes).any(axis=1)):
         check_unit(rig, slow.force)
-        others = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
-        values: dict[str, Value] = {"axis": AXES[j], "others": others}
-        stuck = float(slow.force[0, i, j])
-        raise DataError(Finding("channel-dead", (rig.supports[i],), stuck, "N", values=values))
+        values = stuck_axes(rig.axes[i], still[i], slow.force[0, i])
+        raise DataError(Finding("channel-dead", (rig.supports[i],), values=values))
     rounding, own = slow.quantum / np.sqrt(12.0), rig.declared.positioner or _UNSTATED
     if rounding > _COARSE * own:
         each = {"step": slow.quantum, "error": rounding, "own": own}
@@ -130,15 +128,22 @@ def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:
 
     A force that stays the same to the last digit is frozen; an NCP's place is while others move.
     """
-    found = []
+    found: list[tuple[slice, Finding]] = []
+    frozen = np.zeros(slow.force.shape, dtype=np.bool_)
     for i, j in np.argwhere(rig.axes):
-        reason = Finding("stretch-frozen", (rig.supports[i],), values={"axis": AXES[j]})
-        found += [(run, reason) for run in _same(slow.force[:, i, j, None], slow.step)]
+        for run in _same(slow.force[:, i, j, None], slow.step):
+            frozen[run, i, j] = True
     for i in range(rig.n):
+        for run in runs(np.asarray(frozen[:, i].any(axis=1))):
+            stuck = np.asarray(frozen[run, i].any(axis=0))
+            values = stuck_axes(rig.axes[i], stuck, slow.force[run.start, i])
+            if run.stop == len(frozen) and run.start:
+                values["before"] = round(float(slow.time[run.start]), 2)
+            found.append((run, Finding("stretch-frozen", (rig.supports[i],), values=values)))
         reason = Finding("stretch-standing", (rig.supports[i],))
-        for run in _same(slow.position[:, i], slow.step):
-            if np.ptp(slow.position[run], axis=0).max() > _MOVES:
-                found.append((run, reason))
+        still = _same(slow.position[:, i], slow.step)
+        moved = (np.ptp(slow.position[run], axis=0).max() > _MOVES for run in still)
+        found += [(run, reason) for run, other in zip(still, moved, strict=True) if other]
     return found + [(run, Finding("stretch-over-capacity")) for run in runs(slow.clipped)]
 
 

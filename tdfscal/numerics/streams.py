@@ -1,4 +1,4 @@
-"""Values over time: a spline through even ones, when a move passes its levels, how a lag grows.
+"""Values over time: a spline, when a move passes its levels, how a lag grows, what spans cover.
 
 Projected onto its own change, whatever moves from rest to rest runs from 0 to 1; two of them are
 compared by when they pass the same levels. The rate is the median slope over all pairs of moves
@@ -7,7 +7,7 @@ compared by when they pass the same levels. The rate is the median slope over al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,3 +108,12 @@ def line_through(time: FloatArray, value: FloatArray, least: float) -> Line:
     std = float(np.hypot(spread / np.sqrt(len(time)), least))
     rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / span))
     return Line(offset, std, rate, rate_std, middle, span)
+
+
+def covered(spans: Iterable[tuple[float, float]]) -> float:
+    """Length of what spans, each from and to, cover together."""
+    total, reached = 0.0, -np.inf
+    for begin, end in sorted(spans):
+        total += max(0.0, end - max(begin, reached))
+        reached = max(reached, end)
+    return float(total)

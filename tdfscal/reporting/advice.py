@@ -224,15 +224,14 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
             )
         return
     if c.found("motion-left-out"):
-        touching = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
-        yield (
-            "find what touched the terminal in the stretches left out (cables, a hand, a stop), "
-            "and free it; where nothing did, move more slowly, or hold eight or more postures "
-            "for 3 s each"
-            if touching
-            else "squeeze less, or carry less: sensors reached their capacity or froze in the "
-            "stretches left out"
-        )
+        if any(stretch.code == "stretch-touched" for stretch in c.motion.rejected):
+            yield (
+                "find what touched the terminal in the stretches left out (cables, a hand, a "
+                "stop), and free it; where nothing did, move more slowly, or hold eight or more "
+                "postures for 3 s each"
+            )
+        spoilt = c.found("stretch-frozen", "stretch-standing", "stretch-over-capacity")
+        yield from dict.fromkeys(found.cure or "" for found in spoilt)
     yield from (found.cure or "" for found in c.found("halves-disagree"))
 
 

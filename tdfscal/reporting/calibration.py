@@ -11,6 +11,7 @@ from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import p_text, student_dof
+from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
@@ -263,7 +264,7 @@ def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
 
 def _motion(m: MotionResult) -> list[tuple[str, str]]:
     """What the motion told besides the angles."""
-    lost = sum(s.end - s.begin for s in m.rejected)
+    lost = covered((s.begin, s.end) for s in m.rejected)
     rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
     moments = ", ".join(
         f"{m.inertia.value[k][k]:.4g} ± {m.inertia.std[k][k]:.2g}" for k in range(3)

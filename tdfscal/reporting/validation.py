@@ -14,6 +14,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
+from tdfscal.numerics.streams import covered
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
@@ -192,7 +193,7 @@ def validation_report(
     found = _residual(v)
     beside: tuple[Table, ...] = ()
     if isinstance(v, MovingValidation):
-        lost = sum(s.end - s.begin for s in v.rejected)
+        lost = covered((s.begin, s.end) for s in v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
         table = layout.residual_table(found, "means over a second, about the barycentre")
         figure = "residual-over-time"

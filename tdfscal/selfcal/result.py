@@ -148,7 +148,7 @@ def _of_the_noise(known: Estimate[Fit], *, measured_noise: bool) -> list[Finding
         return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
     if stats.p_value > 1 - OVERSTATED_NOISE:
         values: dict[str, Value] = {key: f"{size:g}" for key, size in supported(known).items()}
-        p_value = 1 - stats.p_value
+        p_value, values["neither"] = 1 - stats.p_value, not values
         return [Finding("noise-overstated", size=stats.birge, p_value=p_value, values=values)]
     return []
 

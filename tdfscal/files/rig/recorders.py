@@ -25,6 +25,8 @@ from tdfscal.files.model_errors import nearest
 from tdfscal.files.units import by_scale
 from tdfscal.records import CLOCK_RATE_STD, Rows
 
+#: In place of a field that no recorder has, of an axis that is not measured.
+_NOT_RECORDED = "none"
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
 FieldName = Annotated[Text, BeforeValidator(whole_as_text), WithJsonSchema(_FIELD)]
 """A field of a log: its name or, of a table without a header, the number of its column from 1."""
@@ -199,7 +201,7 @@ def _check_block(
     taken: dict[str, str] = {}
     for (name, what), used in recorder.fields.items():
         for field in used:
-            if field in taken:
+            if field in taken and field != _NOT_RECORDED:
                 raise fault(
                     f"the field `{field}` already serves {taken[field]}",
                     *(*place, "supports", name, what),

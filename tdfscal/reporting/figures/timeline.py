@@ -23,6 +23,7 @@ from tdfscal.files.calibration.parts import (
 from tdfscal.files.rig.model import RigFile
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics.streams import covered
 from tdfscal.records import Dwells, FloatArray
 from tdfscal.reporting.figures import ink, style
 from tdfscal.reporting.figures.log_time import Clock, clock_from, log_clock
@@ -171,7 +172,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
         return fig
 
     said = f"{slow.time[-1] - slow.time[0]:.0f} s of the log are in motion"
-    lost = sum(s.end - s.begin for s in rejected)
+    lost = covered((s.begin, s.end) for s in rejected)
     said += f"; {lost:.0f} s in {len(rejected)} stretches (hatched) were left out." if lost else "."
     return Drawing("forces", "The log and its forces", said, paint)
 
