@@ -1,7 +1,8 @@
 """MCAP: its records in file order, checksums and counts checked, and where the messages are.
 
 Read front to back, so that a recording without summary, index or chunks reads to the same messages
-as one that has them. A file without its mark at the end was cut short: what is whole of it is read.
+as one that has them. A file without its mark at the end, zeros behind it aside, was cut short: what
+is whole of it is read.
 Records and fields that are not known are passed over. https://mcap.dev/spec
 
 The library's own stream makes a tuple of each entry of a message index, which takes it longer than
@@ -38,6 +39,7 @@ _MAGIC: Final = b"\x89MCAP0\r\n"
 _LOOSE_BYTES: Final = 4 << 20
 _MAX_RECORD: Final = 1 << 30
 _PIECE: Final = 1 << 20
+_SECTOR: Final = 512  # bytes, the least that is laid out in advance
 _READ: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
     | {Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER}
@@ -62,8 +64,9 @@ class McapFile(Recording):
 
     def stored(self) -> Iterator[Messages]:
         """Yield the messages chunk by chunk, in file order."""
-        self.checked, self._size, self._loose = True, self.path.stat().st_size, bytearray()
+        self.checked, self._loose = True, bytearray()
         with self.path.open("rb") as file:
+            self._size = _written(file, self.path.stat().st_size)
             file.seek(max(self._size - len(_MAGIC), 0))
             ended = file.read() == _MAGIC
             file.seek(len(_MAGIC))
@@ -123,7 +126,7 @@ class McapFile(Recording):
             if len(head) < RECORD.size:
                 raise _CutShortError
             opcode, length = RECORD.unpack(head)
-            # A file whose end was never written is zero from there on.
+            # What was never written is zero, however little of it there is.
             if not opcode or length > self._size - file.tell():
                 raise _CutShortError
             crc = zlib.crc32(head, before)
@@ -200,6 +203,21 @@ class McapFile(Recording):
         except (McapError, *LIBRARY_FAULTS) as error:
             said = f"{what} ({reason(error)}) at byte {start}"
             raise DataError(said, hint=_HINT) from error
+
+
+def _written(file: BinaryIO, size: int) -> int:
+    """Return how many bytes of a file were written: one laid out in advance is zero from there on.
+
+    The last record of a recorder that crashed is then as long as it says, and zero in its end.
+    """
+    end, step = size, _SECTOR
+    while end:
+        begin = max(end - step, 0)
+        file.seek(begin)
+        if written := file.read(end - begin).rstrip(b"\0"):
+            return size if end == size else begin + len(written)
+        end, step = begin, _PIECE
+    return size
 
 
 class _Exact(io.BytesIO):

@@ -115,10 +115,31 @@ def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
         count = len(found)
         np.testing.assert_array_equal(found, whole.force[0].value[:count])
     assert count == len(whole.force[0].value)
+    path.write_bytes(content + bytes(100_000))
+    assert read_log([path], MAPPING, SUPPORTS).findings == whole.findings
     for extra in (b"\0", content):
         path.write_bytes(content + extra)
         with pytest.raises(DataError, match="bytes follow the end"):
             read_log([path], MAPPING, SUPPORTS)
+
+
+@pytest.mark.parametrize("chunking", [True, False])
+def test_an_mcap_file_laid_out_in_advance_is_read_to_what_was_written(
+    tmp_path: Path, chunking: bool
+) -> None:
+    """Whatever part of its last record is zero instead."""
+    content = mcap_bytes(make_truth(3), chunking=chunking, summary=False)
+    path = tmp_path / "log.mcap"
+    *_, begin, end, _ = (s for s in record_starts(content) if s < len(content) - 30)
+    for cut in range(begin + 1, end):
+        readings = []
+        for zeros in (0, 70_000):
+            path.write_bytes(content[:cut] + bytes(zeros))
+            log = read_log([path], MAPPING, SUPPORTS)
+            assert "log-truncated" in [finding.code for finding in log.findings]
+            readings.append([series.value for series in (*log.position, *log.force)])
+        for one, other in zip(*readings, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def text_bytes(truth: Truth) -> bytes:
