@@ -313,10 +313,10 @@ def _on_stderr(*, quiet: bool) -> Progress:
         return SILENT
     started = time.monotonic()
 
-    def tell(text: str) -> None:
-        say(f"[{time.monotonic() - started:5.1f} s] {text}")
+    def tell(stage: str) -> None:
+        say(f"[{time.monotonic() - started:5.1f} s] {stage} …")
 
-    return Progress(stage=lambda stage: tell(f"{stage} …"), count=tell, reading=_reading_bar)
+    return Progress(stage=tell, reading=_reading_bar)
 
 
 @contextlib.contextmanager

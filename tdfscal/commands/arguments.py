@@ -50,12 +50,11 @@ def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
 class Progress:
     """Called while a command works.
 
-    stage : with the name of each stage that begins. count : with a line of what is done so far.
+    stage : with the name of each stage that begins.
     reading : with the log files that are read; gives what takes the share of them, or None.
     """
 
     stage: Callable[[str], None] = _unheard
-    count: Callable[[str], None] = _unheard
     reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
 
     def __post_init__(self) -> None:

@@ -13,14 +13,14 @@ import numpy as np
 from tdfscal.acceptance.gate import assess_stated, judge
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, Unasked, listed, window
-from tdfscal.commands.calibration import Calibration, Records, as_calibration, load_calibration
+from tdfscal.commands.calibration import Calibration, load_calibration
 from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
 from tdfscal.commands.options import Option
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
-from tdfscal.files.calibration.from_results import Provenance
+from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
@@ -179,7 +179,7 @@ def _calibrated(
         if method == "self":
             if log.stops and own.reasons and not isinstance(own, SelfCalibration):
                 notes.append(log.stops)  # it may have been meant to rest
-            return as_calibration(own, origin_of(log, log.inputs), notes)
+            return Calibration.of(from_self(own, origin_of(log, log.inputs), notes))
     log.progress.stage("calibrating from the tracker's survey")
     tracker, files, remarks = surveyed(campaign, settings.trials, tracker_rng)
     assert own is None or isinstance(own, SelfCalibration)
@@ -258,8 +258,7 @@ def _with_survey(
     if own is None:
         given = independent(rig, tracker.rotations.rotation, tracker.rotations.covariance)
         reasons = judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
-        file = from_tracker(tracker, origin, (*reasons, *notes))
-        return Calibration.of(file, Records(tracker=tracker))
+        return Calibration.of(from_tracker(tracker, origin, (*reasons, *notes)))
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
     given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
@@ -269,9 +268,7 @@ def _with_survey(
     if not both.test.verified:
         found.append(replace(both.test.finding, code="methods-disagree", subject=(), rejects=True))
     found += [*notes, *(f for f in mine_alone if not f.rejects), *tracker.findings]
-    return Calibration.of(
-        from_joint(both, own, tracker, origin, found), Records(own, tracker, both)
-    )
+    return Calibration.of(from_joint(both, own, tracker, origin, found))
 
 
 def _write_attempt(

@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
-
-from pydantic import PrivateAttr
+from typing import Any, Self
 
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
@@ -23,17 +20,10 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
-from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.selfcal.result import SelfCalibration
-
-if TYPE_CHECKING:
-    from tdfscal.comparison.compatibility import Joint
-    from tdfscal.motioncal.pipeline import MotionCalibration
-    from tdfscal.trackercal import TrackerCalibration
 
 #: What a command takes as a calibration: a file, `-` for standard input, or one in memory.
 CalibrationSource = str | PathLike[str] | CalibrationFile
@@ -45,36 +35,18 @@ IN_MEMORY = "calibration"
 _LINES_SAID = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Records:
-    """The records behind a calibration that was worked out here."""
-
-    own: SelfCalibration | None = None
-    tracker: TrackerCalibration | None = None
-    joint: Joint | None = None
-    motion: MotionCalibration | None = None
-
-
 class Calibration(Result, CalibrationFile):
     """The installation rotations of a rig's sensors, with all that belongs to them.
 
-    The fields are those of the calibration file; see `docs/reference.md`. `records` holds what a
-    calibration worked out in this process stands on; None for one that was read from a file.
+    The fields are those of the calibration file; see `docs/reference.md`.
     """
 
-    _records: Records | None = PrivateAttr(default=None)
-
     @classmethod
-    def of(cls, file: CalibrationFile, records: Records | None = None) -> Self:
+    def of(cls, file: CalibrationFile) -> Self:
         """Take over the content of a checked calibration file."""
         made = cls.model_construct(**{name: getattr(file, name) for name in cls.model_fields})
-        made._records, made._read = records, file._read
+        made._read = file._read
         return made
-
-    @property
-    def records(self) -> Records | None:
-        """The records behind it, where it was worked out here."""
-        return self._records
 
     @property
     def exit_status(self) -> int:
@@ -116,14 +88,6 @@ class Calibration(Result, CalibrationFile):
     def content(self) -> str:
         """The file as YAML."""
         return dump_calibration(self, "yaml")
-
-
-def as_calibration(
-    own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding]
-) -> Calibration:
-    """Return a self-calibration, at rest or in motion, with the content of its file."""
-    records = Records(own) if isinstance(own, SelfCalibration) else Records(motion=own)
-    return Calibration.of(from_self(own, origin, notes), records)
 
 
 def _not_here(calibration: Calibration) -> Any:

@@ -16,7 +16,7 @@ from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.calibration import Calibration, as_calibration
+from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.log_pass import Settings, refuse_repeated
 from tdfscal.commands.read_campaigns import Read, Unusable, naming, read_campaigns
 from tdfscal.commands.samples import Own, calibrate_motion
@@ -26,6 +26,7 @@ from tdfscal.comparison.rig_history import life_of
 from tdfscal.comparison.shared_data import Readings, readings_in_motion
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
@@ -239,7 +240,8 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled, means))
     others = (usable[one.name].remark for one in reads if one is not read)
     remarks = [remark for remark in others if remark]
-    return as_calibration(replace(own, findings=(*reasons, *own.findings)), origin, remarks)
+    own = replace(own, findings=(*reasons, *own.findings))
+    return Calibration.of(from_self(own, origin, remarks))
 
 
 def _campaigns(

@@ -13,7 +13,7 @@ import numpy as np
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.calibration import Calibration, CalibrationSource, as_calibration, read_source
+from tdfscal.commands.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
 from tdfscal.commands.read_campaigns import Read, read_campaigns
@@ -33,7 +33,7 @@ from tdfscal.estimation.observation import eliminate, of_estimate
 from tdfscal.files.calibration.compared import own_readings, readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.from_results import published_std
+from tdfscal.files.calibration.from_results import from_self, published_std
 from tdfscal.files.calibration.in_model import calibrated
 from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
 from tdfscal.files.calibration.statistics import campaign_document
@@ -280,7 +280,7 @@ def _updated(
         notes.append(Finding("exact-moves-untold", (earlier.name,), values={"names": untold}))
     campaigns, history = (*earlier.campaigns(), this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
-    return as_calibration(own, origin, notes)
+    return Calibration.of(from_self(own, origin, notes))
 
 
 def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:

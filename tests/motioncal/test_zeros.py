@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-import tdfscal
+from tdfscal.commands.campaign import resolve
+from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.samples import calibrate_samples
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.model.parameters import layout
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift
 from tdfscal.simulation import MOVING, reference_rig, run
@@ -27,12 +30,10 @@ def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path) -> None:
     options = replace(MOVING["motion"], rate=100.0, faults=faults)
     played = run(rig, "motion", options, np.random.default_rng(5))
     write_run(played, tmp_path / "warm", format="mcap")
-    result = tdfscal.calibrate(tmp_path / "warm", trials=0)
-    assert result.accepted
-    assert result.records is not None
-    motion = result.records.motion
-    assert motion is not None
-    assert not motion.suspicions
+    log = LogPass(resolve(tmp_path / "warm"), Settings(trials=0))
+    motion = calibrate_samples(log, None, "ml", np.random.default_rng(0))
+    assert isinstance(motion, MotionCalibration)
+    assert (motion.reasons, motion.suspicions) == ((), ())
     std = motion.uncertainty.parameter_std[layout(3, 2)["drift"]].reshape(2, 3, 3)
     found = motion.fit.state.still.drift
     true = np.zeros((2, 3, 3))

@@ -122,7 +122,6 @@ class Mounting:
     rpy_std: tuple[float, float, float]
     turn_std: tuple[float, ...] | None
     interval: Interval
-    quaternion: tuple[float, float, float, float]
 
     @property
     def half_widths(self) -> list[float]:
@@ -187,7 +186,6 @@ class SupportResult(Strict):
             rpy_std=own.stated_std,
             turn_std=own.turn_std,
             interval=own.rpy_interval,
-            quaternion=own.quaternion_xyzw,
         )
 
     @model_validator(mode="after")
