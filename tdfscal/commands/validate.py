@@ -18,12 +18,17 @@ from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
-from tdfscal.comparison.shared_data import readings, readings_in_motion, repeated_in
+from tdfscal.comparison.shared_data import (
+    Recorded,
+    readings,
+    readings_in_motion,
+    repeated_in,
+)
 from tdfscal.errors import TdfscalError
-from tdfscal.files.calibration.compared import readings_of
+from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile
+from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
@@ -161,11 +166,11 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     log.progress.stage("testing the calibration on the motion")
     delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
     found = validate_moving(use.given, slow, delay, rig=rig)
-    span = np.array([[found.begin, found.begin + found.seconds]])
-    c = use.calibration
+    c, span = use.calibration, (found.begin, found.begin + found.seconds)
     again = repeated_in(readings_of(c, rig.supports), readings_in_motion(rig, slow)).any()
-    used = {entry.sha256 for entry in c.inputs if _met(c, span).any()}
-    return replace(found, own=tuple(e.path for e in log.inputs if again or e.sha256 in used))
+    used = recordings_of(c)
+    own = (f.path for f in log.inputs if again or Recorded(f.sha256, span).meets_any(used))
+    return replace(found, own=tuple(own))
 
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
@@ -205,11 +210,13 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
     By the log's digest and the hours that were used, or by the readings.
     """
     c, rig = use.calibration, use.campaign.rig.rig
-    used, files = {entry.sha256 for entry in c.inputs}, log.files_at(dwells.end)
-    own = repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
-    named = np.array([file.sha256 in used for file in files], dtype=np.bool_)
-    own |= named & _met(c, np.column_stack([dwells.start, dwells.end]))
-    return {k: files[k].path for k in np.flatnonzero(own).tolist()}
+    used, again = recordings_of(c), repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
+    spans = zip(dwells.start.tolist(), dwells.end.tolist(), strict=True)
+    return {
+        k: file.path
+        for k, (file, span) in enumerate(zip(log.files_at(dwells.end), spans, strict=True))
+        if again[k] or Recorded(file.sha256, span).meets_any(used)
+    }
 
 
 def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
@@ -219,19 +226,3 @@ def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
     (reason, _), *_ = Counter(map(sentence, tested.left_out.values())).most_common(1)
     values: dict[str, Value] = {"postures": len(tested.dwells), "reason": reason}
     return [Finding("postures-left-out", size=len(tested.left_out), values=values)]
-
-
-def _met(c: Calibration, times: FloatArray) -> BoolArray:
-    """Whether stretches (T, 2), s of the log, hold some of what a calibration stands on.
-
-    Where that is not told they do.
-    """
-    parts = []
-    if c.postures is not None:
-        parts.append(np.column_stack([c.postures.start, c.postures.end]))
-    if c.motion is not None:
-        parts.append(np.array([[c.motion.begin, c.motion.begin + c.motion.seconds]]))
-    if not parts or len(c.campaigns) > 1:
-        return np.ones(len(times), dtype=np.bool_)
-    known = np.concatenate(parts)
-    return np.asarray(((times[:, :1] <= known[:, 1]) & (known[:, 0] <= times[:, 1:])).any(axis=1))

@@ -41,7 +41,7 @@ def compared(
     (a, A), (b, B) = first, second
     order = A.rotations() if order is None else order
     given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
-    common = relation(_recordings(A), _recordings(B))
+    common = relation(recordings_of(A), recordings_of(B))
     if common == "apart":
         own = (readings_of(c, order.supports) for c in (A, B))
         common = relation_of_readings(*own)
@@ -104,7 +104,7 @@ def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
     return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
 
 
-def _recordings(c: Calibration) -> frozenset[Recorded]:
+def recordings_of(c: Calibration) -> frozenset[Recorded]:
     """The recordings that a calibration stands on, its earlier campaigns' among them.
 
     Nominal points and servo positions are what was wanted, and no recording.
