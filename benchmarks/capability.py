@@ -26,7 +26,7 @@ from tdfscal.detection.capability import Capability, Request, assess
 from tdfscal.detection.noise import MeasuredNoise, measured_noise
 from tdfscal.detection.path import Path, ZeroChange, errors
 from tdfscal.detection.threshold import Noise
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, retract

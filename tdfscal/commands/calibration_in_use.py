@@ -25,7 +25,7 @@ from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge

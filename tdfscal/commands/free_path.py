@@ -22,7 +22,7 @@ from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated, about_point

@@ -28,7 +28,7 @@ from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig

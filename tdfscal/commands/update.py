@@ -34,8 +34,7 @@ from tdfscal.files.calibration.compared import own_readings, readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import from_self, published_std
-from tdfscal.files.calibration.in_model import calibrated
-from tdfscal.files.calibration.parameters import exact_moves_from, parameter_rows
+from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import constants_known, free_constants, information_of, with_rotations

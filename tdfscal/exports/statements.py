@@ -7,7 +7,7 @@ from math import degrees, isnan
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.logs.request import signal_of
 from tdfscal.records import ANGLES, FloatArray

@@ -16,7 +16,7 @@ import tdfscal
 from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.commands.capability import CapabilityResult
 from tdfscal.files.calibration.document import save_calibration
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Rig
 from tdfscal.simulation import (

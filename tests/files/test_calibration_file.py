@@ -130,15 +130,13 @@ def exact_for(*names: str, **moves: Any) -> list[dict[str, Any]]:
 REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}
 
 
-def conformity(force: float = 5.0, torque: float = 3.0, expanded: float = 1.0) -> dict[str, Any]:
-    """A contact wrench that is said to be within these limits."""
-    said = {"exceeding": 0.0, "conforms": True}
-    return {
-        "rpy": [0.0, 0.0, 0.1],
-        "force": {"expanded": 1.0, "limit": force, **said},
-        "torque": {"expanded": expanded, "limit": torque, **said},
-    }
-
+#: A contact wrench that is held against another limit than the rig file's, 5 N.
+LIMITED = {"expanded": 1.0, "exceeding": 0.0, "conforms": True}
+CONFORMITY = {
+    "rpy": [0.0, 0.0, 0.1],
+    "force": LIMITED | {"limit": 6.0},
+    "torque": LIMITED | {"limit": 3.0},
+}
 
 MIRROR = np.diag([1.0, 1.0, -1.0])
 BROKEN: list[tuple[str, Any, str, str]] = [
@@ -152,7 +150,6 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("estimator", DROP, "estimator", ""),
     ("status", "rejected", "findings", "status"),
     ("findings", [REJECTING], "findings", "status"),
-    ("findings", [REJECTING | {"severity": "notes"}], "less", "findings[0].severity"),
     ("created", "yesterday", "character", "created"),
     ("seed", -1, "greater than or equal to 0", "seed"),
     ("convention", "F = X f", "sensitivity", "convention"),
@@ -187,10 +184,7 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("taken_as_exact", exact_for(*NAMES, common=[[1e-3]]), "9 rows", "taken_as_exact[0].common"),
     ("taken_as_exact", exact_for(*NAMES, apart=[[]]), "of one length", "taken_as_exact[0].apart"),
     ("rig.terminal.mass.value", -1.0, "greater than 0", "rig.terminal.mass"),
-    ("rig.acceptance.angle_std", 1e-6, "acceptance.angle_std", "status"),
-    ("rig.acceptance.birge_max", 1e-3, "acceptance.birge_max", "status"),
-    ("conformity", conformity(force=6.0), "rig.acceptance", "conformity.force"),
-    ("conformity", conformity(expanded=4.0), "rig.acceptance", "conformity.torque"),
+    ("conformity", CONFORMITY, "rig.acceptance", "conformity.force"),
 ]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import file_content, load_calibration
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tests.files.sample_documents import lacking
 
 FILES = sorted((Path(__file__).parent / "reference_1_0").glob("*.json"))

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tdfscal.files.calibration.in_model import calibrated
+from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile
 from tdfscal.reporting.text import render

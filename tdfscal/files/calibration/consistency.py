@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tdfscal.acceptance.gate import turn_std
-from tdfscal.catalogue import CATALOGUE
 from tdfscal.files.calibration.parameters import (
     Parameters,
     calibrated_from,
@@ -81,7 +80,6 @@ def check(c: Calibration) -> None:
         values = np.array(stated, dtype=np.float64)  # None, which stands for nothing, is NaN
         if not np.all(np.isnan(values) | np.isclose(values, other, rtol=rtol, atol=atol)):
             raise fault(f"disagrees with {source}", *place, hint=ALTERED)
-    _check_limits(c)
 
 
 def status_of(found: Iterable[tuple[str, str]]) -> Status:
@@ -94,11 +92,6 @@ def status_of(found: Iterable[tuple[str, str]]) -> Status:
 
 def _check_method(c: Calibration) -> None:
     """Refuse a verdict, blocks and an equation that do not belong to what was found and done."""
-    for k, finding in enumerate(c.findings):
-        entry = CATALOGUE.get(finding.code)
-        rejecting = entry is not None and entry.severity == "rejects"
-        if rejecting and finding.severity != "rejects":
-            raise fault("is less than this code has", "findings", k, "severity", hint=ALTERED)
     if c.status != status_of((f.code, f.severity) for f in c.findings):
         raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
     if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):
@@ -197,6 +190,10 @@ def said_twice(c: Calibration) -> Iterator[Repeated]:
         if not so3.locked(c.rotation[i]):
             named, std = ("budget", "angles", k, "variance"), np.sqrt(sum(entry.variance.values()))
             yield named, _COVARIANCE, std, np.sqrt(variance[i, j])
+    for name in ("force", "torque") if c.conformity is not None else ():
+        own, rigs = getattr(c.conformity, name), getattr(c.rig.acceptance.contact, name, None)
+        limit = np.array(rigs, dtype=np.float64)  # NaN where there is none
+        yield ("conformity", name, "limit"), "rig.acceptance", own.limit, limit
     if c.fit is not None and c.fit.dof:
         source, p = "fit.chi2 and fit.dof", chi2_sf(c.fit.chi2, c.fit.dof)
         yield ("fit", "p_value"), source, c.fit.p_value, p
@@ -279,23 +276,3 @@ def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) 
     own = matrix[np.ix_(rows, rows)]
     if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
         raise fault(f"disagrees with {_COVARIANCE}", "parameters", "matrix", hint=ALTERED)
-
-
-def _check_limits(c: Calibration) -> None:
-    """Refuse an acceptance against the rig file's limits."""
-    limits, stated = c.rig.acceptance, c.conformity
-    for name in ("force", "torque") if stated is not None else ():
-        part, limit = getattr(stated, name), limits.contact and getattr(limits.contact, name)
-        within = limit is None or part.expanded <= limit
-        if part.limit != limit or (c.accepted and part.conforms != within):
-            raise fault("is against `rig.acceptance`", "conformity", name, hint=ALTERED)
-    std = turn_std(c.rotation_covariance)[c.determined]
-    exceeded = {
-        "angle_std": std.max() > limits.angle_std * (1 + SAME_STD),
-        "birge_max": c.fit is not None and not c.campaigns and c.fit.birge > limits.birge_max,
-        "contact": stated is not None and not (stated.force.conforms and stated.torque.conforms),
-    }
-    for limit, beyond in exceeded.items():
-        if beyond and c.accepted:
-            what = f"is `{c.status}` against acceptance.{limit} of the rig"
-            raise fault(what, "status", hint=ALTERED)

@@ -11,9 +11,10 @@ import numpy as np
 from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.numerics.least_squares import triangular
-from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, Rig, UncertainValue
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
+    from tdfscal.files.calibration.document import Calibration
     from tdfscal.files.calibration.parts import ExactQuantityResult
     from tdfscal.model.calibrated import Calibrated
 
@@ -129,6 +130,31 @@ def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibr
         open=np.zeros(size, dtype=np.bool_),
         joint=True,
     )
+
+
+def calibrated(c: Calibration) -> Calibrated:
+    """Return the parameters of a calibration file with their covariance."""
+    from tdfscal.model.calibrated import independent
+
+    rig = c.rig.record()
+    if c.parameters is not None:
+        return calibrated_from(c.parameters, rig, c.rotation)
+    mass, barycentre = c.terminal.mass, c.terminal.barycenter
+    error = c.sensitivity - np.eye(3)
+    return independent(
+        rig,
+        c.rotation,
+        c.rotation_covariance,
+        zero=UncertainValue(c.zero, c.zero_std),
+        mass=UncertainValue(np.array(mass.value), _std([mass.std])[0]),
+        barycentre=UncertainValue(np.array(barycentre.value), _std(barycentre.std)),
+        sensitivity=error[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
+    )
+
+
+def _std(values: Sequence[float | None]) -> FloatArray:
+    """Standard uncertainties of the file, ∞ where it has none."""
+    return np.array([np.inf if value is None else value for value in values])
 
 
 def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
