@@ -106,8 +106,8 @@ def locked_sensors(supports: Sequence[str], rotation: FloatArray) -> list[Findin
 
 
 _NODES = 80
-#: Months beyond which nothing is foreseen, and halvings of a bracket.
-_FAR_MONTHS, _HALVES = 1200.0, 30
+#: Months beyond which nothing is foreseen.
+_FAR_MONTHS = 1200.0
 #: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
 _FAR = 9.0
 #: Variances below this share of the largest are lines and planes, not bodies.
@@ -233,22 +233,14 @@ def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
 
 def _until(now: FloatArray, more: FloatArray, limit: float) -> float:
     """Months t until a vector of covariance now + more t conforms no more."""
+    from scipy.optimize import brentq  # slow to import, seldom needed
 
-    def beyond(months: float) -> bool:
-        cov = now + months * more
-        return not np.isfinite(cov).all() or coverage_radius(cov) > limit
+    def beyond(months: float) -> float:
+        return coverage_radius(now + months * more) - limit
 
-    low, high = 0.0, 1.0
-    if beyond(0.0):
+    if not np.isfinite(now).all() or beyond(0.0) > 0.0:
         return 0.0
-    while not beyond(high):
-        low, high = high, 2.0 * high
-        if high > _FAR_MONTHS:
-            return np.inf
-    for _ in range(_HALVES):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if beyond(middle) else (middle, high)
-    return low
+    return np.inf if beyond(_FAR_MONTHS) <= 0.0 else float(brentq(beyond, 0.0, _FAR_MONTHS))
 
 
 def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:

@@ -27,7 +27,7 @@ from tdfscal.files.writers.wrenches import (
 from tdfscal.findings import Finding
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import LCS_FRAME, FloatArray
-from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
@@ -242,22 +242,13 @@ def noise_effect(noise: SampleNoise, posture: float) -> dict[str, Any]:
 
     posture : N per axis, noise of a force at a posture.
     """
-    return {
-        "std": _by_component(noise.std),
-        "dwells": noise.dwells,
-        "windows": noise.windows,
-        "posture": posture,
-    }
+    return document(noise, "dwells windows", std=_by_component(noise.std), posture=posture)
 
 
 def zero_effect(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:
     """How old the zeros are at the log's end, s, and by how much they may have moved, N."""
-    variance = 0.0 if moved is None else float(moved(np.array([end])).max())
-    return {
-        "age": age.seconds,
-        "age_known": age.known,
-        "moved": float(np.sqrt(variance)) if np.isfinite(variance) else None,
-    }
+    variance = 0.0 if moved is None else moved(np.array([end])).max()
+    return document(age, "age=seconds age_known=known", moved=np.sqrt(variance))
 
 
 def metadata(
@@ -300,10 +291,10 @@ def summary_of(
         "end": totals.end,
         "quasi_static": not moving,
         "calibration_status": log.use.calibration.status,
-        "left_out": {"uncovered": log.tally.uncovered, "unreadable": log.tally.unreadable},
+        "left_out": document(log.tally, "uncovered unreadable"),
         **roots,
         "stops": _stops(totals),
-        "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
+        "largest": dict(zip(("force", "torque"), totals.largest.tolist(), strict=True)),
         "findings": documents([*log.use.findings, *notes]),
     }
 
@@ -318,7 +309,4 @@ def _stops(totals: Totals) -> dict[str, Any] | None:
 
 def _by_component(values: FloatArray) -> dict[str, float | None]:
     """Values (6,) by the wrench's components, None where one is unknown."""
-    return {
-        name: float(v) if np.isfinite(v) else None
-        for name, v in zip(COMPONENTS, values, strict=True)
-    }
+    return {name: plain(value) for name, value in zip(COMPONENTS, values, strict=True)}

@@ -27,7 +27,7 @@ from tdfscal.detection.capability import (
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -73,35 +73,33 @@ class CapabilityResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return thresholds, contacts, shares and findings as plain JSON values."""
-        c = self.capability
+        c, asked = self.capability, document(self.request, "false_stops detect filter=cutoff")
         return {
             "calibration_status": self.calibration.status,
             "calibration_created": self.calibration.created,
-            "false_stops": self.request.false_stops,
-            "detect": self.request.detect,
-            "filter": self.request.cutoff,
-            "about": list(self.about),
+            **asked,
+            **document(self, "about"),
             "duration": c.duration,
             "timed": self.timed,
             "axes": [
-                {
-                    "axis": axis,
-                    "unit": unit,
-                    "threshold": _plain(c.threshold[k]),
-                    "smallest_contact": _plain(c.smallest_contact[k]),
-                    "shares": {name: _plain(share[k]) for name, share in c.shares.items()},
-                    "noise": c.noise[k].std,
-                }
+                plain(
+                    {
+                        "axis": axis,
+                        "unit": unit,
+                        "threshold": c.threshold[k],
+                        "smallest_contact": c.smallest_contact[k],
+                        "shares": {name: share[k] for name, share in c.shares.items()},
+                        "noise": c.noise[k].std,
+                    }
+                )
                 for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
             ],
             "remedies": [
-                {
-                    "kind": remedy.kind,
-                    "value": remedy.value,
-                    "smallest_contact": dict(
-                        zip(COMPONENTS, map(_plain, remedy.smallest_contact), strict=True)
-                    ),
-                }
+                document(
+                    remedy,
+                    "kind value",
+                    smallest_contact=dict(zip(COMPONENTS, remedy.smallest_contact, strict=True)),
+                )
                 for remedy in self.remedies
             ],
             "findings": documents(self.findings),
@@ -122,10 +120,6 @@ class CapabilityResult(Result):
         from tdfscal.reporting.figures.timeline import detection
 
         return (detection(self.capability, timed=self.timed),)
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 @options.command("capability calibration.yaml assembly/free.csv --filter 10")
