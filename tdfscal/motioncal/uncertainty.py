@@ -195,13 +195,10 @@ def faked_information(fit: MovingFit) -> FloatArray:
     of density S_F turned by [u]×, through B, weighted by S⁻¹.
     """
     M = sensing(fit.state.still)
-    faked = np.zeros(M.shape)
-    for item in fit.designs:
-        C = np.einsum("nrasb,rs->nab", item.lever, reading_gain(item, fit.noise))
-        for a, measured in enumerate(fit.rig.axes.T):
-            turn = so3.hat(M[:, :, a])
-            faked[measured] += (np.swapaxes(turn, 1, 2) @ C @ turn)[measured]
-    return block_diagonal(*faked)
+    noise = M @ (fit.rig.axes[:, :, None] * np.swapaxes(M, 1, 2))
+    felt = [(item.lever, reading_gain(item, fit.noise)) for item in fit.designs]
+    C = np.sum([np.einsum("nrasb,rs->nab", lever, gain) for lever, gain in felt], axis=0)
+    return block_diagonal(*so3.information_of_crossing(C, noise))
 
 
 class Sampler:

@@ -27,8 +27,6 @@ from tdfscal.significance import HANDEDNESS, MIRRORED
 LARGEST_MEANINGFUL_STD = 0.3
 """rad; a 95 % interval wider than a radian: no linear covariance describes it any more."""
 
-_LEVI_CIVITA = -so3.hat(np.eye(3)).transpose(1, 2, 0)  # [v]×_ab = −ε_abc v_c
-
 
 @dataclass(frozen=True, slots=True)
 class Registration:
@@ -244,9 +242,7 @@ def _refuse_undetermined(
     """
     A, B, C = normal[:3, :3], normal[:3, 3:], normal[3:, 3:]
     information = (A - B @ np.linalg.solve(C, B.T)) / sigma2
-    remaining = D - D @ weight @ D
-    eps = _LEVI_CIVITA
-    feigned = np.einsum("pac,qbd,npq,ncd->nab", eps, eps, weight, remaining)
+    feigned = so3.information_of_crossing(weight, D - D @ weight @ D)
     scatter = np.linalg.norm(np.trace(feigned, axis1=1, axis2=2))
     feigned = feigned.sum(axis=0) + 5 * scatter * np.eye(3)
     # So is what rounding feigns, where points without noise lie on a line.

@@ -26,6 +26,18 @@ def hat(v: npt.ArrayLike) -> FloatArray:
     return m
 
 
+def information_of_crossing(weight: FloatArray, covariance: FloatArray) -> FloatArray:
+    """E([ν]×ᵀ W [ν]×) (..., 3, 3) of vectors ν with a covariance and W, (..., 3, 3), symmetric.
+
+    What noise ν in levers fakes of information on turns.
+    """
+    product = weight @ covariance
+    mixed = product + np.swapaxes(product, -1, -2)
+    traces = (np.trace(each, axis1=-2, axis2=-1) for each in (weight, covariance, product))
+    w, c, wc = (trace[..., None, None] for trace in traces)
+    return np.asarray((w * c - wc) * np.eye(3) - w * covariance - c * weight + mixed)
+
+
 def _sinc(x: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return sin(x)/x without a branch that loses digits; np.sinc is sin(πx)/(πx)."""
     return np.asarray(np.sinc(x / np.pi))

@@ -29,17 +29,11 @@ from tdfscal.estimation.uncertainty import (
     quality,
 )
 from tdfscal.model.calibrated import Calibrated, pinned
-from tdfscal.model.parameters import (
-    State,
-    deviation,
-    retract,
-    sensing,
-    with_motions,
-)
+from tdfscal.model.parameters import State, deviation, retract, sensing, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import STEPS, Solution, Spectrum, triangular
+from tdfscal.numerics.least_squares import STEPS, Solution, Spectrum, block_diagonal, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
@@ -316,18 +310,11 @@ def faked_information(fit: Fit) -> FloatArray:
     but its own noise sideways would seem to know its yaw. The expectation of that part is
     Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
     """
-    n, M = fit.rig.n, sensing(fit.state)
-    B = fit.at.wrench
+    M, B = sensing(fit.state), fit.at.wrench
     W = fit.at.information * fit.weight[:, None, None]
     C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
-    values, axes = np.linalg.eigh(M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2))
-    faked = np.zeros((3 * n, 3 * n))
-    for a in range(3):
-        turn = so3.hat(axes[..., :, a])
-        block = np.einsum("kn,knca,kncd,kndb->nab", values[..., a], turn, C, turn, optimize=True)
-        for i in range(n):
-            faked[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block[i]
-    return faked
+    noise = M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2)
+    return block_diagonal(*so3.information_of_crossing(C, noise).sum(axis=0))
 
 
 def joint_posterior(
