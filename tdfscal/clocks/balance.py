@@ -20,14 +20,15 @@ import numpy as np
 
 from tdfscal.clocks.tracks import Track
 from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import BoolArray, FloatArray
 
-_STEPS = 12  # of the search for the mounting
+_STEPS, _SETTLED = 12, 1e-6  # of the search for the mounting; the last one, in parts of the load
+_RIDGE = 1e-12  # share of the trace that keeps a Gram matrix positive
 _APART = 0.1  # s, of the poses that show accelerations
 _GRAVITY = 9.81
 _STICK = 1e-3  # rad/s, above which friction is Coulomb's
-#: [e_k]× as ε_akc, less its sign.
-_EPSILON = -np.stack([so3.hat(e) for e in -np.eye(3)], axis=1)
 #: Entries of a symmetric matrix.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -61,10 +62,10 @@ class Balance:
         self.load = float(np.sum(load))
         self.parameters = 6 * self.n + 11
 
-    def _features(
+    def _rows(
         self, time: FloatArray, lag: FloatArray | float, ahead: float = 0.0
-    ) -> tuple[_Features, BoolArray]:
-        """Features of N instants, and which of them count, (N,).
+    ) -> tuple[FloatArray, BoolArray]:
+        """Coefficients (N, 6, 12n + 11) at N instants, and which of them count, (N,).
 
         ahead : s, by which the positions are taken later than the forces.
         """
@@ -92,7 +93,8 @@ class Balance:
         rate = np.cross(before, after).sum(axis=1) / (4.0 * _APART)
         rubbing = rate / np.sqrt(np.sum(rate**2, axis=1, keepdims=True) + _STICK**2)
         arm = (poses[1] - middle[1][:, None]) / self._length
-        return _Features(arm, here, load, spin, rubbing, force / self.load), known
+        terminal = _of_terminal(here, load, spin, rubbing)
+        return _coefficients(arm, force / self.load, *terminal, load), known
 
     def _axes(self, place: FloatArray) -> FloatArray:
         """The pose's own axes (N, 3, 3), as rows, by three hinges."""
@@ -100,7 +102,9 @@ class Balance:
         along = place[:, b] - place[:, a]
         normal = np.cross(along, place[:, c] - place[:, a])
         axes = np.stack([along, np.cross(normal, along), normal], axis=1)
-        return np.asarray(axes / np.linalg.norm(axes, axis=2, keepdims=True))
+        length = np.linalg.norm(axes, axis=2, keepdims=True)
+        # Places that each count from a zero of their own may coincide.
+        return np.asarray(axes / np.maximum(length, np.finfo(np.float64).tiny))
 
     def fit(
         self, time: FloatArray, lag: FloatArray | float, start: FloatArray | None = None
@@ -109,10 +113,10 @@ class Balance:
 
         start : (n, 3, 3), rotations to begin from; by default those of the linear solution.
         """
-        features, known = self._features(time, lag)
+        rows, known = self._rows(time, lag)
         if known.sum() < 6:
             return None
-        rows = features.rows()[known].reshape(-1, 12 * self.n + 11)
+        rows = rows[known].reshape(-1, 12 * self.n + 11)
         gram = rows.T @ rows / len(rows)
         return _search(gram, _linear_rotations(gram, self.n) if start is None else start)
 
@@ -120,71 +124,59 @@ class Balance:
         self, time: FloatArray, lag: FloatArray | float, model: Model, ahead: float = 0.0
     ) -> FloatArray:
         """Residuals (N, 6) at instants (N,); NaN where a stream has a hole."""
-        features, known = self._features(time, lag, ahead)
-        left = features.residual(model)
+        rows, known = self._rows(time, lag, ahead)
+        left = rows @ np.append(model.rotation, model.rest)
         left[~known] = np.nan
-        return left
+        return np.asarray(left)
 
-    def linearised(
-        self, time: FloatArray, lag: FloatArray, model: Model
-    ) -> tuple[FloatArray, FloatArray]:
-        """Residuals as above, and their slopes (N, 6, 6n + 11) by turns and by what is linear."""
-        features, known = self._features(time, lag)
-        left, rows, k = features.residual(model), features.rows(), 9 * self.n
-        left[~known] = np.nan
-        return left, np.concatenate([rows[:, :, :k] @ _turns(model.rotation), rows[:, :, k:]], 2)
+    def slopes(self, time: FloatArray, lag: FloatArray, model: Model) -> FloatArray:
+        """Slopes (N, 6, 6n + 11) of the residuals by turns and by what is linear."""
+        rows, k = self._rows(time, lag)[0], 9 * self.n
+        turned = (so3.hat(np.eye(3)) @ model.rotation[:, None]).reshape(self.n, 3, 9)
+        by_turns = rows[:, :, :k] @ block_diagonal(*np.swapaxes(turned, 1, 2))
+        return np.concatenate([by_turns, rows[:, :, k:]], axis=2)
 
 
-@dataclass(frozen=True, slots=True)
-class _Features:
-    """Of N instants: arm (N, n, 3) in parts of the rig's size; axes (N, 3, 3), the pose's own;
-    load (N, 3), u; spin (N, 3), ω̇ in the pose's axes; rubbing (N, 3), ω/|ω|; force (N, n, 3).
+def _of_terminal(
+    axes: FloatArray, load: FloatArray, spin: FloatArray, rubbing: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Moments (N, 3, 7) of the entries of J and of τ, and (N, 3, 3) of r, in the BCS.
+
+    axes : (N, 3, 3), the pose's own. load : (N, 3), u. spin : (N, 3), ω̇ in the pose's axes.
+    rubbing : (N, 3), ω/|ω|.
     """
+    within = np.zeros((len(axes), 3, 6))
+    for entry, (i, j) in enumerate(_ENTRIES):
+        within[:, i, entry] += spin[:, j]
+        if i != j:
+            within[:, j, entry] += spin[:, i]
+    turned = np.einsum("nka,nke->nae", axes, within)
+    turned = np.concatenate([turned, rubbing[:, :, None]], axis=2)
+    return turned, np.swapaxes(np.cross(axes, load[:, None]), 1, 2)
 
-    arm: FloatArray
-    axes: FloatArray
-    load: FloatArray
-    spin: FloatArray
-    rubbing: FloatArray
-    force: FloatArray
 
-    def terminal(self) -> tuple[FloatArray, FloatArray]:
-        """Moments (N, 3, 7) of the entries of J and of τ, and (N, 3, 3) of r, in the BCS."""
-        within = np.zeros((len(self.arm), 3, 6))
-        for entry, (i, j) in enumerate(_ENTRIES):
-            within[:, i, entry] += self.spin[:, j]
-            if i != j:
-                within[:, j, entry] += self.spin[:, i]
-        turned = np.einsum("nka,nke->nae", self.axes, within)
-        turned = np.concatenate([turned, self.rubbing[:, :, None]], axis=2)
-        return turned, np.swapaxes(np.cross(self.axes, self.load[:, None]), 1, 2)
+def _coefficients(
+    arm: FloatArray, force: FloatArray, turned: FloatArray, upright: FloatArray, load: FloatArray
+) -> FloatArray:
+    """Rows (N, 6, 12n + 11) of vec X_i by rows, w_i, J, τ, r, m.
 
-    def rows(self) -> FloatArray:
-        """Coefficients (N, 6, 12n + 10) of vec X_i by rows, w_i, J, τ, r, m."""
-        N, n, _ = self.arm.shape
-        eye = np.eye(3)
-        across = np.moveaxis(np.cross(self.arm[:, :, None], eye), 3, 1)  # (N, 3, n, a): a_i × e_a
-        rows = np.zeros((N, 6, 12 * n + 11))
-        rotations = rows[:, :, : 9 * n].reshape(N, 6, n, 3, 3)
-        rotations[:, :3] = eye[None, :, None, :, None] * self.force[:, None, :, None, :]
-        rotations[:, 3:] = across[..., None] * self.force[:, None, :, None, :]
-        rows[:, :, : 9 * n] = rotations.reshape(N, 6, -1)
-        rows[:, :3, 9 * n : 12 * n] = -np.tile(eye, n)
-        rows[:, 3:, 9 * n : 12 * n] = -across.reshape(N, 3, -1)
-        turned, upright = self.terminal()
-        rows[:, 3:, 12 * n : 12 * n + 7] = -turned
-        rows[:, 3:, 12 * n + 7 : 12 * n + 10] = -upright
-        rows[:, :3, -1] = -self.load
-        return rows
-
-    def residual(self, model: Model) -> FloatArray:
-        """What does not balance, (N, 6)."""
-        n = self.arm.shape[1]
-        w, J, r, m = np.split(model.rest, [3 * n, 3 * n + 7, 3 * n + 10])
-        turned = np.einsum("iab,nib->nia", model.rotation, self.force) - w.reshape(n, 3)
-        of_J, of_r = self.terminal()
-        moment = np.cross(self.arm, turned).sum(axis=1) - of_J @ J - of_r @ r
-        return np.hstack([turned.sum(axis=1) - float(m[0]) * self.load, moment])
+    arm : (N, n, 3) in parts of the rig's size. force : (N, n, 3) of the load; turned, upright as
+    `_of_terminal` has them.
+    """
+    N, n, _ = arm.shape
+    eye = np.eye(3)
+    across = np.moveaxis(np.cross(arm[:, :, None], eye), 3, 1)  # (N, 3, n, a): a_i × e_a
+    rows = np.zeros((N, 6, 12 * n + 11))
+    rotations = rows[:, :, : 9 * n].reshape(N, 6, n, 3, 3)
+    rotations[:, :3] = eye[None, :, None, :, None] * force[:, None, :, None, :]
+    rotations[:, 3:] = across[..., None] * force[:, None, :, None, :]
+    rows[:, :, : 9 * n] = rotations.reshape(N, 6, -1)
+    rows[:, :3, 9 * n : 12 * n] = -np.tile(eye, n)
+    rows[:, 3:, 9 * n : 12 * n] = -across.reshape(N, 3, -1)
+    rows[:, 3:, 12 * n : 12 * n + 7] = -turned
+    rows[:, 3:, 12 * n + 7 : 12 * n + 10] = -upright
+    rows[:, :3, -1] = -load
+    return rows
 
 
 def _area(trio: FloatArray) -> float:
@@ -200,38 +192,16 @@ def _linear_rotations(gram: FloatArray, n: int) -> FloatArray:
     return so3.project(found[: 9 * n].reshape(n, 3, 3))
 
 
-def _turns(rotation: FloatArray) -> FloatArray:
-    """Change (9n, 3n) of vec X_i by turns [e_k]× X_i."""
-    n = len(rotation)
-    each = np.einsum("akc,icb->iabk", _EPSILON, rotation)
-    return np.asarray(np.einsum("iabk,ij->iabjk", each, np.eye(n)).reshape(9 * n, 3 * n))
-
-
 def _search(gram: FloatArray, rotation: FloatArray) -> Model:
-    """Levenberg–Marquardt on SO(3)ⁿ; what is linear is eliminated."""
-    n = len(rotation)
-    k = 9 * n
+    """The mounting that balances best, from one near by; what is linear is eliminated."""
+    k = rotation.size
     linear = gram[k:, k:] + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram) - k)
     back = np.linalg.solve(linear, gram[k:, :k])
     schur = gram[:k, :k] - gram[:k, k:] @ back
-
-    def cost(rotation: FloatArray) -> float:
-        return float(rotation.ravel() @ schur @ rotation.ravel())
-
-    best, damping = cost(rotation), 1e-3
-    for _ in range(_STEPS):
-        J = _turns(rotation)
-        H, slope = J.T @ schur @ J, J.T @ schur @ rotation.ravel()
-        while damping < 1e8:
-            step = np.linalg.solve(H + damping * np.diag(np.diag(H) + 1e-15), -slope)
-            turned = so3.exp(step.reshape(n, 3)) @ rotation
-            if (lower := cost(turned)) < best:
-                break
-            damping *= 10
-        else:
-            break
-        done = best - lower < 1e-4 * best
-        rotation, best, damping = turned, lower, max(damping / 10, 1e-9)
-        if done:
-            break
-    return Model(rotation, -back @ rotation.ravel(), float(np.sqrt(max(best, 0.0))))
+    root = np.linalg.cholesky(schur + _RIDGE * np.trace(schur) * np.eye(k)).T
+    found = descend(
+        np.pad(root, ((0, 0), (0, 1))), rotation[None], iterations=_STEPS, tolerance=_SETTLED
+    )
+    best = found.rotation[0].ravel()
+    misfit = np.sqrt(max(float(best @ schur @ best), 0.0))
+    return Model(found.rotation[0], -back @ best, float(misfit))

@@ -116,12 +116,12 @@ def refine(
         found = balance.fit(some, line[0] + line[1] * (some - middle), model.rotation)
         model = found or model
         course = line[0] + line[1] * (time - middle)
-        left, others = balance.linearised(time, course, model)
+        left = balance.residual(time, course, model)
         after = balance.residual(time, course, model, h)
         slope = (balance.residual(time, course, model, -h) - after) / (2 * h)
         known = np.isfinite(left).all(axis=1) & np.isfinite(slope).all(axis=1)
         columns = np.stack([left, slope, slope * (time - middle)[:, None]], axis=2)[known]
-        columns = _without(columns, others[known])
+        columns = _without(columns, balance.slopes(time, course, model)[known])
         step, covariance = _step(columns, blocks, lost, line[1], rate_std)
         line = line + step
         if step[0] ** 2 < _SETTLED**2 * covariance[0, 0]:
