@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 #: What is loaded from `tdfscal.api` on first use.
 __all__ = [
     "Calibration",
-    "DwellOptions",
     "Dwells",
     "LoadedRig",
     "Log",

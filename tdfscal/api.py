@@ -26,7 +26,6 @@ from tdfscal.commands.schema import schema as schema
 from tdfscal.commands.simulate import simulate as simulate
 from tdfscal.commands.update import update as update
 from tdfscal.commands.validate import validate as validate
-from tdfscal.dwells import DwellOptions as DwellOptions
 from tdfscal.dwells import find_dwells as find_dwells
 from tdfscal.errors import TdfscalError as TdfscalError
 from tdfscal.errors import expect

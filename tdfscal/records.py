@@ -399,14 +399,12 @@ class LeftOut:
 class Absence:
     """Why a log holds no dwell: what was seen, and what would do.
 
-    stop : s, how long each posture would have to be held. bin_width : s, of `DwellOptions`, with
-    which such stops are found. None where that is not what is missing.
+    stop : s, how long each posture would have to be held; None where that is not what is missing.
     """
 
     seen: str
     advice: str
     stop: float | None = None
-    bin_width: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

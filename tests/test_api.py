@@ -39,8 +39,6 @@ def test_errors_are_the_projects_own() -> None:
     [
         lambda: tdfscal.find_dwells(None),  # type: ignore[arg-type]
         lambda: tdfscal.find_dwells([3]),  # type: ignore[list-item]
-        lambda: tdfscal.find_dwells([], options=3),  # type: ignore[arg-type]
-        lambda: tdfscal.DwellOptions("0.5"),  # type: ignore[arg-type]
         lambda: tdfscal.read_log(None, None),  # type: ignore[arg-type]
         lambda: tdfscal.read_log([3], SAMPLES / "csv" / "rig.yaml"),  # type: ignore[list-item]
         lambda: tdfscal.dwells_frame(3),  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.motioncal.uncertainty import with_moves
-from tdfscal.records import Dwells, InputFile, Log, RecorderClock, Rig, UncertainValue
+from tdfscal.records import Dwells, Log, RecorderClock, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 
@@ -71,20 +71,17 @@ def calibrate_samples(
         raise neither(dwells, error) from error
 
 
-def calibrate_motion(
-    log: LogPass, dwells: Dwells, rig: Rig, inputs: tuple[InputFile, ...] = ()
-) -> MotionCalibration | None:
+def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibration | None:
     """Calibrate from a log's motion, by what a rig states; None where its dwells are to be taken.
 
     dwells : of the log, which is read once more where they are too few to calibrate from.
-    inputs : files of other campaigns behind the rig's knowledge.
     Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
     """
     if len(dwells) >= _ENOUGH:
         return None
     again = LogPass(log.campaign, log.settings)
     try:
-        return _for_want_of(dwells, _moving(again, moving_samples(again), rig=rig, inputs=inputs))
+        return _for_want_of(dwells, _moving(again, moving_samples(again), rig=rig))
     except TdfscalError as error:
         if len(dwells):
             return None
@@ -182,7 +179,6 @@ def _moving(
     dwells: int = 0,
     *,
     rig: Rig | None = None,
-    inputs: tuple[InputFile, ...] = (),
     rng: np.random.Generator | None = None,
 ) -> MotionCalibration:
     """Calibrate from the motion; rng : of the Monte Carlo, None for none."""
@@ -194,7 +190,6 @@ def _moving(
         slow,
         delay_of(log.campaign.rig),
         dwells=dwells,
-        inputs=(*inputs, *log.inputs),
         rng=rng,
         max_trials=log.settings.trials,
         progress=log.progress.stage,

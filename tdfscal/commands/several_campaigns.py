@@ -30,7 +30,7 @@ from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.records import InputFile, Measured, Rig
+from tdfscal.records import Measured, Rig
 from tdfscal.reporting.history import sentence as alarm_sentence
 from tdfscal.reporting.history import short
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -147,15 +147,13 @@ def wanted(campaigns: Iterable[Finding]) -> Iterator[Finding]:
     return (replace(found, code="campaign-unsound", rejects=True) for found in campaigns)
 
 
-def calibrate_informed(
-    read: Read, informed: Rig, trials: int | None, inputs: tuple[InputFile, ...]
-) -> Own:
+def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
     """Calibrate from a campaign's dwells or motion, by a rig with earlier knowledge.
 
     Of a log with few dwells that which determines the zeros better. What its residuals say that
     the rig file lacks names the campaign.
     """
-    own = _informed(read, informed, trials, inputs)
+    own = _informed(read, informed, trials)
     named = (
         replace(f, values={**f.values, "campaign": read.name}) if f.code in SUSPECTS else f
         for f in own.findings
@@ -163,11 +161,11 @@ def calibrate_informed(
     return replace(own, findings=tuple(named))
 
 
-def _informed(read: Read, informed: Rig, trials: int | None, inputs: tuple[InputFile, ...]) -> Own:
+def _informed(read: Read, informed: Rig, trials: int | None) -> Own:
     assert read.dwells is not None
     settings = read.log.settings
     with read.log.explaining():
-        moving = calibrate_motion(read.log, read.dwells, informed, inputs)
+        moving = calibrate_motion(read.log, read.dwells, informed)
         if moving is not None and not len(read.dwells):
             return moving
         still = self_calibrate(
@@ -223,7 +221,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     changes, pooled = _changes(reads, pooled)
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
-    own = calibrate_informed(read, informed, settings.trials, inputs)
+    own = calibrate_informed(read, informed, settings.trials)
     if not enough and read.name in rejected:  # what it says of itself names its cause once
         said = {reason.code for reason in own.reasons}
         rejected = {

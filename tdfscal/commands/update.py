@@ -258,7 +258,7 @@ def _updated(
     """
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
-    own = calibrate_informed(read, informed, trials, tuple(read.inputs))
+    own = calibrate_informed(read, informed, trials)
     means = mean_readings(own)
     refuse_repeated([*earlier.recordings(), Recording(read.name, (), None, means=means)])
     level = float(alarm_level(month - since))
@@ -303,7 +303,7 @@ def _contribution(
         given, found = joint_posterior(own.fit, own.uncertainty.covariance), own.uncertainty
         postures = int(sum(own.fit.weight > 0))
     else:
-        known = information_of(rig, rig.earlier)
+        known = information_of(rig.earlier)
         part = of_estimate(own.calibrated, known, reference)
         chi2, dof = contrast(known, part.information).chi2()
         given, found = own.calibrated, own.uncertainty

@@ -114,7 +114,7 @@ def misfit_of(rig: Rig, name: str, part: Observation, level: float) -> Misfit:
     spoken = rig.earlier.places[free_constants(whole)]  # the load is none where it is stated anew
     prior = Information(prior.matrix[np.ix_(spoken, spoken)], prior.score[spoken])
     birge, own = scatter_of([(rig.earlier.chi2, rig.earlier.dof), within(part, prior)])
-    known = information_of(rig, rig.earlier).scaled(birge)
+    known = information_of(rig.earlier).scaled(birge)
     departure = contrast(known, part.information.scaled(own), prior.scaled(birge))
     at = np.arange(len(known.score))
     found = _named(rig, name, departure, prior, _probability(rig, departure), at)

@@ -23,7 +23,6 @@ _FALLS = (0.02, 0.8)  # ratio of those changes
 _SAMPLES = 20  # per stop: ten for the shortest dwell, as many for what is kept clear of moves
 _STOP = 2.0  # s, that a stop should last at least
 _DECAYED = 0.1  # standard errors of a mean that may be left of a decay
-_FINE = 0.3  # bins / correlation time: windows of 32 bins then reach beyond it
 
 
 def no_dwell(dwells: Dwells) -> DataError:
@@ -162,14 +161,7 @@ def _smoothed(
     if what == "positions":
         return Absence(seen, unfiltered)
     stop = _rounded_up(tau * np.log(max(size, np.e)) + _STOP)
-    bin_width = _rounded_up(_FINE * tau)
-    return Absence(
-        seen,
-        f"{unfiltered}, or hold each posture for at least {stop:g} s and look for dwells in bins "
-        f"of {bin_width:g} s (DwellOptions.bin_width)",
-        stop,
-        bin_width,
-    )
+    return Absence(seen, f"{unfiltered}, or hold each posture for at least {stop:g} s", stop)
 
 
 def _rounded_up(value: float) -> float:

@@ -7,50 +7,25 @@ Everything later works on bins, so an hour at 1 kHz is 180 000 rows instead of 3
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
-from numbers import Real
+from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
+#: Above this many bins their width doubles, so that memory stays bounded: 70 MB with three
+#: supports. An hour fits at 20 ms, ten hours at 160 ms; from there on it takes four times as many
+#: bins until they double again, so that forty hours are seen in steps of 160 ms too.
+MOST_BINS = 225 * 1024
 _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from then on
 _SLOWEST = 2.0  # s
 # samples searched for the smallest step of the readings, and for zeros
 _PEEK, _PEEK_OF = 2048, 65536
 _ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
-
-
-@dataclass(frozen=True, slots=True)
-class DwellOptions:
-    """Overrides of what is otherwise derived from the log's own rates (None).
-
-    Raises
-    ------
-    UsageError
-        if a value is not positive and finite.
-    """
-
-    bin_width: float | None = None
-    """Width of the bins that the samples are reduced to, s. Derived: 20 ms, at least two
-    samples of the slowest stream."""
-    max_bins: int = 225 * 1024
-    """Above this many bins their width doubles, so that memory stays bounded: 70 MB with three
-    supports. An hour fits at 20 ms, ten hours at 160 ms; from there on it takes four times as many
-    bins until they double again, so that forty hours are seen in steps of 160 ms too."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None and not (isinstance(value, Real) and 0 < float(value) < np.inf):
-                raise UsageError(
-                    f"dwell option {field.name} is {value!r}",
-                    hint="give a positive, finite number, or leave it out",
-                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,23 +195,26 @@ def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
     return held, period, min(float(t[0]) for t in joined)
 
 
-def reduce_to_bins(pieces: Iterable[Log], options: DwellOptions | None = None) -> Bins:
-    """Samples → bins, one pass, memory bounded by `options.max_bins`.
+def reduce_to_bins(
+    pieces: Iterable[Log], width: float | None = None, most: int = MOST_BINS
+) -> Bins:
+    """Samples → bins, one pass, in bounded memory.
 
-    pieces : consecutive in time per stream; streams may differ in rate and times.
+    pieces : consecutive in time per stream; streams may differ in rate and times. width : of a bin,
+    s; by default 20 ms, at least two samples of the slowest stream. most : bins, above which it
+    doubles.
 
     Raises
     ------
     DataError
         for an empty log, times that step back or are not in seconds, readings that are not numbers.
     """
-    options = options or DwellOptions()
     stream = iter(pieces)
     held, period, begin = _opening(stream)
-    width = options.bin_width or max(_WIDTH, 2.0 * float(period.max()))
+    width = width or max(_WIDTH, 2.0 * float(period.max()))
     # Half a sample early: samples then lie amid the bins, and rounding cannot move them.
     origin = begin - 0.5 * float(period.min())
-    binner = _Binner(held[0].supports, origin, width, options.max_bins)
+    binner = _Binner(held[0].supports, origin, width, most)
     while held:
         binner.add(held.pop(0))
     for piece in stream:

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.special import ndtri
 
-from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins, zeros
+from tdfscal.dwells.bins import Bins, reduce_to_bins, zeros
 from tdfscal.dwells.clock_offset import misaligned, motion_offset
 from tdfscal.dwells.dwell_means import (
     Extent,
@@ -34,7 +34,7 @@ _EPS = 1e-12
 _STEP = 0.5  # s; a temperature changes slowly, and is kept as means over this time
 
 
-def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
+def find_dwells(pieces: Log | Iterable[Log]) -> Dwells:
     """Static dwells of a log: NCPs at rest, forces settled.
 
     Parameters
@@ -42,7 +42,6 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     pieces : one log, or its consecutive pieces; streams may differ in rate. It is read once and
         reduced to bins on the way, so memory does not grow with the log. With rows == "postures"
         each row is one dwell, without scatter.
-    options : of the bins; by default they follow from the log's own rates.
 
     Raises
     ------
@@ -51,7 +50,6 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
         behind the positions. A log without a dwell is no error here: `left_out` says why.
     """
     expect("pieces", pieces, Iterable | Log, "what read_log returns, or its consecutive pieces")
-    expect("options", options, DwellOptions | None, "DwellOptions")
     stream = iter([pieces] if isinstance(pieces, Log) else pieces)
     first = next(stream, None)
     if first is None:
@@ -69,7 +67,7 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     if first.rows == "postures":
         found = postures_as_dwells(rest)
     else:
-        bins = reduce_to_bins(rest, options)
+        bins = reduce_to_bins(rest)
         found = dwells_of_bins(bins)
         if late := misaligned(bins, found):
             raise DataError(late)

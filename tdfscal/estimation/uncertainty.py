@@ -72,14 +72,13 @@ class Uncertainty:
     covariance : (3n, 3n), rad², of left perturbations in the BCS. rpy_covariance : (n, 3, 3),
     rad². contributions : source → (n, 3), variance of roll, pitch, yaw, rad²; they sum to the
     diagonal of rpy_covariance. parameter_std : (P,), 0 where known exactly, ∞ where undetermined.
-    effective_dof, coverage_factor : (n, 3), for 95 % (GUM, annex G).
+    coverage_factor : (n, 3), for 95 % (GUM, annex G).
     """
 
     covariance: FloatArray
     rpy_covariance: FloatArray
     contributions: dict[str, FloatArray]
     parameter_std: FloatArray
-    effective_dof: FloatArray
     coverage_factor: FloatArray
 
     @property
@@ -163,14 +162,12 @@ def of_shares(
     total = np.sum(list(contributions.values()), axis=0)
     noise = np.sum([contributions[name] for name in NOISE if name in contributions], axis=0)
     share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
-    dof = np.asarray(noise_dof / share**2)
     return Uncertainty(
         covariance=covariance,
         rpy_covariance=so3.rpy_covariance(R, covariance),
         contributions=contributions,
         parameter_std=std,
-        effective_dof=dof,
-        coverage_factor=coverage_factor(INTERVAL_COVERAGE, dof),
+        coverage_factor=coverage_factor(INTERVAL_COVERAGE, noise_dof / share**2),
     )
 
 

@@ -243,7 +243,7 @@ def joint_prior(
     return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof, moves)
 
 
-def information_of(rig: Rig, prior: JointPrior) -> Information:
+def information_of(prior: JointPrior) -> Information:
     """Information (C,) of a prior about its own estimate."""
     root = prior.root[:, prior.places]
     return Information(root.T @ root, np.zeros(root.shape[1]))
@@ -270,7 +270,7 @@ def pinned(rig: Rig) -> Rig:
     """
     if rig.earlier is None or not np.any(rig.axes.sum(axis=1) == 1):
         return rig
-    known = information_of(rig, rig.earlier)
+    known = information_of(rig.earlier)
     spins = _open_spins(rig, known, rig.earlier.rotation)
     return _with_matrix(rig, known.matrix + spins.T @ spins / _PIN**2)
 
@@ -297,5 +297,5 @@ def loosened(rig: Rig) -> Rig:
     """Return the rig with an earlier knowledge that allows for sensors mounted anew."""
     if rig.earlier is None:
         return rig
-    wide = information_of(rig, rig.earlier).walked(turned(rig, REMOUNTED))
+    wide = information_of(rig.earlier).walked(turned(rig, REMOUNTED))
     return _with_matrix(rig, wide.matrix)

@@ -120,7 +120,6 @@ def block_design(
     seen = across(block, at, rig.axes)
     moved = _moving_columns(seen, at.rotation, position, state)
     F = statics.forces(state, at.seen.force)
-    F = statics.forces(state, at.seen.force)
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
     near = _nearness(slow, block, resting)

@@ -45,7 +45,7 @@ from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, e
 from tdfscal.motioncal.usable import Usable, gaps, usable_samples, without_contacts
 from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
 from tdfscal.numerics.streams import covered
-from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
+from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each
@@ -121,7 +121,6 @@ def calibrate_moving(
     delay: UncertainValue,
     *,
     dwells: int = 0,
-    inputs: tuple[InputFile, ...] = (),
     rng: np.random.Generator | None = None,
     max_trials: int | None = None,
     progress: Callable[[str], None] = lambda stage: None,
@@ -132,7 +131,7 @@ def calibrate_moving(
     ----------
     slow : streams of the log. delay : of the force stamps, s, as the rig file states it.
     dwells : how many rests were found in the log, which its samples hold as all others.
-    inputs : files. progress : told of each stage.
+    progress : told of each stage.
     rng, max_trials : of the Monte Carlo; no trials without the one or with 0 of the other.
 
     Raises
@@ -155,7 +154,7 @@ def calibrate_moving(
     fit, usable = without_contacts(
         fit, usable, lambda cut, last: fit_moving(priors, cut, last.state)
     )
-    result = _judged(fit, usable, dwells, inputs, progress)
+    result = _judged(fit, usable, dwells, progress)
     trials = None
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
@@ -168,7 +167,6 @@ def _judged(
     fit: MovingFit,
     usable: Usable,
     dwells: int,
-    inputs: tuple[InputFile, ...],
     progress: Callable[[str], None],
 ) -> MotionCalibration:
     rig, slow, still = fit.rig, fit.slow, fit.state.still
@@ -215,7 +213,7 @@ def _judged(
         findings=(),
     )
     conformity = assess_stated(result.calibrated)
-    reasons = _reasons(result, conformity, inputs)
+    reasons = _reasons(result, conformity)
     return replace(result, conformity=conformity, findings=(*reasons, *found))
 
 
@@ -238,9 +236,7 @@ def _one_delay(halves: Halves) -> None:
         raise DataError(Finding("delay-changed", (), halves.delay, "s", values=values))
 
 
-def _reasons(
-    result: MotionCalibration, conformity: Conformity | None, inputs: tuple[InputFile, ...]
-) -> tuple[Finding, ...]:
+def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[Finding, ...]:
     """Why the gate rejects."""
     rig, halves, rejected = result.rig, result.halves, result.rejected
     suspected = [

@@ -211,15 +211,12 @@ def _merged(left_out: Sequence[Stretch]) -> tuple[Stretch, ...]:
     return tuple(out)
 
 
-def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, ...]:
-    """Name the stretches in which a wrench acts that the model does not know.
-
-    level : probability that a log without any contact has one named.
-    """
+def touched(fit: MovingFit) -> tuple[Stretch, ...]:
+    """Name the stretches in which a wrench acts that the model does not know."""
     alike = {len(block): block for block in fit.blocks}
     shapes = {size: _windows(block) for size, block in alike.items()}
     tests = max(1, sum(len(shapes[len(block)][1]) for block in fit.blocks))
-    limit = float(chi2_quantile(1 - level / tests, len(fit.designs[0].mix)))
+    limit = float(chi2_quantile(1 - CONTACT_IN_MOTION / tests, len(fit.designs[0].mix)))
     root = factored_information(fit).root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
     out: list[Stretch] = []

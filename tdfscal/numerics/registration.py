@@ -175,14 +175,13 @@ def _jacobian(
 
 @dataclass(frozen=True, slots=True)
 class Extension:
-    """Further parameters of a registration: value (q,), covariance (q, q), fall of χ² by them.
+    """Further parameters of a registration: value (q,), covariance (q, q).
 
     rigid_covariance : of the registration's own parameters beside them, as `Registration` has it.
     """
 
     value: FloatArray
     covariance: FloatArray
-    chi2_drop: float
     rigid_covariance: FloatArray
 
 
@@ -204,7 +203,7 @@ def extend(fit: Registration, columns: FloatArray) -> Extension | None:
     value = covariance @ score
     carried = fit.covariance @ JB
     rigid = fit.covariance + carried @ covariance @ carried.T
-    return Extension(value, covariance, float(score @ value), rigid)
+    return Extension(value, covariance, rigid)
 
 
 def _inv(m: FloatArray) -> FloatArray:

@@ -45,15 +45,14 @@ class Profile:
     """What rotations cost when all other parameters take their best values for them.
 
     features : (q, 9n + 1), ψ = features · y. prior : (m, 9n + 1), the whitened prior rows.
-    eliminated : (q, r), and prior_eliminated : (m, r): what the other parameters can explain, as
-        features and as prior rows; whitened, their columns are orthonormal.
+    eliminated : (q, r), what the other parameters can explain, as features; whitened, and with
+        their prior rows, their columns are orthonormal.
     root : A (r, 9n + 1), with |A y|² the cost of the postures and priors.
     """
 
     features: FloatArray
     prior: FloatArray
     eliminated: FloatArray
-    prior_eliminated: FloatArray
     root: FloatArray
 
 
@@ -103,8 +102,7 @@ def profile(
     best = -parts.root @ (parts.left.T @ whole)  # (nuisance parameters, 9n + 1)
     mapped, prior = linear + nuisance @ best, below + rows @ best
     root = np.linalg.qr(np.concatenate([compressed @ mapped, prior]), mode="r")
-    explained = parts.root
-    return Profile(mapped, prior, nuisance @ explained, rows @ explained, np.asarray(root))
+    return Profile(mapped, prior, nuisance @ parts.root, np.asarray(root))
 
 
 #: Sensors above which combinations of turned ones are too many to try.
@@ -149,19 +147,15 @@ class Rival:
         return self.gap < float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2
 
 
-def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
-    """Estimate, not yet settled, in the basin of the lowest minimum over all mountings.
-
-    mountings : search everywhere, or only about the nominal mounting and the linear solution.
-    """
+def best_start(rig: Rig, postures: Postures) -> Fit:
+    """Estimate, not yet settled, in the basin of the lowest minimum over all mountings."""
     start = starting_state(rig, postures.motions)
     everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
     at = balance(postures, start, rig.barycentre.value, rig.gravity)
     compressed = statistic(at, everyone)
-    starts = np.stack([start.rotation, linear_start(rig, postures).rotation])
-    if mountings:
-        anywhere = np.random.default_rng(0).standard_normal((_DRAWN, rig.n, 3, 3))
-        starts = np.concatenate([starts, so3.project(anywhere)])
+    anywhere = np.random.default_rng(0).standard_normal((_DRAWN, rig.n, 3, 3))
+    guesses = np.stack([start.rotation, linear_start(rig, postures).rotation])
+    starts = np.concatenate([guesses, so3.project(anywhere)])
     tried = []
     for rotation in minima(rig, at, compressed, start, priors, starts):
         begin = replace(start, rotation=rotation)
@@ -255,7 +249,8 @@ def minima(
         them there. state : its other parameters are the ones that the search starts from.
     starts : (T, n, 3, 3).
     """
-    root = landscape(rig, at, compressed, state, priors)
+    mixing = rig.declared.force_sensitivity
+    root = profile(rig, at, compressed, state, priors, mixing=mixing).root
     found = descend(root, starts, iterations=_DESCENT, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
     limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
@@ -265,14 +260,6 @@ def minima(
         kept.append(left[0])
         left = left[apart(left, left[0], rig.axes) > APART]
     return kept
-
-
-def landscape(
-    rig: Rig, at: Balance, compressed: FloatArray, state: State, priors: Priors
-) -> FloatArray:
-    """Root (m, 9n + 1) of the cost over all mountings; parameters as in `minima`."""
-    s = rig.declared.force_sensitivity
-    return profile(rig, at, compressed, state, priors, mixing=s).root
 
 
 def apart(a: FloatArray, b: FloatArray, axes: BoolArray | None = None) -> FloatArray:

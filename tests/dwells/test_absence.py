@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tdfscal.dwells import DwellOptions, find_dwells
+from tdfscal.dwells import find_dwells
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.records import Absence, FloatArray, Log, Series
 from tests.words import in_words
@@ -71,7 +71,7 @@ def test_the_cause_is_named_and_the_advice_helps(name: str) -> None:
     assert words in absence.seen
     assert absence.stop is not None
     assert absence.stop > stop
-    better = find_dwells(make(absence.stop), DwellOptions(bin_width=absence.bin_width))
+    better = find_dwells(make(absence.stop))
     assert len(better) >= 0.7 * STOPS
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tdfscal.dwells import Bins, DwellOptions, reduce_to_bins
+from tdfscal.dwells import Bins, reduce_to_bins
 from tdfscal.errors import DataError
 from tdfscal.records import Log, Series
 
@@ -84,15 +84,15 @@ def test_streams_a_minute_apart_give_the_same_bins() -> None:
 
 def test_many_bins_are_kept_where_the_limit_is_high() -> None:
     log = record(Recipe(rate=100, stops=(30.0, 30.0))).log
-    bins = reduce_to_bins([log], DwellOptions(bin_width=0.001, max_bins=10**6))
+    bins = reduce_to_bins([log], width=0.001, most=10**6)
     assert len(bins) == len(log.force[0].time)
     np.testing.assert_allclose(bins.mean[:, 4], log.force[1].value, rtol=0, atol=1e-12)
 
 
 def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
-    fine = reduce_to_bins([log], DwellOptions(bin_width=0.02))
-    coarse = reduce_to_bins([log], DwellOptions(bin_width=0.02, max_bins=2048))
+    fine = reduce_to_bins([log], width=0.02)
+    coarse = reduce_to_bins([log], width=0.02, most=2048)
     assert coarse.width == 4 * fine.width
     assert len(coarse) <= 2048 < len(fine)
     np.testing.assert_array_equal(coarse.count.sum(axis=0), fine.count.sum(axis=0))

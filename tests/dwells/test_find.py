@@ -10,8 +10,8 @@ from scipy.stats import chi2
 
 from benchmarks.dwell_stops import Score
 from benchmarks.dwell_stops import score as score_of
-from tdfscal.dwells import DwellOptions, find_dwells
-from tdfscal.errors import DataError, UsageError
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.records import Dwells, Log, Series
 
@@ -213,12 +213,6 @@ def test_no_dwell_spans_a_gap() -> None:
         dwells = find_dwells(silent)
         assert len(dwells) == len(STOPS) + 1
         assert not np.any((dwells.start < middle) & (dwells.end > middle))
-
-
-@pytest.mark.parametrize("bad", [{"max_bins": 0}, {"bin_width": -1.0}, {"bin_width": np.inf}])
-def test_options_without_meaning_are_refused(bad: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(bad))):
-        DwellOptions(**bad)  # type: ignore[arg-type]
 
 
 def test_rows_that_are_postures_pass_as_they_are() -> None:

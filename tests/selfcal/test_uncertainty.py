@@ -11,8 +11,9 @@ from scipy import stats
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.fit import Priors, information
-from tdfscal.model.statics import balance, postures
+from tdfscal.model.statics import balance, features_jacobian, postures
 from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
 from tdfscal.selfcal.estimator import Fit, estimate, evaluate, fit
@@ -125,7 +126,10 @@ def redrawn(result: Fit, rng: np.random.Generator) -> FloatArray:
     constant[:, -1] = shift
     offset = np.zeros((len(given.prior), 9 * rig.n + 1))
     offset[:, -1] = rng.standard_normal(len(given.prior))
-    explained = np.concatenate([rows @ given.eliminated, given.prior_eliminated])
+    other = np.flatnonzero(priors.active) >= 3 * rig.n
+    slopes = features_jacobian(result.state, at, rig.gravity)[:, priors.active]
+    both = np.concatenate([rows @ slopes, priors(result.state)[1]])[:, other]
+    explained = spectrum(both).left
     new = np.concatenate([constant, offset])
     new -= explained @ (explained.T @ new)
     whole = np.concatenate([rows @ given.features, given.prior]) + new
