@@ -227,6 +227,12 @@ class Rig:
         """Number of supports."""
         return len(self.supports)
 
+    @property
+    def certificates(self) -> tuple[tuple[str, str], ...]:
+        """Day on which the certificate of a sensor ends, and its support, where it is stated."""
+        named = zip(self.supports, self.sensors, strict=False)
+        return tuple((each.due[:10], name) for name, each in named if each.due)
+
 
 Scale = tuple[float, float, float]
 #: Relative: by which a recorder's clock may run fast or slow, where nothing is stated.

@@ -236,7 +236,7 @@ sensor-never-determined warns
   {subject}: no check determines the mounting of its sensor, which lacks an axis; it
   has no angles, and its turn raises no alarm
 sensor-overdue warns
-  the sensor of {subject} was due for calibration on {due}
+  the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
 path-in-contact rejects
   {subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one
   stays below {limit:.3g}: it was in contact, or the calibration no longer holds

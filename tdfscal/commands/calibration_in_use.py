@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import CampaignInfo, FloatArray, Rig
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned
@@ -85,7 +84,9 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     `load_calibration` and `resolve`.
     """
     name, loaded = read_source(calibration)
-    campaign = resolve(paths, rig, fallback=loaded.loaded_rig(name))
+    embedded = loaded.loaded_rig(name)  # not its campaign: the logs are of another
+    own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()))
+    campaign = resolve(paths, rig, fallback=own)
     if not campaign.logs:
         raise UsageError(
             "there is no log here",
@@ -165,9 +166,7 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
         warming = float(temperature.mean()) - epoch.temperature
     if use.campaign.averaged:
         return ZeroAge(0.0, warming, known=False)
-    own = rig.path != Path(use.name)  # not the one that the calibration embeds
-    date = rig.rig.campaign.date if own else None
-    clock = by_wall_clock(first)
+    date, clock = rig.rig.campaign.date, by_wall_clock(first)
     now = first if clock else stated_date(date).begin if date is not None else None
     if epoch.begin is None or now is None:
         return ZeroAge(epoch.span, warming, known=False)

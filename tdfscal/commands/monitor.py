@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,11 +28,34 @@ from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
-from tdfscal.reporting.layout import LISTED, Drawing, Report
+from tdfscal.reporting.layout import LISTED, Drawing, Report, provenance, utc
+from tdfscal.reporting.papers import Making, day_measured, overdue
+from tdfscal.reporting.traceability import calibration_fact, report_digest
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What a check was: as pages say it, and as plain JSON values."""
+
+    fact: tuple[str, str]
+    document: dict[str, Any]
+
+    @classmethod
+    def of(cls, check: Earlier | Read) -> Source:
+        """When it was measured, and the digest of its calibration or rig file."""
+        when = MeasuredResult.model_validate(check.measured)
+        said: dict[str, Any] = {"measured": when.model_dump()}
+        if isinstance(check, Earlier):
+            said |= {"content_sha256": report_digest(check.file)}
+            return cls(calibration_fact(check.name, check.file), said)
+        digest = check.log.campaign.rig.sha256
+        text = f"{check.name}, of {day_measured(when)}, rig file SHA-256 {digest}"
+        return cls(("Campaign", text), said | {"rig_sha256": digest})
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -41,12 +63,15 @@ class MonitorResult(Result):
     """A rig's history. alarms : those that count, of all in `life`.
 
     findings : what its reader must know; those that reject name campaigns that were not judged.
+    checks : what each was, in the order of time. making : of what all was made.
     """
 
     rig: Rig
     life: Life
     alarms: tuple[Alarm, ...]
     findings: tuple[Finding, ...]
+    checks: tuple[Source, ...]
+    making: Making
 
     @property
     def exit_status(self) -> int:
@@ -55,14 +80,24 @@ class MonitorResult(Result):
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, what was not judged, alarms, state, angles."""
-        from tdfscal.reporting.history import history_report
+        from tdfscal.reporting.history import chart_rule, history_report
 
-        report = history_report(self.life, self.alarms, self.findings, drawings, _ends(self.rig))
+        origin = provenance(
+            *(source.fact for source in self.checks),
+            *self.making.facts,
+            *chart_rule(self.life),
+            inputs=self.making.inputs,
+            page_only=False,
+        )
+        report = history_report(
+            self.life, self.alarms, self.findings, drawings, self.rig.certificates, origin
+        )
         rest = [found for found in self.findings if not found.rejects]
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
-            warnings=tuple(map(told, (*rest, *_papers(self.rig)))),
+            warnings=tuple(map(told, (*rest, *self._overdue))),
+            created=utc(self.making.created),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,8 +106,16 @@ class MonitorResult(Result):
 
         unjudged = bool(rejecting(self.findings))
         content = history_document(self.life, self.alarms, unjudged=unjudged)
-        found = documents((*self.findings, *_papers(self.rig)))
-        return {"rig": self.rig.name, **content, "findings": found}
+        found = documents((*self.findings, *self._overdue))
+        said = {"rig": self.rig.name, **self.making.document(), **content, "findings": found}
+        for check, source in zip(said["checks"], self.checks, strict=True):
+            check |= source.document
+        return said
+
+    @property
+    def _overdue(self) -> tuple[Finding, ...]:
+        """Sensors whose own certificate has ended."""
+        return overdue(self.rig, self.making.created[:10])
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
@@ -111,6 +154,7 @@ def monitor(
         str | None, Option("alarms raised before count no more", metavar="DATE")
     ] = None,
     html: options.Page = None,
+    command: options.CommandLine = "tdfscal.monitor",
     progress: options.Telling = SILENT,
 ) -> MonitorResult:
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
@@ -162,6 +206,7 @@ def monitor(
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
+    ordered: list[Earlier | Read] = sorted([*reads, *known], key=lambda one: one.measured.month)
     campaigns = [usable[read.name].recorded for read in reads]
     life, noisy = life_of(rig, known, pool(campaigns) if campaigns else None)
     return MonitorResult(
@@ -169,6 +214,8 @@ def monitor(
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         (*lost, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
+        tuple(map(Source.of, ordered)),
+        Making(command, tuple(file for read in reads for file in read.inputs)),
     )
 
 
@@ -203,22 +250,6 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
             raise UsageError("is a recording", where=str(path), hint="name its campaign folder")
         folders += [group[0] for group in campaign_folders([path])]
     return calibrations, folders
-
-
-def _papers(rig: Rig) -> tuple[Finding, ...]:
-    """Sensors whose own calibration is due."""
-    today = f"{datetime.now(UTC):%Y-%m-%d}"
-    return tuple(
-        Finding("sensor-overdue", (name,), values={"due": due})
-        for due, name in _ends(rig)
-        if due < today
-    )
-
-
-def _ends(rig: Rig) -> list[tuple[str, str]]:
-    """Day on which the certificate of a sensor ends, and its support, where it is stated."""
-    named = zip(rig.supports, rig.sensors, strict=False)
-    return [(papers.due, name) for name, papers in named if papers.due is not None]
 
 
 def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:

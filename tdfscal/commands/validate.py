@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,7 +13,7 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, window
 from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.calibration_in_use import InUse, take, zero_age
-from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
@@ -26,10 +25,12 @@ from tdfscal.comparison.shared_data import (
 )
 from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.papers import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
@@ -45,14 +46,18 @@ class ValidateResult(Result):
     """Verdict of `validate`.
 
     validation : the test, with the residual contact wrench of every posture, or over the motion.
-    findings : of the calibration, the log and the test. inputs : the logs.
+    findings : of the calibration, the log and the test. origin : of what it was made.
     """
 
     validation: Validation | MovingValidation
     calibration: Calibration
     findings: tuple[Finding, ...]
-    inputs: tuple[InputFile, ...]
-    _asked: tuple[str, str]
+    origin: Origin
+
+    @property
+    def inputs(self) -> tuple[InputFile, ...]:
+        """The logs."""
+        return self.origin.making.inputs
 
     @property
     def holds(self) -> bool:
@@ -66,15 +71,12 @@ class ValidateResult(Result):
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
-        origin = None
-        if drawings:
-            created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-            origin = Origin(self.calibration, *self._asked, created, self.inputs)
+        origin = self.origin if drawings else None
         return validation_report(self.validation, self.findings, origin, drawings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        return validation_document(self.validation, self.findings)
+        return validation_document(self.validation, self.findings, self.origin)
 
     def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.
@@ -140,9 +142,12 @@ def validate(
         result = _tested(use, log, samples)
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
-    found = (*use.findings, *own, *_left_out(result), *result.findings)
-    asked, inputs = (use.name, command), tuple(log.inputs)
-    return ValidateResult(result, use.calibration, found, inputs, asked)
+    when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
+    ended = overdue(by.rig, when.end[:10], "this check")
+    found = (*use.findings, *own, *_left_out(result), *result.findings, *ended)
+    making = Making(command, tuple(log.inputs))
+    origin = Origin(use.calibration, use.name, by, when, making)
+    return ValidateResult(result, use.calibration, found, origin)
 
 
 def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:

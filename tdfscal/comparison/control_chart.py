@@ -201,13 +201,14 @@ class Watch:
     alarms : in the order in which they were raised. steps : variance (C,) of the walk before each
     check, the jumps of the alarms included. level : (K,), of a check, all its tests together.
     smallest : (K, n), least p-value of a sensor's tests at each check, among all the check's tests;
-    1 at the first.
+    1 at the first. departure : of the last check from what those before it predicted.
     """
 
     alarms: tuple[Alarm, ...]
     steps: tuple[FloatArray, ...]
     level: FloatArray
     smallest: FloatArray
+    departure: Contrast
 
 
 class Watching:
@@ -232,8 +233,10 @@ class Watching:
     def run(self) -> Watch:
         """Return the alarms and the walk with their jumps."""
         now, walk = self._through(0), self._walk()
+        departure = now.departure
         for k in range(1, len(self.own)):
             now = now.then(self.own[k], walk[k], self.gaps[k])
+            departure = now.departure
             p = self.smallest[k] = self._p_values(now)
             every = p_value(now.departure.chi2()) / OF_ALL
             if min(p.min(), every) <= self.level[k] and self._loaded(now):
@@ -247,7 +250,8 @@ class Watching:
                 now, walk = self._through(k), self._walk()
                 p = self._p_values(now)
         self.alarms = [self._settled(alarm) for alarm in self.alarms]
-        return Watch(tuple(self.alarms), tuple(self._walk()), self.level, self.smallest)
+        steps = tuple(self._walk())
+        return Watch(tuple(self.alarms), steps, self.level, self.smallest, departure)
 
     def _walk(self, but: Alarm | None = None) -> list[FloatArray]:
         """Variance (C,) before each check; all alarms are known but one."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.comparison.control_chart import Alarm, Check, Watching
+from tdfscal.comparison.compatibility import smallest_changes
+from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
 from tdfscal.comparison.walk import Intensity, Walk, intensity
 from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State
@@ -53,7 +54,9 @@ class Life:
     path, path_std : (K, n, 3), rad, roll, pitch, yaw of the smoothed path. mean, limit : (K, n, 3),
     weighted mean between alarms and the half width outside which one angle alone is surprising.
     level, smallest : as in `control_chart.Watch`. jumps : variance (C,) before each check by which
-    the alarms free the constants. birge : by which all uncertainties were scaled.
+    the alarms free the constants. birge : by which all uncertainties were scaled. detectable :
+    (n, 3), rad, smallest change of each angle alone that the last check by itself would have shown
+    with probability `significance.DETECTION_POWER`.
     """
 
     supports: tuple[str, ...]
@@ -78,6 +81,7 @@ class Life:
     walk: Intensity | None
     birge: float
     due: Due
+    detectable: FloatArray
 
     @property
     def known(self) -> BoolArray:
@@ -173,6 +177,7 @@ def live(
             rig.drift.angle,
             walk,
         ),
+        detectable=smallest_changes(R, watch.departure, 3, watch.level[-1] * WINDOWS[1] / n),
     )
 
 

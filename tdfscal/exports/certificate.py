@@ -21,6 +21,7 @@ from tdfscal.numerics.distributions import coverage, student_dof
 from tdfscal.records import ANGLES
 from tdfscal.reporting import traceability
 from tdfscal.reporting.calibration import statistics
+from tdfscal.reporting.papers import measured_by
 from tdfscal.significance import COVERAGE_FACTOR
 
 SPACES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -45,7 +46,8 @@ def certificate(c: Calibration) -> str:
     software = "software", [_name(c.software.name), ("release", c.software.version)]
     mark = "" if c.status == "accepted" else f"{c.status.upper()}: "
     name = _name(f"{mark}Installation rotations of force sensors (DRAFT)")
-    result = [name, _description(DRAFT, *origin(c), *_told(c))]
+    said = [line for line in origin(c) if line not in traceability.doubts(c)]  # a warning says it
+    result = [name, _description(DRAFT, *said, *_told(c))]
     files = [f"Input: {file.path}, SHA-256 {file.sha256}, {file.integrity}" for file in c.inputs]
     used = _description(f"Command: {c.command}", f"Rig file: SHA-256 {c.rig.sha256}", *files)
     method = "usedMethod", [_name(f"{c.method} calibration"), used]
@@ -84,7 +86,7 @@ def _told(c: Calibration) -> list[str]:
     facts += [("REJECTED", f.told) for f in c.reasons]
     facts += [("Warning", text) for text in traceability.warnings(c)]
     if c.measured is None:
-        facts.append(("Measured", traceability.measured_by(c)))
+        facts.append(("Measured", measured_by(None)))
     k = f"expanded uncertainties with k = {COVERAGE_FACTOR:g}, each with what it covers"
     cover = ("Coverage", k if _linear(c) else f"{k}; of angles, the trials' intervals")
     found = (cover if fact[0] == "Coverage" else fact for fact in statistics(c))
@@ -102,7 +104,7 @@ def _administration(c: Calibration) -> list[Part]:
     begin, end = (m.begin, m.end) if (m := c.measured) else (c.created, c.created)
     codes = ("countryCodeISO3166_1", "usedLangCodeISO639_1", "mandatoryLangCodeISO639_1")
     # The schema has no better room beside the dates for who says them.
-    by = traceability.measured_by(c)
+    by = measured_by(c.measured)
     dated = [("issuer", "other"), ("value", by), _name("origin of the performance dates")]
     core: list[Part] = [
         *zip(codes, ("XX", "en", "en"), strict=True),
@@ -119,6 +121,7 @@ def _administration(c: Calibration) -> list[Part]:
             ("owner", support.name, "place on the rig"),
             ("manufacturer", papers and papers.serial, "serial number"),
             ("calibrationLaboratory", papers and papers.certificate, "certificate"),
+            ("calibrationLaboratory", papers and papers.due, "day on which the certificate ends"),
             ("owner", c.rig.serial, "serial number of the rig"),
         )
         names = [(issuer, value, _name(name)) for issuer, value, name in known if value]

@@ -11,7 +11,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.logs.request import signal_of
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.traceability import measured_on, report_digest
+from tdfscal.reporting.traceability import doubts, measured_on, report_digest
 from tdfscal.wrench.observable import observable_text
 
 
@@ -31,8 +31,8 @@ def origin(c: Calibration) -> list[str]:
 
 
 def cautions(c: Calibration) -> list[str]:
-    """What a user of the numbers must do without, and do to a reading first."""
-    said, given = [], calibrated(c)
+    """What a user of the numbers must know, do without, and do to a reading first."""
+    said, given = list(doubts(c)), calibrated(c)
     if c.undetermined:
         said.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
     if not given.rig.axes.all():

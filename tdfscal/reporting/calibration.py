@@ -18,8 +18,9 @@ from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.headline import half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
+from tdfscal.reporting.papers import campaign
 from tdfscal.reporting.traceability import (
-    campaign,
+    campaign_facts,
     exact_tables,
     measured_on,
     provenance,
@@ -67,7 +68,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("Lines of the rig file to be confirmed", _draft(c)),
             Section("What is taken as exact", exact_tables(c)),
-            *campaign(c),
+            *campaign(campaign_facts(c), c.rig.record()),
             provenance(c),
         ),
         warnings=warnings(c),

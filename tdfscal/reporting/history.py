@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.comparison.control_chart import Alarm
+from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
 from tdfscal.numerics.distributions import p_text
@@ -18,7 +19,7 @@ from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
-from tdfscal.significance import COVERAGE_FACTOR, LONGEST_INTERVAL
+from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTERVAL
 
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
 _NO_PART = ("campaign-unsound", "campaign-unusable", "campaign-left-out")
@@ -66,7 +67,7 @@ def sentence(life: Life, alarm: Alarm) -> str:
             f"one explains it {tail}"
         )
     size, half = 1e3 * alarm.size, 1e3 * COVERAGE_FACTOR * alarm.size_std
-    said = f"{size:.2f} ± {half:.2f} mrad"
+    said = f"{size:.2f} ± {half:.2f} mrad (k = {COVERAGE_FACTOR:g})"
     name = life.supports[alarm.sensor]
     axis = ", ".join(signed(1e3 * part, "+.2f") for part in alarm.turn)
     if alarm.kind == "creep":
@@ -99,11 +100,13 @@ def history_report(
     findings: Sequence[Finding] = (),
     drawings: tuple[Drawing, ...] = (),
     certificates: Sequence[tuple[str, str]] = (),
+    origin: Section | None = None,
 ) -> Report:
     """Lay out a history; alarms : those that count, of all in `life`.
 
     findings : those that reject are of campaigns that take no part, though the result wants them,
-    and are said first. certificates : day on which a sensor's own ends, and its support.
+    and are said first. certificates : day on which a sensor's own ends, and its support. origin :
+    of what it was made.
     """
     unjudged = rejecting(findings)
     lost = [found for found in findings if found.code in _NO_PART]
@@ -113,7 +116,8 @@ def history_report(
     due = _due(life, alarms, slipped=slipped)
     if certificates:
         ends, name = min(certificates)
-        due += f"; the certificate of {name}'s sensor ends on {ends[:10]}"
+        tense = "ended" if ends < f"{datetime.now(UTC):%Y-%m-%d}" else "ends"
+        due += f"; the certificate of {name}'s sensor {tense} on {ends}"
     facts = Facts(_facts(life, alarms, len(lost), due))
     verdict = _verdict(alarms, unjudged=bool(unjudged))
     if slipped and not alarms:
@@ -134,9 +138,29 @@ def history_report(
             Section("State", (facts,)),
             *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
+            *((origin,) if origin is not None else ()),
         ),
         advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
     )
+
+
+def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
+    """What the chart asks, how often it errs, and which step it sees."""
+    *shorter, longest = map(str, WINDOWS)
+    rule = (
+        f"of each sensor, by χ² of a turn of that one alone, whether the last {', '.join(shorter)} "
+        f"or {longest} checks show it turned against all before, beyond drift.angle; and whether "
+        f"all together depart. All tests of a check share its level, {life.level[-1]:.2g} of the "
+        f"last, so that an unchanged rig raises at most {life.rate:.2g} alarms a year, however "
+        "often it is checked [program default]"
+    )
+    seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
+    sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)
+    step = (
+        f"a step with the last check is seen by it alone with {DETECTION_POWER:.0%} probability "
+        f"from this size on, whatever the angle: {', '.join(sizes)}"
+    )
+    return ("Decision rule", rule), ("Smallest step seen", step)
 
 
 def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:
@@ -175,7 +199,7 @@ def _walk(life: Life) -> str:
         return f"{stated}; too few checks, or days, to estimate it"
     low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
     seen = f"{1e3 * life.walk.value:.2g} mrad/√month" if life.walk.value > 0 else "none"
-    return f"{seen} by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
+    return f"{seen} by the history (95 %: {low:.2g} to {high:.2g} mrad/√month); {stated}"
 
 
 def _turned(alarms: Sequence[Alarm]) -> bool:
@@ -249,6 +273,10 @@ def history_document(
             due, "turn_std=now limit",
             date=dates[0], earliest=dates[1], support=life.supports[due.sensor],
         ),
+        detectable_step={
+            "power": DETECTION_POWER,
+            "supports": layout.each_named(life.supports, rpy=life.detectable),
+        },
     )  # fmt: skip
 
 

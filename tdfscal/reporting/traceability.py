@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
 from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
@@ -17,7 +18,8 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
-from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
+from tdfscal.reporting.layout import METHODS, Section, Table, utc
+from tdfscal.reporting.papers import by_file, day_measured, measured_when, overdue
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
@@ -31,7 +33,6 @@ from tdfscal.significance import (
 #: Days of a month.
 _MONTH = 30.4375
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
-_SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 #: Sensors beside each other in a table: 80 letters hold so many.
 _BESIDE = 3
 _CAPTION = (
@@ -56,21 +57,6 @@ _DECLARED = {
 }
 
 
-def campaign(c: Calibration) -> tuple[Section, ...]:
-    """When, where and by whom the data were recorded; serial numbers of rig and sensors."""
-    said = campaign_facts(c)
-    papers = tuple(
-        (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
-        for s in c.rig.supports
-        if s.sensor is not None
-    )
-    header = ("sensor", "serial number", "certificate", "due")
-    blocks: tuple[Block, ...] = (Facts(said),) if said else ()
-    if papers:
-        blocks += (Table("Sensors", header, papers, left=4),)
-    return (Section("Campaign and sensors", blocks),) if blocks else ()
-
-
 def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
     """What is told of the rig's serial number, dates, people, place, conditions; of instruments
     that were used.
@@ -78,8 +64,7 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
     stated = c.rig.campaign
     facts = [("Serial number", c.rig.serial)]
     if c.measured is not None:
-        span = " to ".join(dict.fromkeys((utc(c.measured.begin), utc(c.measured.end))))
-        facts.append(("Measured", f"{span}, {measured_by(c)}"))
+        facts.append(("Measured", measured_when(c.measured)))
     facts.append(("Next due", _next_due(c)))
     if stated is not None:
         facts += [("Operator", stated.operator), ("Site", stated.site)]
@@ -102,26 +87,24 @@ def measured_on(c: Calibration) -> str:
     """Of which day the data are, and what says so; a file of old knows its own day alone."""
     if c.measured is None:
         return f", computed {c.created[:10]}"
-    first = f"{c.measured.begin[:10]} to " if len(c.campaigns) > 1 and not c.history else ""
-    return f" of {first}{c.measured.end[:10]}, {_SOURCES[c.measured.source]}"
-
-
-def measured_by(c: Calibration) -> str:
-    """What says when the data were recorded."""
-    if c.measured is None:
-        return "not known when; the dates are those of the computation"
-    again = "; a copy has another: state campaign.date" if c.measured.source == "file" else ""
-    return f"{_SOURCES[c.measured.source]}{again}"
+    several = len(c.campaigns) > 1 and not c.history
+    return f" of {day_measured(c.measured, c.measured.begin if several else '')}"
 
 
 def assumptions(c: Calibration) -> tuple[tuple[str, str], ...]:
     """What is in no uncertainty, when a result is accepted, and how its contact wrench fares."""
-    exact = "; ".join(_exact(c))
+    exact = "; ".join(exact_names(c))
     said = ("Taken as exact", exact or "nothing"), ("Decision rule", _decision_rule(c))
     if c.conformity is None:
         return said
     contact = _contact(c.conformity, exact) if c.accepted else "not judged: the result is rejected"
     return (*said, ("Contact wrench", contact))
+
+
+def calibration_fact(name: str, c: Calibration) -> tuple[str, str]:
+    """Name a calibration that a check stands on: when it was measured, what it holds."""
+    said = f"{name}, {METHODS[c.method]}{measured_on(c)}, {c.status}"
+    return "Calibration", f"{said}, content SHA-256 {report_digest(c)}"
 
 
 def report_digest(c: Calibration) -> str:
@@ -132,7 +115,14 @@ def report_digest(c: Calibration) -> str:
 def warnings(c: Calibration) -> tuple[str, ...]:
     """What to know before the result is used; the lines of a draft stand by themselves."""
     found = (f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED)
-    return (*((UNSEALED,) if c.unsealed else ()), *_overdue(c), *found)
+    return (*doubts(c), *found)
+
+
+def doubts(c: Calibration) -> tuple[str, ...]:
+    """That a file was edited, and whose certificate had ended when the data were recorded."""
+    ended = overdue(c.rig.record(), _day(c), "this calibration")
+    papers = (f"{sentence(found)}{by_file(c.measured)}" for found in ended)
+    return (*((UNSEALED,) if c.unsealed else ()), *papers)
 
 
 def _contact(found: ConformityResult, exact: str) -> str:
@@ -162,42 +152,25 @@ def _next_due(c: Calibration) -> str:
             why = "after two years, though by drift.angle no limit is reached till then"
         begin = datetime.fromtimestamp(recorded(c).end, UTC)
         day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
-        due.append((day, f"{why}{_by_file(c)}"))
-    if ended := _ended(c):
-        end, name = min(ended)
-        return f"now: the certificate of {name}'s sensor ended on {end}{_by_file(c)}"
-    due += [(end[:10], f"when the certificate of {name}'s sensor ends") for end, name in _ends(c)]
+        due.append((day, f"{why}{by_file(c.measured)}"))
+    rig = c.rig.record()
+    if ended := overdue(rig, _day(c)):
+        first = min(ended, key=lambda found: str(found.values["due"]))
+        return f"now: {sentence(first)}{by_file(c.measured)}"
+    due += [
+        (end, f"when the certificate of {name}'s sensor ends") for end, name in rig.certificates
+    ]
     return ", ".join(min(due)) if due else ""
 
 
-def _by_file(c: Calibration) -> str:
-    """That nothing but a file's date says when the data were recorded."""
-    undated = c.measured is not None and c.measured.source == "file"
-    return f" ({_SOURCES['file']})" if undated else ""
-
-
-def _ends(c: Calibration) -> list[tuple[str, str]]:
-    """Day on which the certificate of a sensor ends, and its support, where it is stated."""
-    return [(s.sensor.due, s.name) for s in c.rig.supports if s.sensor and s.sensor.due]
-
-
-def _overdue(c: Calibration) -> tuple[str, ...]:
-    """Sensors whose own certificate had ended when the data were recorded."""
-    return tuple(
-        f"the certificate of {name}'s sensor ended on {end}, before this calibration{_by_file(c)}"
-        for end, name in _ended(c)
-    )
-
-
-def _ended(c: Calibration) -> list[tuple[str, str]]:
-    """Day and support of the certificates that had ended when the data were recorded."""
-    day = (c.measured.end if c.measured is not None else c.created)[:10]
-    return [(end[:10], name) for end, name in _ends(c) if end[:10] < day]
+def _day(c: Calibration) -> str:
+    """Day on which the data were recorded."""
+    return (c.measured.end if c.measured is not None else c.created)[:10]
 
 
 def expired_sentence(c: Calibration) -> str:
     """Whose own certificate had ended, for the first lines; the warnings have the days."""
-    names = ", ".join(name for _, name in _ended(c))
+    names = ", ".join(name for found in overdue(c.rig.record(), _day(c)) for name in found.subject)
     return f"No sensor certificate was valid any more for {names}." if names else ""
 
 
@@ -304,7 +277,7 @@ def provenance(c: Calibration) -> Section:
     )
 
 
-def _exact(c: Calibration) -> list[str]:
+def exact_names(c: Calibration) -> list[str]:
     """Quantities that the rig file states without uncertainty: the result has none of theirs.
 
     Those of which a typical error is worked out come first, the worst before the others.

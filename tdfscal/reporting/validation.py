@@ -8,16 +8,29 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal import __version__
 from tdfscal.catalogue import documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import ResidualWrench
+from tdfscal.files.calibration.parts import MeasuredResult, ResidualWrench
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.numerics.streams import covered
-from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
+from tdfscal.reporting.papers import (
+    Making,
+    campaign,
+    campaign_document,
+    day_measured,
+    measured_when,
+    stated_facts,
+)
+from tdfscal.reporting.traceability import (
+    calibration_fact,
+    exact_names,
+    measured_on,
+    report_digest,
+)
 from tdfscal.reporting.validation_claim import (
     Tested,
     change,
@@ -58,6 +71,10 @@ _AGAIN = (
     "Free what was touched and record this check again, before anything else.",
     "Until then it says nothing of the calibration, neither for it nor against it.",
 )
+_RULE = (
+    "still valid where neither χ² nor the search for a single change exceeds its limit; the limits "
+    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold [program default]"
+)
 _SAID = {
     "holds": ("still valid", _KEEP),
     "touched": ("record again", _AGAIN),
@@ -67,16 +84,30 @@ _SAID = {
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What a validation was made of: calibration and its name, command, time in words, logs."""
+    """What a validation was made of: calibration and its name, rig and time of the log."""
 
     calibration: Calibration
     name: str
-    command: str
-    created: str
-    inputs: tuple[InputFile, ...]
+    rig: LoadedRig
+    measured: MeasuredResult
+    making: Making
+
+    def document(self) -> dict[str, Any]:
+        """Return it as plain JSON values."""
+        c = self.calibration
+        own = c.model_dump(mode="json", include={"method", "status", "created", "measured"})
+        own |= {"name": self.name, "content_sha256": report_digest(c)}
+        own["taken_as_exact"] = exact_names(c)
+        return {
+            **self.making.document(),
+            **campaign_document(self.rig, self.measured),
+            "calibration": own,
+        }
 
 
-def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any]:
+def validation_document(
+    v: Tested, findings: Sequence[Finding], origin: Origin | None = None
+) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     parts = _of_the_motion(v) if isinstance(v, MovingValidation) else _of_the_postures(v)
     told = np.isfinite(v.zeros.change_std)
@@ -114,6 +145,7 @@ def validation_document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any
             "supports": layout.each_named(v.rig.supports, **dict(turns)),
         },
         findings=documents([*changes(v), *findings]),
+        **(origin.document() if origin is not None else {}),
     )
 
 
@@ -233,12 +265,14 @@ def validation_report(
     if origin is None:
         return report
     c = origin.calibration
+    rig, when = origin.rig.rig, origin.measured
+    told_of_it = ("Measured", measured_when(when)), *stated_facts(rig)
     return replace(
         report,
-        subtitle=f"validation of {origin.name}, a {layout.METHODS[c.method]} of "
-        f"{c.created[:10]}, on {extent(v)}",
-        created=origin.created,
-        sections=(*report.sections, _provenance(v, origin)),
+        subtitle=f"validation of {origin.name}, a {layout.METHODS[c.method]}{measured_on(c)}, on "
+        f"{extent(v)} of {day_measured(when)}",
+        created=layout.utc(origin.making.created),
+        sections=(*report.sections, *campaign(told_of_it, rig), _provenance(v, origin)),
     )
 
 
@@ -290,12 +324,13 @@ def _provenance(v: Tested, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
     return layout.provenance(
-        ("Calibration", f"{origin.name}, {layout.METHODS[c.method]}, {c.created}, {c.status}"),
-        ("Command", origin.command),
-        ("Created", origin.created),
-        ("Software", f"tdfscal {__version__}"),
+        calibration_fact(origin.name, c),
+        *origin.making.facts,
+        ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
         ("Test", f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom, {chi2_test(v)}"),
         ("Single changes", f"the likeliest by chance alone: {search_test(v)}"),
+        ("Decision rule", _RULE),
+        ("Taken as exact", "; ".join(exact_names(c)) or "nothing"),
         ("Convention", c.convention),
-        inputs=origin.inputs,
+        inputs=origin.making.inputs,
     )

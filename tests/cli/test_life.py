@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,22 @@ def test_a_pattern_names_what_is_no_check_too(months: Path, tmp_path: Path, cli:
     shutil.copy(months / "truth.yaml", tmp_path)
     page = tmp_path / "history.html"
     alone = cli("monitor", *checks, "--html", page, "--json", "-q", ends=0)
+    said = page.read_text()
+    for check in checks:
+        for name in ("rig.yaml", "log.csv"):
+            assert sha256((check / name).read_bytes()).hexdigest() in said
+    assert all(text in said for text in (f"--html {page}", "Decision rule", "Smallest step seen"))
+    assert [check["measured"]["end"][:10] for check in json.loads(alone.out)["checks"]] == [
+        f"{yaml.safe_load((check / 'rig.yaml').read_text())['campaign']['date']}"[:10]
+        for check in checks
+    ]
     others = {p.name for p in tmp_path.iterdir()} - {p.name for p in checks}
     assert others == {"truth.yaml", "history.html"}
-    assert cli("monitor", *sorted(tmp_path.iterdir()), "--json", "-q").out == alone.out
+    whole = cli("monitor", *sorted(tmp_path.iterdir()), "--json", "-q")
+    first, again = (json.loads(done.out) for done in (alone, whole))
+    assert first.pop("command") != again.pop("command")
+    assert first.pop("created") <= again.pop("created")
+    assert first == again
 
 
 def test_months_are_pooled_and_updated_to_the_same_numbers(

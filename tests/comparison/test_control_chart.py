@@ -10,13 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, ncx2
 
-from tdfscal.comparison.control_chart import Check, Watch, Watching
+from tdfscal.comparison.control_chart import WINDOWS, Check, Watch, Watching
 from tdfscal.comparison.history import Life, live
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
 from tdfscal.records import Drift, FloatArray, Rig
+from tdfscal.significance import DETECTION_POWER
 from tdfscal.simulation import reference_rig
 
 SENSORS, HINGES = 3, 4
@@ -140,6 +142,14 @@ def lived(
         seen[:9] = turn + noise * SEEN * rng.standard_normal(9)
         checks.append(Check(str(k), gap * k, Information(own, own @ seen)))
     return live(rig, nominal(rig), prior, checks, rate=0.01)
+
+
+def test_the_smallest_step_is_the_one_that_the_last_check_shows_so_often() -> None:
+    """Closed form: χ² of a turn between two checks that each see it alike."""
+    life = lived(np.zeros((2, 9)))
+    level = 0.01 / 12 * WINDOWS[1] / SENSORS
+    seen = ncx2.sf(chi2.isf(level, 3), 3, (life.detectable / SEEN) ** 2 / 2)
+    np.testing.assert_allclose(seen, DETECTION_POWER, rtol=1e-3)
 
 
 def test_a_creep_sets_the_date_of_the_next_calibration() -> None:

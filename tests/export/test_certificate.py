@@ -182,7 +182,7 @@ def test_dates_serials_and_conditions_are_those_of_the_measurement(tmp_path: Pat
     assert root.findtext(".//dcc:beginPerformanceDate", namespaces=NAMES) == "2026-11-20"
     assert root.findtext(".//dcc:endPerformanceDate", namespaces=NAMES) == "2026-11-21"
     values = [str(e.text) for e in root.iterfind(".//dcc:identification/dcc:value", NAMES)]
-    assert {f"SN-{s.name}" for s in c.supports} | {"RH-02"} <= set(values)
+    assert {f"SN-{s.name}" for s in c.supports} | {"RH-02", "2027-03-01"} <= set(values)
     warm = root.iterfind(".//dcc:influenceCondition//si:real/si:value", NAMES)
     last = 20.0 + 0.1 * (len(c.dwells.start if c.dwells else ()) - 1)
     assert [float(str(e.text)) for e in warm] == [20.0, last]

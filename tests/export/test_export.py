@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import ctypes
 import io
+import json
 import re
 import shlex
 import shutil
@@ -180,6 +181,20 @@ def test_csv(c: Calibration) -> None:
             np.testing.assert_allclose(given, np.degrees(np.array([value, std], float)), 1e-12)
         assert float(row["std_zero_z_N"]) == support.zero_std[2]
         assert row["content_sha256"] == file_content(c)["content_sha256"]
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_every_export_says_that_a_file_was_edited_and_whose_certificate_had_ended(
+    to: str, tmp_path: Path, cli: Cli
+) -> None:
+    rig = PLAIN.rig.model_dump(mode="json", exclude_none=True)
+    rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-31"}
+    path = saved(changed(PLAIN, rig=rig), tmp_path, "c.json")
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"content_sha256": None}))
+    said = " ".join(cli("export", path, "--to", to, ends=0).out.replace("*", " ").split())
+    assert "not sealed: the calibration file was edited" in said
+    assert "certificate of support_2's sensor ended on 2020-01-31" in said
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")

@@ -11,8 +11,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.model import Sensor
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.reporting.layout import Facts
-from tdfscal.reporting.traceability import campaign
+from tdfscal.reporting.traceability import campaign_facts
 from tests.reporting.samples import sample
 
 
@@ -33,10 +32,7 @@ def test_residuals_of_each_axis_are_as_uncertain_as_is_said() -> None:
 
 
 def _due(c: Calibration) -> str:
-    block = campaign(c)[0].blocks[0]
-    assert isinstance(block, Facts)
-    said = dict(block.rows)
-    return str(said.get("Next due", ""))
+    return dict(campaign_facts(c)).get("Next due", "")
 
 
 def test_a_date_before_the_measurement_is_now() -> None:

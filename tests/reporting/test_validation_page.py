@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
-from tdfscal.records import InputFile
+from tdfscal.records import CampaignInfo, InputFile, SensorInfo
+from tdfscal.reporting.papers import Making
 from tdfscal.reporting.text import render
-from tdfscal.reporting.validation import Origin, validation_report
+from tdfscal.reporting.traceability import report_digest
+from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.reporting.pages import render_validation
-from tests.reporting.samples import sample
+from tests.reporting.samples import changed, sample
 from tests.reporting.test_page import read
 
 LOG = InputFile("march/log.csv", "cd" * 32, 4321, "verified")
@@ -33,8 +36,21 @@ def validation(push: float, offset: float = 0.0) -> Validation:
     return validate(given, replace(dwells, force=force, **times), rig=sample().rig.rig)
 
 
+def origin_of_check() -> Origin:
+    """In March, of a calibration of January that was computed in November."""
+    told = CampaignInfo("2026-03-02", "A. Muster", "Hall 3", note="doors closed")
+    sensors = tuple(SensorInfo(f"T-{i}", f"D-K-{i}", "2027-01-31") for i in (1, 2, 3))
+    loaded = sample().rig
+    rig = replace(loaded, rig=replace(loaded.rig, serial="RH-02", campaign=told, sensors=sensors))
+    when = {"begin": "2026-01-07T00:00:00Z", "end": "2026-01-08T00:00:00Z", "source": "log"}
+    c = changed(sample().calibration, measured=when, created="2026-11-23T00:00:00Z")
+    checked = MeasuredResult(begin="2026-03-02T10:00:00Z", end="2026-03-02T10:00:40Z", source="log")
+    making = Making(COMMAND, (LOG,), "2026-03-03T10:00:00Z")
+    return Origin(c, "january.yaml", rig, checked, making)
+
+
 def words(v: Validation, *found: Finding) -> str:
-    origin = Origin(sample().calibration, "january.yaml", COMMAND, "2026-03-02 10:00", (LOG,))
+    origin = origin_of_check()
     page = render_validation(v, found, origin)
     assert "http" not in page.split("</style>")[1].split("<svg")[0]
     assert page.count("<svg") == 1
@@ -50,6 +66,25 @@ def test_still_valid() -> None:
     assert "a warning" in said
     assert f"{len(v.dwells)} of {len(v.dwells)}" in said
     assert all(text in said for text in ("january.yaml", COMMAND, LOG.sha256, "4,321"))
+    own = origin_of_check()
+    for text in (
+        "of 2026-01-08, by the log's own clock, on",  # when it was measured, not computed
+        "2026-03-02 10:00:00 UTC to 2026-03-02 10:00:40 UTC",
+        "2026-03-03 10:00:00 UTC",
+        *("RH-02", "A. Muster", "Hall 3", "doors closed", "T-2", "D-K-2", "2027-01-31"),
+        *(report_digest(own.calibration), own.rig.sha256),
+        *(q.name for q in own.calibration.taken_as_exact),
+        "0.5% of calibrations that hold",
+    ):
+        assert text in said
+    written = validation_document(v, (), own)
+    assert written["command"] == COMMAND
+    assert written["inputs"][0]["sha256"] == LOG.sha256
+    assert written["rig"] == {"name": own.rig.rig.name, "serial": "RH-02", "sha256": own.rig.sha256}
+    assert written["calibration"]["content_sha256"] == report_digest(own.calibration)
+    assert written["calibration"]["measured"]["end"] == "2026-01-08T00:00:00Z"
+    assert written["campaign"]["operator"] == "A. Muster"
+    assert [each["serial"] for each in written["sensors"]] == ["T-1", "T-2", "T-3"]
 
 
 def test_what_changed_is_named_with_its_posture() -> None:

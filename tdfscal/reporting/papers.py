@@ -1,0 +1,111 @@
+"""When, where and by whom data were recorded, papers of rig and sensors; how a check was made."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from tdfscal import __version__
+from tdfscal.files.calibration.parts import MeasuredResult, instant
+from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.findings import Finding
+from tdfscal.records import InputFile, Rig, SensorInfo
+from tdfscal.reporting.layout import Block, Facts, Section, Table, utc
+
+Said = tuple[tuple[str, str], ...]
+_SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
+
+
+@dataclass(frozen=True, slots=True)
+class Making:
+    """How a check was made. created : UTC, ISO 8601."""
+
+    command: str
+    inputs: tuple[InputFile, ...]
+    created: str = field(default_factory=lambda: instant(time.time()))
+
+    @property
+    def facts(self) -> Said:
+        """Command, time and program, as pages say them."""
+        program = f"tdfscal {__version__}"
+        return ("Command", self.command), ("Created", utc(self.created)), ("Software", program)
+
+    def document(self) -> dict[str, Any]:
+        """Return it under the keys of a calibration file, as plain JSON values."""
+        return {
+            "created": self.created,
+            "software": {"name": "tdfscal", "version": __version__},
+            "command": self.command,
+            "inputs": [asdict(file) for file in self.inputs],
+        }
+
+
+def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> tuple[Section, ...]:
+    """What is told of a campaign; serial numbers and certificates of its rig's sensors."""
+    said = tuple((name, text) for name, text in facts if text)
+    papers = tuple(
+        (name, each.serial or "", each.certificate or "", each.due or "")
+        for name, each in zip(rig.supports, rig.sensors, strict=False)
+        if each != SensorInfo()
+    )
+    header = ("sensor", "serial number", "certificate", "due")
+    blocks: tuple[Block, ...] = (Facts(said),) if said else ()
+    if papers:
+        blocks += (Table("Sensors", header, papers, left=4),)
+    return (Section("Campaign and sensors", blocks),) if blocks else ()
+
+
+def stated_facts(rig: Rig) -> tuple[tuple[str, str | None], ...]:
+    """What a rig file states of the rig's serial number, people and place."""
+    said = rig.campaign
+    people = ("Operator", said.operator), ("Site", said.site), ("Note", said.note)
+    return ("Serial number", rig.serial), *people
+
+
+def campaign_document(loaded: LoadedRig, measured: MeasuredResult) -> dict[str, Any]:
+    """Return the same as plain JSON values."""
+    rig = loaded.rig
+    named = zip(rig.supports, rig.sensors, strict=False)
+    return {
+        "rig": {"name": rig.name, "serial": rig.serial, "sha256": loaded.sha256},
+        "measured": measured.model_dump(),
+        "campaign": asdict(rig.campaign),
+        "sensors": [{"name": name, **asdict(each)} for name, each in named],
+    }
+
+
+def measured_by(measured: MeasuredResult | None) -> str:
+    """What says when the data were recorded."""
+    if measured is None:
+        return "not known when; the dates are those of the computation"
+    again = "; a copy has another: state campaign.date" if measured.source == "file" else ""
+    return f"{_SOURCES[measured.source]}{again}"
+
+
+def measured_when(measured: MeasuredResult) -> str:
+    """From when to when data were recorded, and what says so."""
+    span = " to ".join(dict.fromkeys((utc(measured.begin), utc(measured.end))))
+    return f"{span}, {measured_by(measured)}"
+
+
+def day_measured(measured: MeasuredResult, begin: str = "") -> str:
+    """Of which day data are, and what says so; begin : of the first of several campaigns."""
+    first = f"{begin[:10]} to " if begin else ""
+    return f"{first}{measured.end[:10]}, {_SOURCES[measured.source]}"
+
+
+def by_file(measured: MeasuredResult | None) -> str:
+    """That nothing but a file's date says when data were recorded."""
+    undated = measured is not None and measured.source == "file"
+    return f" ({_SOURCES['file']})" if undated else ""
+
+
+def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
+    """Sensors whose own certificate had ended on a day; before : what is of that day."""
+    return tuple(
+        Finding("sensor-overdue", (name,), values={"due": due, "before": before})
+        for due, name in rig.certificates
+        if due < day
+    )
