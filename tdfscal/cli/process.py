@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,11 +17,10 @@ from datetime import UTC, datetime
 from inspect import signature
 from itertools import chain
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal import memory
-from tdfscal.cli import Signalled
+from tdfscal.cli.interruption import Signalled, current
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
 from tdfscal.memory import limit_threads
 
@@ -34,43 +32,36 @@ if TYPE_CHECKING:
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
-#: Signals that end a run as an interruption does, with all cleaning up.
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Streams that were closed before the program began.
 _closed: set[str] = set()
 
 
 @dataclass(slots=True)
 class End:
-    """Status with which the program leaves; the signal that has ended it, if one has."""
+    """Status with which the program leaves."""
 
     status: int = 0
-    signal: int | None = None
 
 
 @contextlib.contextmanager
 def ending() -> Iterator[End]:
     """Turn whatever ends the block into a status and one line on standard error."""
-    end = End()
+    end, interruption = End(), current.get()
     _prepare_streams()
-    before = _listen(end)
     try:
         yield end
         with reporting():
             pass
-    except KeyboardInterrupt:
-        end.status = 130
-        say("tdfscal: interrupted; nothing was written")
     except BaseException as fault:
         # Some code between makes another exception of a signal's.
-        if end.signal is None:
-            end.status, text = _judged(fault)
+        if interruption.number is not None or isinstance(fault, KeyboardInterrupt):
+            end.status = 128 + (interruption.number or 2)
+            text = "interrupted; nothing was written"
         else:
-            end.status, text = 128 + end.signal, "interrupted; nothing was written"
+            end.status, text = _judged(fault)
         say(f"tdfscal: {text}")
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        interruption.end()
 
 
 def _judged(fault: BaseException) -> tuple[int, str]:
@@ -87,25 +78,6 @@ def _judged(fault: BaseException) -> tuple[int, str]:
         f"internal error, {type(fault).__name__}: {said}. This is a fault of "
         "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output."
     )
-
-
-def _listen(end: End) -> dict[int, Any]:
-    """Let the signals raise; those that the caller ignores (nohup) stay ignored.
-
-    Returns the handlers before.
-    """
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        del frame
-        end.signal = number
-        raise Signalled(number)
-
-    before: dict[int, Any] = {}
-    with contextlib.suppress(ValueError):  # not in the main thread: its owner has the signals
-        for number in (getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, stop)
-    return before
 
 
 def _prepare_streams() -> None:
@@ -199,7 +171,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     before, outputs = _dates(path for _, path in places), None
     try:
         # Where standard output carries the result, it is an output like any other: all or none.
-        with together() as outputs:
+        with together(current.get().held) as outputs:
             result = _call(command.function, asked)
             # What the quality gate rejects is not written, unless asked for.
             written = result.exit_status == 0 or asked.get("allow_rejected", True)
@@ -218,9 +190,11 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             text = _in_words(result, report, there, whole=verbose)
             with reporting():
                 sys.stdout.write(text)
+        current.get().end()  # all is done
     except (KeyboardInterrupt, Signalled):
         if outputs is None or not outputs.appeared:
             raise
+        current.get().end()
         leave_stdout()  # the files are there: only the rest of the report is cut off
     except TdfscalError as error:
         left = _left(before) if error.exit_status > UsageError.exit_status else ""

@@ -10,7 +10,8 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +31,8 @@ class Outputs:
 
     staged : by place, where the file is written until then. removed : files that go as these
     appear. folders : made for them. protected : files that the command reads. asked : places that
-    its options name. appeared : they are in their places, and stay there.
+    its options name. whole : inside which they go to their places. appeared : they are in their
+    places, and stay there.
     """
 
     staged: dict[Path, Path] = field(default_factory=dict)
@@ -38,6 +40,7 @@ class Outputs:
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
     asked: list[Path] = field(default_factory=list)
+    whole: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
     appeared: bool = False
 
     def stage(self, path: Path) -> Path:
@@ -52,6 +55,10 @@ class Outputs:
 
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError before anything has changed."""
+        with self.whole():
+            self._move()
+
+    def _move(self) -> None:
         for place, beside in self.staged.items():
             with writing(place):
                 checked_place(place, self.protected)
@@ -85,16 +92,18 @@ _current: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
 
 
 @contextlib.contextmanager
-def together() -> Iterator[Outputs]:
+def together(
+    whole: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext,
+) -> Iterator[Outputs]:
     """Let all files that are written inside appear at its end; at an exception none does.
 
-    Inside another one it is a part of that.
+    Inside another one it is a part of that. whole : inside which they go to their places.
     """
     outer = _current.get()
     if outer is not None:
         yield outer
         return
-    outputs = Outputs()
+    outputs = Outputs(whole=whole)
     token = _current.set(outputs)
     try:
         yield outputs
