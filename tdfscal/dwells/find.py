@@ -27,8 +27,6 @@ from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
 
 _SAMPLE = 60  # rests that the first two rounds look at
-_MANY = 10  # dwells that show what is common
-_VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line
 _DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
 _EPS = 1e-12
 _STEP = 0.5  # s; a temperature changes slowly, and is kept as means over this time
@@ -145,11 +143,7 @@ def _drifts(field: Field, extents: list[Extent], moments: Moments) -> list[Findi
         return []
     bins, n = field.bins, len(field.bins.supports)
     z = float(-ndtri(0.5 * DRIFT_PER_LOG / moments.drift.size))
-    limit = (
-        z * moments.drift_std * _beyond_noise(moments.drift, moments.drift_std)
-        + 1.001 * bins.quantum
-        + 1e-12 * np.abs(moments.mean)
-    )
+    limit = z * moments.drift_std + 1.001 * bins.quantum + 1e-12 * np.abs(moments.mean)
     significant = np.abs(moments.drift) > limit
     found: list[Finding] = []
     for k, extent in enumerate(extents):
@@ -170,14 +164,6 @@ def _drifts(field: Field, extents: list[Extent], moments: Moments) -> list[Findi
                 )
             )
     return found
-
-
-def _beyond_noise(value: FloatArray, std: FloatArray) -> FloatArray:
-    """Factor (S, 3) by which most dwells exceed their std: vibration leaves lines too."""
-    if len(value) < _MANY:
-        return np.ones(value.shape[1:])
-    z = np.divide(np.abs(value), std, out=np.zeros_like(value), where=std > 0)
-    return np.asarray(np.clip(1.4826 * np.median(z, axis=0), 1.0, _VIBRATION))
 
 
 def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
