@@ -105,11 +105,11 @@ class _Binner:
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        number, found = self.streams.finish()
+        found = self.streams.finish()
         return Bins(
             supports=self.supports,
             width=self.width,
-            start=np.asarray(self.origin + self.width * number),
+            start=np.asarray(self.origin + self.width * found.number),
             count=found.count.T,
             mean=found.mean.transpose(2, 0, 1),
             scatter=found.scatter.transpose(2, 0, 1),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +15,6 @@ Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
 _SLAB = 16384  # samples reduced at once; they stay in the cache
-_ROOM = 2**14  # bins at first: those of five minutes
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +46,8 @@ class Moments:
 
     def put(self, bins: slice | IntArray, new: Moments) -> None:
         """Overwrite some of the bins."""
-        self.number[bins], self.count[bins] = new.number, new.count
-        self.mean[:, bins], self.scatter[:, bins] = new.mean, new.scatter
+        self.count[bins], self.mean[:, bins] = new.count, new.mean
+        self.scatter[:, bins] = new.scatter
         self.low[:, bins], self.high[:, bins] = new.low, new.high
 
 
@@ -114,81 +113,60 @@ def merge(a: Moments, b: Moments) -> Moments:
     return Moments(a.number, count, mean, *kept)
 
 
+def _joined(parts: Sequence[Moments]) -> Moments:
+    """Moments of consecutive bins, part after part."""
+    if len(parts) == 1:
+        return parts[0]
+    each = ([getattr(part, field.name) for part in parts] for field in fields(Moments))
+    return Moments(*(np.concatenate(arrays, axis=-1) for arrays in each))
+
+
 class Streams:
-    """Moments of S streams, positions first, each in the order of time, with room for more."""
+    """Moments of S streams, positions first, each in the order of time, as pieces come."""
 
     def __init__(self, streams: int) -> None:
-        self._bins = [0] * streams
-        self._all = _room(streams, _ROOM)
+        self._parts: list[list[Moments]] = [[] for _ in range(streams)]
 
     def __len__(self) -> int:
-        return max(self._bins)
+        return max(sum(len(part.number) for part in parts) for parts in self._parts)
 
     def add(self, stream: int, new: Moments) -> None:
         """Take in what follows."""
-        begin, known = self._bins[stream], _of(self._all, stream)
-        if begin and known.number[begin - 1] == new.number[0]:
+        parts, last = self._parts[stream], slice(-1, None)
+        if parts and parts[-1].number[-1] == new.number[0]:
             # The first bin began in the piece before.
-            last = slice(begin - 1, begin)
-            known.put(last, merge(known.at(last), new.at(slice(1))))
+            parts[-1].put(last, merge(parts[-1].at(last), new.at(slice(1))))
             new = new.at(slice(1, None))
-        end = begin + len(new.number)
-        if end > self._all.number.shape[1]:
-            known = self._all
-            self._all = _room(len(self._bins), 2 * end)
-            for k, bins in enumerate(self._bins):
-                _of(self._all, k).put(slice(bins), _of(known, k).at(slice(bins)))
-        _of(self._all, stream).put(slice(begin, end), new)
-        self._bins[stream] = end
+        if len(new.number):
+            parts.append(new)
 
     def coarsen(self) -> None:
         """Join bins two by two."""
-        for k, bins in enumerate(self._bins):
-            known = _of(self._all, k)
-            fine = known.at(slice(bins))
+        for parts in self._parts:
+            fine = _joined(parts)
             fine = replace(fine, number=fine.number // 2)
             first = np.flatnonzero(np.diff(fine.number, prepend=-1))
             two = np.flatnonzero(np.diff(fine.number) == 0)
-            joined = merge(fine.at(two), fine.at(two + 1))
-            known.put(slice(len(first)), fine.at(first))
-            known.put(np.searchsorted(first, two), joined)
-            self._bins[k] = len(first)
+            coarse = fine.at(first)
+            coarse.put(np.searchsorted(first, two), merge(fine.at(two), fine.at(two + 1)))
+            parts[:] = [coarse]
 
-    def finish(self) -> tuple[IntArray, Moments]:
-        """Numbers (B,) of the bins that hold any sample, ascending, and all streams' moments there.
+    def finish(self) -> Moments:
+        """All streams' moments, (S, …, B), in the bins that hold any sample.
 
-        NaN is the mean, and 0 the count, of a stream without one.
+        NaN is the mean, and 0 the count, of a stream without one; positions have no extremes.
         """
-        held = [_of(self._all, k).number[:bins] for k, bins in enumerate(self._bins)]
-        number = held[0]
+        held = [_joined(parts) for parts in self._parts]
+        number = held[0].number
         for own in held[1:]:
-            number = number if np.array_equal(own, number) else np.union1d(own, number)
-        if min(self._bins) < len(number):
-            known, self._all = self._all, _room(len(held), len(number))
-            self._all.mean[:] = np.nan
-            for k, own in enumerate(held):
-                rows = np.searchsorted(number, own)
-                _of(self._all, k).put(rows, _of(known, k).at(slice(len(own))))
-        return number, self._all.at(slice(len(number)))
-
-
-def _room(streams: int, bins: int) -> Moments:
-    """Place for the moments of all streams."""
-    half = streams // 2
-    return Moments(
-        np.zeros((streams, bins), np.int64),
-        np.zeros((streams, bins), np.int32),
-        np.zeros((streams, 3, bins)),
-        np.zeros((streams, 3, bins), np.float32),
-        np.zeros((half, 3, bins), np.float32),
-        np.zeros((half, 3, bins), np.float32),
-    )
-
-
-def _of(streams: Moments, k: int) -> Moments:
-    """A view of one of all streams."""
-    force = k - len(streams.low)
-    low, high = (x[force] if force >= 0 else x[0, :0] for x in (streams.low, streams.high))
-    return Moments(
-        streams.number[k], streams.count[k], streams.mean[k], streams.scatter[k], low, high
-    )
+            if not np.array_equal(own.number, number):
+                number = np.union1d(own.number, number)
+        S, half, B = len(held), len(held) // 2, len(number)
+        low, high, scatter = (np.zeros((k, 3, B), np.float32) for k in (half, half, S))
+        mean, count = np.full((S, 3, B), np.nan), np.zeros((S, B), np.int32)
+        for k, own in enumerate(held):
+            here = np.searchsorted(number, own.number)
+            count[k, here], mean[k][:, here], scatter[k][:, here] = own.count, own.mean, own.scatter
+            if k >= half:
+                low[k - half][:, here], high[k - half][:, here] = own.low, own.high
+        return Moments(number, count, mean, scatter, low, high)
