@@ -99,16 +99,6 @@ def test_a_dead_axis_is_refused_by_its_name(value: float) -> None:
     assert "`axes: [y, z]`" in str(refused.value.hint)
 
 
-def test_one_dwell_alone_shows_no_dead_axis() -> None:
-    one = standing(sound(), 7.0, 2, 0, slice(None))
-    arrays = {
-        name: getattr(one, name)[:1]
-        for name in ("start", "end", "position", "position_cov", "force", "force_cov", "force_min",
-                     "force_max", "count", "effective")
-    }  # fmt: skip
-    assert len(screen(RIG, replace(one, **arrays)).keep) == 1
-
-
 def test_means_without_samples_are_no_dead_axis() -> None:
     """Averaged postures: extremes are the means, and nothing is known of the scatter."""
     dwells = sound()
@@ -153,14 +143,6 @@ def test_an_axis_that_freezes_is_left_out_from_there_on() -> None:
     assert kept(RIG, standing(sound(), 300.0, 1, 1, slice(2, None))) == [0, 1]
 
 
-def test_rounding_thaws_no_frozen_axis() -> None:
-    """The ends of a dwell are taken about its middle, which rounds one of them now and then."""
-    dwells = standing(sound(), -18.282460578617872, 1, 1, slice(2, None))
-    high = dwells.force_max.copy()
-    high[-1, 1, 1] = np.nextafter(high[-1, 1, 1], 0.0)
-    assert kept(RIG, replace(dwells, force_max=high)) == [0, 1]
-
-
 def test_single_dwells_without_scatter_are_frozen_where_the_others_have_some() -> None:
     assert kept(RIG, standing(sound(), 300.0, 1, 1, slice(4, 5))) == [0, 1, 2, 3, 5, 6, 7, 8, 9]
 
@@ -176,13 +158,6 @@ def test_a_coarse_resolution_is_no_frozen_axis() -> None:
     assert screen(RIG, few).keep.all()
     enough = replace(few, count=np.full((K, 3), 8))
     assert kept(RIG, enough) == [0, 1, 2, 3, 5, 6, 7, 8, 9]
-
-
-def test_frozen_at_the_end_of_the_range_is_saturated() -> None:
-    reach = np.stack([np.full((3, 3), -900.0), np.full((3, 3), 1500.0)])
-    for value, word in ((1500.0, "saturated"), (-900.0, "saturated"), (700.0, "frozen")):
-        dwells = replace(standing(sound(), value, 1, 1, slice(4, 5)), force_range=reach)
-        assert word in in_words([screen(RIG, dwells).reasons[4]])[0]
 
 
 def lacking() -> BoolArray:
@@ -215,14 +190,6 @@ def test_an_axis_called_unmeasured_that_follows_the_load(
         assert f"the z axis of the sensor of {RIG.supports[0]}" in refused.value.what
     else:
         check_unmeasured(RIG.supports, lacking(), scatter=scatter, noise=level)
-
-
-def test_nothing_is_unmeasured_where_all_axes_are_or_none_lives() -> None:
-    scatter, noise = np.full((3, 3), 100.0), np.zeros((3, 3))
-    check_unmeasured(RIG.supports, np.ones((3, 3), dtype=np.bool_), scatter=scatter, noise=noise)
-    dead = np.zeros((3, 3))
-    dead[0, 2] = 5.0
-    check_unmeasured(RIG.supports, lacking(), scatter=dead, noise=noise)
 
 
 def test_a_log_whose_unmeasured_axis_follows_is_refused() -> None:

@@ -100,8 +100,8 @@ def test_one_reading_that_no_contact_explains(reading: float, capacity: float, n
     )
 
 
-@pytest.mark.parametrize("n", [4, 5])
-def test_rigs_of_more_supports(n: int) -> None:
+def test_a_rig_of_four_supports() -> None:
+    n = 4
     given = independent(rig(n), np.resize(X, (n, 3, 3)), 1e-8 * np.eye(3 * n))
     assert judge(samples(n=n), given) == []
     seen = samples(n=n)
@@ -121,10 +121,6 @@ def test_a_wrench_of_a_fifth_of_the_weight_is_said(axis: int, share: float, said
     for note in notes:
         assert f"{share * WEIGHT:.3g} N and 13 N·m" in note
         assert f"{share:.2g} times the weight" in note
-
-
-def test_a_moment_alone_is_nothing_to_remark() -> None:
-    assert judge(samples(np.array([0, 0, 0, 200.0, 0, 0]))) == []
 
 
 def test_an_uncertain_calibration_says_less() -> None:
@@ -180,20 +176,6 @@ def test_pressing_with_twice_the_weight_is_no_wrong_sign() -> None:
     assert "2.1 times the weight" in note
 
 
-def test_the_reaction_for_a_part_of_the_log_is_a_contact() -> None:
-    turn = np.where(np.arange(N) < 58, -1.0, 1.0)[:, None, None]
-    notes = judge(read(turn))
-    assert len(notes) == 1
-    assert "log.force_on" in notes[0]
-
-
-def test_an_open_mass_judges_no_force() -> None:
-    unknown = GIVEN.open.copy()
-    unknown[layout(3)["mass"].start] = True
-    notes = judge(read(1e3), replace(GIVEN, open=unknown))
-    assert notes == []
-
-
 @pytest.mark.parametrize("order", [[1, 0, 2], [2, 1, 0], [1, 2, 0]])
 def test_exchanged_sensors_are_named(order: list[int]) -> None:
     seen = samples()
@@ -219,11 +201,3 @@ def test_positions_in_another_size_are_refused_at_once(scale: float) -> None:
         few.finish()
     with pytest.raises(DataError):
         list(Inspection(GIVEN).watch([wrong.rows(slice(0, 16))]))
-
-
-def test_a_terminal_turned_far_is_said() -> None:
-    seen = samples()
-    turned = Rotation.from_euler("z", 60, degrees=True)
-    position = np.stack([turned.apply(p) for p in seen.position])
-    notes = judge(Samples(seen.time, position, seen.force))
-    assert any("stands turned by 60°" in note for note in notes)

@@ -148,25 +148,6 @@ def test_what_is_kept_of_a_long_log_is_bounded_and_still_tells() -> None:
         assert repeat.begin - repeat.original == pytest.approx(180)
 
 
-@pytest.mark.slow
-def test_one_replayed_stop_of_ten_hours_is_found() -> None:
-    """Four seconds of 36,000 at 400 Hz."""
-    rng = np.random.default_rng(9)
-    looking, rate, size = RepeatedSamples(RIG), 400, 144_000
-    replayed = rng.normal(500.0, 1.0, (4 * rate, 3))
-    for k in range(100):
-        value = rng.normal(500.0, 1.0, (size, 3))
-        if k in (30, 71):
-            value[5000 : 5000 + len(replayed)] = replayed
-        time = (np.arange(size) + k * size) / rate
-        looking.add(Log(RIG.supports, (), (Series(time, value),) * 3))
-    found = looking.found()
-    assert len(found) == 3
-    for repeat in found:
-        assert repeat.begin == pytest.approx(71 * 360 + 12.5, abs=2.0)
-        assert repeat.begin - repeat.original == pytest.approx(41 * 360)
-
-
 def test_what_another_log_holds_too_is_found_and_nothing_else() -> None:
     once, other = record(Recipe(seed=3)).log, record(Recipe(seed=4)).log
     late = replace(once, force=tuple(Series(s.time + 1e4, s.value) for s in once.force))

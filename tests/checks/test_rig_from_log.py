@@ -1,7 +1,3 @@
-"""What a log shows of its rig."""
-
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -117,6 +117,7 @@ CASES = [
     Case("simulate campaign", 2, "campaign"),
     Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
     Case("update own.yaml brief -o out/u.yaml --trials 0", 0, "ACCEPTED"),
+    Case("update rejected.yaml brief -o out/r.yaml --trials 0", 0, "ACCEPTED"),
     Case("update own.yaml campaign -o out/kept.yaml", 2, "the same recording"),
     Case("update own.yaml damaged -o out/kept.yaml", 3, "log.parquet"),
     Case("validate own.yaml campaign", 0, "NOT CONTRADICTED"),

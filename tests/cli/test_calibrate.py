@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import yaml
 import tdfscal
 from tdfscal.numerics import so3
 from tests.cli.running import SAMPLES, Cli
-from tests.words import in_words
 
 FORMATS = ("csv", "parquet", "mcap")
 
@@ -56,33 +54,7 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     assert cli.json("report", target) == printed
 
 
-def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:
-    """1 mm beside the truth, without an uncertainty: rejected for the zeros that give way.
-
-    A controller loads them too. The size stated is that of the zero's true error, within noise.
-    """
-    rig = SAMPLES.parent / "studies" / "rig.yaml"  # its gains are exact
-    tdfscal.simulate(tmp_path, rig=rig, postures=16, rate=50.0, format="parquet", seed=7)
-    document = yaml.safe_load((tmp_path / "rig.yaml").read_text())
-    truth = yaml.safe_load((tmp_path / "truth.yaml").read_text())
-    centre = truth["terminal"]["barycenter"]
-    value = [centre[0] + 1e-3, *centre[1:]]
-    document["terminal"]["barycenter"] = {"value": value, "std": 0}
-    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document))
-    found = tdfscal.calibrate(tmp_path, trials=0)
-    assert found.status == "rejected"
-    (said,) = (
-        text for text in in_words(found.reasons) if "barycentre is not where it is stated" in text
-    )
-    name, size = re.search(r"zero (\w) of \w+ by ([\d.]+)", said).groups()  # type: ignore[union-attr]
-    error = found.zero - [support["zero"] for support in truth["supports"]]
-    off = np.abs(error / found.zero_std)
-    assert off.max() > 5
-    assert "xyz"[int(off.argmax()) % 3] == name
-    assert float(size) == pytest.approx(off.max(), abs=4)
-
-
-@pytest.mark.parametrize("trials", [2, 20, 999])
+@pytest.mark.parametrize("trials", [2, 999])
 def test_too_few_trials_replace_no_interval(trials: int, sample: tdfscal.Calibration) -> None:
     """Both ends of a 95 % interval want trials beyond them: two trials put them at the two."""
     asked = tdfscal.calibrate(SAMPLES / "parquet", trials=trials)

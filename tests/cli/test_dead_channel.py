@@ -90,13 +90,10 @@ def test_a_channel_that_dies_on_the_way(seed: int, tmp_path: Path, cli: Cli) -> 
     near_truth(json.loads(found.read_text()), campaign)
 
 
-@pytest.mark.parametrize("seed", [5, 11])
-def test_a_zero_that_jumped_is_given_up_for_the_part_behind(
-    seed: int, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_zero_that_jumped_is_given_up_for_the_part_behind(tmp_path: Path, cli: Cli) -> None:
     campaign, found = tmp_path / "campaign", tmp_path / "found.json"
     calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    cli("simulate", campaign, "--scenario", "zero-shift", "--seed", seed, "-q")
+    cli("simulate", campaign, "--scenario", "zero-shift", "--seed", 5, "-q")
     said = " ".join(cli(*calibrate, ends=3).err.split())
     seen = re.search(r"\(([\d.]+) and ([\d.]+) s\).* the later one needs .* for (\w+)", said)
     assert seen is not None, said
@@ -140,24 +137,3 @@ def test_a_sensor_that_freezes_in_motion(axes: str, tmp_path: Path, cli: Cli) ->
     content = json.loads(found.read_text())
     near_truth(content, campaign)
     assert sum(None in s["rpy"] for s in content["supports"]) == (axes == "xyz")
-
-
-@pytest.mark.slow
-def test_a_channel_that_is_not_measured_in_motion(tmp_path: Path, cli: Cli) -> None:
-    """Its field is not even recorded; file, validation and report follow."""
-    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    cli("simulate", campaign, "--scenario", "motion", "--seed", 3, "-q")
-    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
-    rig["supports"][2]["axes"] = ["x", "z"]
-    fields = rig["log"]["supports"][rig["supports"][2]["name"]]
-    fields["force"][1] = "none"
-    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
-    for samples in ("moving", "all"):
-        cli("calibrate", campaign, "--samples", samples, "--trials", 0, "-o", found, "-q", ends=0)
-        content = json.loads(found.read_text())
-        near_truth(content, campaign)
-        assert content["supports"][2]["zero"][1] is None
-        assert content["supports"][2]["zero_std"][1] is None
-    cli("validate", found, campaign, "--json", "-q", ends=0)
-    page = tmp_path / "page.html"
-    cli("report", found, "--html", page, "-q", ends=0)

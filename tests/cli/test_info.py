@@ -49,16 +49,6 @@ def test_dwells_and_rates(cli: Cli, log: Path) -> None:
     assert abs(offset["seconds"]) < 3 * offset["std"]
 
 
-def test_text_is_80_columns_wide(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(SAMPLES)
-    out = cli("info", "mcap").out
-    above, mapping = out.split("Mapping guessed")
-    assert max(map(len, above.splitlines())) <= 80
-    assert "/tdfs1/wrench" in above
-    assert "Signals, as read with the rig file's mapping" in above
-    assert "force: /tdfs3/wrench.wrench.force" in mapping
-
-
 def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool) -> Path:
     """The sample log with other names, units and numbers; 40 s of it."""
     rows = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)[:2000]
@@ -93,18 +83,6 @@ def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(cli: Cli, tmp_p
         },
     }
     assert found["dwells"]["count"] >= 4
-
-
-def test_units_in_the_header_win(cli: Cli, tmp_path: Path) -> None:
-    kinds = (("A", "mm"), ("B", "N"))
-    names = [f"{kind}{s}.{x} [{unit}]" for s in "123" for kind, unit in kinds for x in "xyz"]
-    path = odd(tmp_path, ",".join(["clock [ms]", *names]), ",", 1.0, False)
-    mapping = cli.json("info", path)["mapping"]["log"]
-    assert mapping["time"] == {"field": "clock", "unit": "ms"}
-    assert mapping["supports"]["ncp2"] == {
-        "position": ["A2.x", "A2.y", "A2.z"],
-        "force": ["B2.x", "B2.y", "B2.z"],
-    }
 
 
 def test_what_is_no_campaign_is_still_described(cli: Cli, tmp_path: Path) -> None:

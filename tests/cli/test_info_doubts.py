@@ -6,7 +6,6 @@ import functools
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,6 @@ from mcap.writer import Writer
 import tdfscal
 from tdfscal.errors import DataError
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.formats import open_log
-from tdfscal.logs.mapping_guess import guess_recorders
 from tests.cli.running import SAMPLES, Cli
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
@@ -65,13 +62,6 @@ def test_the_unit_of_time_goes_by_the_interval(
     assert found["mapping"]["log"]["time"] == {"field": "clock", "unit": unit}
     assert {round(s["rate"]) for s in found["signals"]} == {50}
     assert any(note.startswith(f"time unit: {unit}, as") for note in found["mapping_notes"])
-
-
-def test_whole_numbers_from_one_to_the_next_are_milliseconds(cli: Cli, tmp_path: Path) -> None:
-    rows = np.repeat(ROWS, 4, axis=0)
-    rows[:, 0] = np.arange(len(rows))
-    found = told(cli, written(tmp_path / "whole", rows, NAMES.replace("t_s", "time")))
-    assert found["mapping"]["log"]["time"]["unit"] == "ms"
 
 
 def test_a_rig_file_with_the_wrong_unit_of_time(cli: Cli, tmp_path: Path) -> None:
@@ -183,15 +173,6 @@ def test_header_times_that_cannot_be_used(
     assert why in note
     assert "/tdfs2/wrench" in note
     assert found["dwells"]["count"] == 16
-
-
-def test_header_times_that_cannot_be_used_are_said_once() -> None:
-    contents = open_log(SAMPLES / "mcap/log.mcap").contents()
-    streams = tuple(replace(s, unusable=f"one of {s.name} is odd") for s in contents.streams)
-    notes = guess_recorders({"": replace(contents, streams=streams)}).notes
-    (note,) = [note for note in notes if "header times" in note]
-    assert note.startswith("time source: log, as header times cannot be used: one of /ncp1")
-    assert note.count("cannot be") == note.count("is odd") == 1
 
 
 def test_header_times_off_by_a_constant_are_used(cli: Cli, tmp_path: Path) -> None:

@@ -113,47 +113,6 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
 
 
-@pytest.mark.parametrize("command", ["calibrate", "update"])
-def test_a_level_that_all_months_have_wrong_moves_the_angles_as_stated(
-    months: Path, tmp_path: Path, command: str
-) -> None:
-    """1 mrad in all positions, a rotation of the base against gravity."""
-    known, moves = folders(months, 0, 2), list[np.ndarray]()
-    rig = yaml.safe_load((known[0] / "rig.yaml").read_text())
-    assert not rig["gravity"].get("tilt_std")
-
-    def made(turn: np.ndarray) -> dict[str, Any]:
-        home = tmp_path / f"{len(moves)}-{np.abs(turn).sum()}"
-        for folder in known:
-            shutil.copytree(folder, home / folder.name)
-            log = home / folder.name / "log.csv"
-            rows = pd.read_csv(log)
-            for i in range(1, len(rig["supports"]) + 1):
-                at = [f"NCP{i}_ActPos{axis}" for axis in "XYZ"]
-                rows[at] = rows[at].to_numpy() @ so3.exp(turn).T
-            rows.to_csv(log, index=False, float_format="%.15g")
-        each = sorted(home.iterdir())
-        if command == "calibrate":
-            return tdfscal.calibrate(each, trials=0).model_dump(mode="json")
-        first = home.parent / f"{home.name}.yaml"
-        tdfscal.calibrate(each[0], trials=0, allow_rejected=True, output=first)
-        return tdfscal.update(first, each[1:], trials=0).model_dump(mode="json")
-
-    def rotations(content: dict[str, Any]) -> np.ndarray:
-        return np.array([support["rotation"] for support in content["supports"]])
-
-    right = made(np.zeros(3))
-    for turn in 1e-3 * np.eye(3)[:2]:
-        back = np.swapaxes(rotations(right), 1, 2)
-        # The sensors turn with the positions; what is left is the level's.
-        moves.append(so3.log(rotations(made(turn)) @ back) - turn)
-    (level,) = (one for one in right["taken_as_exact"] if one["name"] == "base level")
-    stated = np.array([support["turn"] for support in level["supports"]])
-    assert stated.max() > 2e-4
-    seen = np.sqrt(np.sum(np.square(moves), axis=0))
-    np.testing.assert_allclose(seen, stated, atol=0.05 * stated.max())
-
-
 def test_an_older_file_that_tells_no_moves_is_said_to_count_them_as_none(
     months: Path, files: list[Path]
 ) -> None:
@@ -306,16 +265,12 @@ def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_togethe
     cli("monitor", base, ends=2)
 
 
-@pytest.mark.parametrize(("last", "alarms"), [(5, 0), (7, 1)])
-def test_a_pool_is_one_state_where_the_chart_does_not_alarm(
-    months: Path, last: int, alarms: int
-) -> None:
-    """And of several, what it says is the chart's, and no slip in the course of one log."""
-    known = folders(months, 0, last)
+def test_a_pool_of_two_states_is_told_by_the_chart_s_alarm(months: Path) -> None:
+    """And not by a slip in the course of one log."""
+    known = folders(months, 0, 7)
     pooled = tdfscal.calibrate(known, trials=0, allow_rejected=True)
-    told = [alarm["text"] for alarm in tdfscal.monitor(known).to_dict()["alarms"]]
-    assert len(told) == alarms
-    assert [reason.text for reason in pooled.reasons] == told
+    (alarm,) = tdfscal.monitor(known).to_dict()["alarms"]
+    assert [reason.text for reason in pooled.reasons] == [alarm["text"]]
 
 
 def test_a_slip_in_the_last_month_of_a_pool_names_that_month(tmp_path: Path) -> None:

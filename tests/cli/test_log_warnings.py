@@ -16,10 +16,7 @@ import yaml
 from pyarrow import csv
 
 import tdfscal
-from tdfscal.commands.campaign import resolve
-from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.findings import Finding
+from tdfscal.errors import DataError
 from tdfscal.records import Measured
 from tests.cli.running import SAMPLES, Cli
 from tests.words import texts
@@ -81,26 +78,6 @@ def test_a_failure_says_what_the_log_warned_of(
     assert message.endswith(".")
 
 
-def test_clocks_come_first_and_long_lists_are_cut() -> None:
-    gaps = [Finding("campaign-remark", (name,), values={"said": "gap"}) for name in "abc"]
-    clock = Finding("header-clock-off", ("/f",), 100.0, "s", values={"file": "log"})
-    messages = [*gaps[:2], clock, gaps[2]]
-    campaign = resolve([SAMPLES / "parquet"])
-    passing = LogPass(campaign, Settings(), messages=messages)
-    with (
-        pytest.raises(
-            NotIdentifiableError,
-            match=r"^what\. Look first at the log: log: the header .*; "
-            r"a: gap; b: gap; and 1 more\. Do it\.$",
-        ),
-        passing.explaining(),
-    ):
-        raise NotIdentifiableError("what", hint="do it")
-    silent = LogPass(campaign, Settings())
-    with pytest.raises(DataError, match=r"^log: what\. Do it\.$"), silent.explaining():
-        raise DataError("what", where="log", hint="do it")
-
-
 @pytest.mark.parametrize(
     ("name", "limit", "axis", "capacity"),
     [("ncp2.fy", 300.0, "y", [3000, 300, 5000]), ("ncp2.fz", 1650.0, "z", None)],
@@ -145,11 +122,11 @@ def test_a_copy_by_another_clock_in_another_format_counts_once(
     assert any("repeat earlier readings" in text for text in texts(twice))
 
 
-@pytest.mark.parametrize("seconds", [4.0, -9.0])
 def test_forces_seconds_behind_the_positions_are_named(
-    campaign: Path, tmp_path: Path, seconds: float, monkeypatch: pytest.MonkeyPatch
+    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By every command that takes dwells or motion, and before anything is fitted."""
+    seconds = -9.0
     sound = shutil.copytree(campaign, tmp_path / "sound")
     known = tdfscal.calibrate(sound, trials=0)
     names = [f"ncp{i}.f{axis}" for i in (1, 2, 3) for axis in "xyz"]

@@ -102,12 +102,10 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     assert abs(found.clocks[0].offset - 1.7e9) < 0.05
 
 
-@pytest.mark.parametrize("name", ["cnc.csv", "daq.csv"])
-def test_a_recorder_that_ends_early_is_told(
-    tmp_path: Path, calibrated: Calibration, name: str
-) -> None:
+def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibration) -> None:
     """What both saw is used: by its length, by when it was measured, and where a reader looks."""
     assert not calibrated.found("recorders-overlap-in-part", "log-truncated")
+    name = "daq.csv"
     of, day = played("self", 7), 1.7e9
     folder = apart(tmp_path / "two", of, Apart(offset=day))
     content = (folder / name).read_bytes()

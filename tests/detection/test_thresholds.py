@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 from scipy.stats import binom
 
 from tdfscal.detection.noise import LowPass, measured_noise
@@ -22,11 +22,6 @@ def relaxing(rng: np.random.Generator, size: tuple[int, int], steps: float) -> F
     white = rng.standard_normal(size)
     white[:, 1:] *= np.sqrt(1.0 - pole**2)
     return np.asarray(lfilter([1.0], [1.0, -pole], white, axis=1))
-
-
-def test_white_samples_cross_as_independent_ones_do() -> None:
-    expected = ndtr(LEVELS) * ndtr(-LEVELS)
-    assert crossing_probability(LEVELS, 0.0) == pytest.approx(expected, rel=1e-9)
 
 
 def test_alike_samples_cross_as_rice_has_it() -> None:

@@ -73,22 +73,6 @@ def test_the_cut_into_pieces_does_not_matter(log: Log) -> None:
     assert_same(reduce_to_bins([log]), reduce_to_bins(pieces))
 
 
-def test_streams_a_minute_apart_give_the_same_bins() -> None:
-    """Bins of late positions follow in the store those of early forces."""
-    log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
-    begin, end = log.force[0].time[[0, -1]]
-    pieces = cut(log, np.arange(begin, end + 70.0, 10.0), 60.0)
-    held = [p for p in pieces if len(p.position[0].time) or len(p.force[0].time)]
-    assert_same(reduce_to_bins([log]), reduce_to_bins(held))
-
-
-def test_many_bins_are_kept_where_the_limit_is_high() -> None:
-    log = record(Recipe(rate=100, stops=(30.0, 30.0))).log
-    bins = reduce_to_bins([log], width=0.001, most=10**6)
-    assert len(bins) == len(log.force[0].time)
-    np.testing.assert_allclose(bins.mean[:, 4], log.force[1].value, rtol=0, atol=1e-12)
-
-
 def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
     fine = reduce_to_bins([log], width=0.02)
@@ -106,14 +90,6 @@ def test_a_pause_of_days_between_two_logs_costs_nothing() -> None:
     bins = reduce_to_bins([first, second])
     assert len(bins) < 2 * 8.1 / bins.width
     assert bins.start[-1] > 1e6
-
-
-def test_constant_readings_have_no_scatter_and_exact_means() -> None:
-    time = np.arange(0.0, 3.0, 1e-3)
-    series = Series(time, np.full((len(time), 3), 0.1 + 0.2))
-    bins = reduce_to_bins([Log(("a", "b", "c"), (series,) * 3, (series,) * 3)])
-    assert np.all(bins.mean == 0.1 + 0.2)
-    assert not bins.scatter.any()
 
 
 @pytest.mark.parametrize("fault", ["back", "nan", "empty", "stuck", "shape", "supports"])

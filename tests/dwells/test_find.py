@@ -37,23 +37,16 @@ def settling(amplitude: float, tau: float, hertz: float, stop: float, count: int
 
 RANGE = {
     "1 kHz": Recipe(rate=1000, stops=STOPS),
-    "5 kHz": Recipe(rate=5000, stops=(1.5,) * 5),
     "forces 200 Hz, positions 50 Hz": Recipe(rate=200, position_rate=50, stops=STOPS),
     "jitter": Recipe(rate=500, position_rate=50, jitter=0.9, stops=STOPS),
     "four supports": Recipe(supports=4, stops=STOPS),
-    "stops of 0.5 s": Recipe(rate=200, stops=(0.5,) * 30),
     "stops of 0.5 s at 50 Hz, 3 µm": Recipe(rate=50, position_noise=3e-6, stops=(0.5,) * 30),
     "stops of all lengths": Recipe(rate=100, stops=(0.5, 60.0, 1.0, 5.0, 120.0, 0.7, 20.0)),
-    "encoders of 5 µm": Recipe(position_noise=5e-6, stops=STOPS),
     "constant encoders": Recipe(position_noise=0, quantum=1e-6, stops=STOPS),
     "toggling encoders": Recipe(position_noise=0.2e-6, quantum=1e-6, stops=STOPS),
     "no noise at all": Recipe(position_noise=0, force_noise=0, stops=STOPS),
     "rounded forces": Recipe(force_quantum=1.0, force_noise=0.2, stops=STOPS),
-    "vibration 5 Hz": Recipe(rate=500, vibration=(3.0, 1e-6, 5.0), stops=STOPS),
     "vibration 50 Hz": Recipe(rate=500, vibration=(3.0, 0.1e-6, 50.0), stops=STOPS),
-    "squeeze 3 µm, noise 0.3 µm": Recipe(
-        travel=3e-6, move=0.4, stiffness=2e7, stops=(2.0,) * 20, position_noise=0.3e-6
-    ),
     "squeeze 3 µm, noise 1 µm": Recipe(
         travel=3e-6, move=0.4, stiffness=2e7, stops=(2.0,) * 20, position_noise=1e-6
     ),
@@ -62,16 +55,10 @@ RANGE = {
     ),
     "correlated noise": Recipe(force_tau=0.05, rate=500, stops=STOPS),
     "coarse positions, 50 Hz": Recipe(rate=50, position_noise=0.2e-6, quantum=1e-6, stops=STOPS),
-    "coarse positions, 200 Hz": Recipe(rate=200, quantum=1e-6, stops=STOPS),
-    "coarse positions, 0.5 µm": Recipe(rate=50, position_noise=5e-7, quantum=1e-6, stops=STOPS),
-    "drift of 0.1 N/s": Recipe(drift=0.1, stops=(4.0,) * 12),
-    "drift of 0.5 N/s": Recipe(drift=0.5, stops=(4.0,) * 12),
     "drift of -0.5 N/s": Recipe(drift=-0.5, stops=(4.0,) * 12),
-    "settling of 0.1 s": settling(1.0, 0.1, 0.0, 1.5, 6),
     "settling of 0.5 s": settling(30.0, 0.5, 0.0, 5.5, 10),
     "settling of 3 s": settling(30.0, 3.0, 0.0, 27.0, 6),
     "ringing at 0.5 Hz": settling(1.0, 2.0, 0.5, 20.0, 10),
-    "ringing at 1 Hz": settling(1.0, 0.5, 1.0, 4.5, 10),
     "ringing at 1 Hz, 30 N": settling(30.0, 0.5, 1.0, 4.5, 6),
     "ringing at 8 Hz": settling(1.0, 0.2, 8.0, 1.8, 6),
     "two modes": replace(settling(30.0, 0.3, 0.0, 5.0, 10), also=(30.0, 0.6, 4.0)),

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.dwell_stops import KINDS, scored, together
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import common_drift, prepare
 from tdfscal.dwells.ringing import Ringing
@@ -86,16 +85,3 @@ def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
     assert drift[0] == pytest.approx(0.3, abs=4 * 1.25 / np.sqrt((length**3).sum()))
     np.testing.assert_array_equal(drift[1:], 0.0)
     np.testing.assert_array_equal(common_drift(slope[:9], length[:9]), 0.0)
-
-
-@pytest.mark.slow
-def test_99_percent_over_all_ranges() -> None:
-    scores = {what: scored(what, range(20, 26)) for what in KINDS}
-    for what, one in scores.items():
-        assert one.found >= 0.95 * one.stops, what
-    found = together(list(scores.values()))
-    assert found.found >= 0.99 * found.stops
-    assert found.astray == 0
-    assert found.bias.max() < 1.0
-    # As stated, by the square root of twice the number of means, and of the axes they share.
-    assert np.sqrt((found.z**2).mean()) < 1.2

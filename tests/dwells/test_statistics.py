@@ -32,7 +32,7 @@ def squared_z(recorded: Recorded, dwells: Dwells) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("tau", "rate", "stop"),
-    [(0.0, 50, 4.0), (0.0, 1000, 1.0), (0.05, 200, 3.0), (0.02, 500, 1.0)],
+    [(0.0, 50, 4.0), (0.05, 200, 3.0)],
 )
 def test_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float) -> None:
     sigma = 1.7

@@ -233,15 +233,6 @@ def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
-def test_command(to: str, tmp_path: Path, cli: Cli) -> None:
-    path = saved(PLAIN, tmp_path, "c.yaml")
-    shown = cli("export", path, "--to", to)
-    assert (shown.status, shown.err) == (0, "")
-    cli("export", path, "--to", to, "-o", tmp_path / "out", ends=0)
-    assert (tmp_path / "out").read_text(encoding="utf-8") == shown.out
-
-
-@pytest.mark.parametrize("to", sorted(FORMATS))
 def test_a_rejected_calibration_stays_at_home(to: str, tmp_path: Path, cli: Cli) -> None:
     c = changed(PLAIN, status="rejected", findings=(found("too few postures", "rejects"),))
     path, out = saved(c, tmp_path, "c.yaml"), tmp_path / "out"

@@ -66,29 +66,11 @@ def test_files_take_the_rig_beside_them_or_the_given_one(tmp_path: Path) -> None
     assert resolve([bare / "z.csv"], other / "rig.yaml").rig.rig.name == "Other rig"
 
 
-def test_relative_file_finds_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make(tmp_path, "x.csv")
-    monkeypatch.chdir(tmp_path)
-    campaign = resolve([Path("x.csv")])
-    assert campaign.rig.path.resolve() == tmp_path / "rig.yaml"
-    assert campaign.logs == (Path("x.csv"),)
-    assert resolve([Path()]).logs == (Path("x.csv"),)
-
-
 def test_recording_folder_is_a_log(tmp_path: Path) -> None:
     home = make(tmp_path, "bag/metadata.yaml", "bag/bag_0.mcap")
     campaign = resolve([home / "bag"])
     assert campaign.logs == (home / "bag",)
     assert campaign.rig.path == home / "rig.yaml"
-
-
-def test_each_log_once(tmp_path: Path) -> None:
-    home = make(tmp_path, "x.csv")
-    (tmp_path / "same.csv").symlink_to("x.csv")
-    campaign = resolve([home / "x.csv", home])
-    assert campaign.logs == (home / "x.csv",)
-    with pytest.raises(UsageError, match=r"same\.csv: is named twice"):
-        resolve([home / "same.csv", home / "x.csv"])
 
 
 def test_fallback_is_the_last_resort(tmp_path: Path) -> None:
@@ -144,11 +126,6 @@ def test_faulty_rig_file_is_a_rig_error(tmp_path: Path) -> None:
         resolve([home])
 
 
-def test_logs_without_any_rig(tmp_path: Path) -> None:
-    home = make(tmp_path, "x.csv", "y.mcap", rig=None)
-    assert [path.name for path in find_logs([home])] == ["x.csv", "y.mcap"]
-
-
 @pytest.mark.parametrize("stored", ["second_0.mcap", "second_0.MCAP.zstd", "second_0.db3"])
 def test_recording_that_was_not_finished_is_not_passed_over(tmp_path: Path, stored: str) -> None:
     home = make(tmp_path, "first.mcap", f"second/{stored}", *SURVEY)
@@ -158,18 +135,6 @@ def test_recording_that_was_not_finished_is_not_passed_over(tmp_path: Path, stor
             found([home])
     (home / "second" / "metadata.yaml").write_text("x")
     assert [path.name for path in resolve([home]).logs] == ["first.mcap", "second"]
-
-
-def test_unfinished_recording_alone_is_named(tmp_path: Path) -> None:
-    home = make(tmp_path, "bag/bag_0.mcap")
-    with pytest.raises(UsageError, match=r"bag: the folder holds bag_0\.mcap and no metadata"):
-        resolve([home])
-    files = [home / "bag" / "bag_0.mcap", home / "bag" / "bag_1.mcap"]
-    files[1].write_text("x")
-    with pytest.raises(UsageError, match=r"the folder holds bag_1\.mcap and no metadata"):
-        resolve([home, files[0]])
-    assert resolve([home, *files]).logs == tuple(files)
-    assert resolve(files, home / "rig.yaml").logs == tuple(files)
 
 
 def test_folders_that_are_no_part_of_the_campaign_are_left_alone(tmp_path: Path) -> None:
@@ -193,18 +158,6 @@ def test_links_that_lead_nowhere_and_pipes_are_named(tmp_path: Path) -> None:
     for path in (home, home / "log.csv"):
         with pytest.raises(UsageError, match=r"log\.csv: is no regular file"):
             resolve([path])
-
-
-def test_rig_and_survey_may_be_links_to_themselves(tmp_path: Path) -> None:
-    home = make(tmp_path / "a", "log.csv")
-    (home / "tracker").mkdir()
-    for name in SURVEY:
-        (home / name).symlink_to(Path(name).name)
-    assert resolve([home]).logs == (home / "log.csv",)
-    home = make(tmp_path / "b", "log.csv", rig=None)
-    (home / "rig.yaml").symlink_to("rig.yaml")
-    with pytest.raises(UsageError, match=r"there is no rig\.yaml\. Name the rig file with --rig"):
-        resolve([home])
 
 
 @pytest.mark.parametrize("mode", [0o000, 0o100, 0o400])

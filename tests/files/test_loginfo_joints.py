@@ -77,9 +77,7 @@ def assert_reads(path: Path, mapping: LogMapping | None, position: np.ndarray) -
 @pytest.mark.parametrize(
     ("form", "encoding"),
     [
-        ("ncp{i}_{a}", "cdr"),
-        ("leg{i}_{a}_joint", "json"),
-        ("{a}{i}", "cdr"),
+        ("leg{i}_{a}_joint", "cdr"),
         ("b/NCP{i}.{a}", "json"),
     ],
 )

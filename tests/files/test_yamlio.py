@@ -156,7 +156,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 @given(st.dictionaries(st.sampled_from("abc"), values, max_size=3))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_what_is_written_reads_back_to_the_bit(content: dict[str, Any]) -> None:
     """With our reader (YAML 1.2 scalars), PyYAML (1.1) and the json module alike."""
     text = to_yaml(content)
@@ -192,7 +192,7 @@ def test_fuzz_syntax(text: str) -> None:
 
 
 @given(st.data())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_fuzz_altered_rig(data: st.DataObject) -> None:
     raw = bytearray(RIG.encode())
     for _ in range(data.draw(st.integers(1, 3))):

@@ -20,12 +20,8 @@ from tdfscal.model.parameters import (
     prior_std,
     retract,
     rpy_prior_std,
-    sensing,
     starting_state,
-    symmetric,
-    unmixing,
     vector,
-    with_motions,
 )
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
@@ -56,14 +52,6 @@ def state(motions: int = 2) -> State:
     return retract(nominal(RIG, motions), 0.1 * RNG.normal(size=parameter_count(4, motions)))
 
 
-def test_every_parameter_has_one_place() -> None:
-    place = layout(4, 2)
-    assert parameter_count(4, 2) == 18 * 4 + 9 + 3 * 4 * 2
-    assert parameter_count(4) == 18 * 4 + 9
-    covered = np.concatenate([np.arange(s.start, s.stop) for s in place.values()])
-    assert np.array_equal(covered, np.arange(parameter_count(4, 2)))
-
-
 def test_own_quantities_of_a_campaign_are_no_constants() -> None:
     for motions in (0, 2):
         own = ~constants(4, motions)
@@ -87,34 +75,6 @@ def test_a_step_moves_each_quantity_by_its_own_part() -> None:
         assert np.allclose(difference, step[place[name]], rtol=0, atol=1e-12), name
     assert np.allclose(deviation(moved, base), step, rtol=0, atol=1e-11)
     assert not vector(base)[:12].any()
-
-
-def test_many_steps_at_once_are_the_single_ones() -> None:
-    base, steps = state(), 0.1 * RNG.normal(size=(5, parameter_count(4, 2)))
-    many = retract(base, steps)
-    assert many.n == 4
-    assert many.motions == 2
-    for k, step in enumerate(steps):
-        assert np.allclose(sensing(many)[k], sensing(retract(base, step)), rtol=0, atol=1e-14)
-        one = gravity(retract(base, step), 9.81)
-        assert np.allclose(gravity(many, 9.81)[k], one, rtol=0, atol=1e-13)
-
-
-def test_amplitudes_are_added_once() -> None:
-    still = state(0)
-    assert with_motions(still, 0) is still
-    moving = with_motions(still, 3)
-    assert moving.drift.shape == (3, 4, 3)
-    assert not moving.drift.any()
-    kept = state(2)
-    assert with_motions(kept, 2) is kept
-
-
-def test_symmetric_matrices_in_voigts_order() -> None:
-    xx, yy, zz, yz, xz, xy = voigt = 0.1 * RNG.normal(size=6)
-    S = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    assert np.array_equal(symmetric(voigt), S)
-    assert np.allclose(unmixing(voigt) @ (np.eye(3) + S), np.eye(3), rtol=0, atol=1e-14)
 
 
 def test_gravity_is_turned_by_the_tilt() -> None:

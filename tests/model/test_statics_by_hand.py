@@ -164,13 +164,6 @@ def test_noise_of_the_positions_is_the_scatter_that_it_makes() -> None:
     assert np.abs(white - np.eye(3)).max() < 5 * np.sqrt(2 / draws)
 
 
-def test_information_is_the_inverse_of_the_covariance() -> None:
-    at = balance(AT, STATE, CENTRE, G)
-    assert np.allclose(at.information @ at.cov, np.eye(6), rtol=0, atol=1e-8)
-    assert np.array_equal(at.rows, np.full(K, 6))
-    assert at.free.shape == (K, 6, 0)
-
-
 def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
     """Whatever stands there, and however certain it is called."""
     measured = np.ones((4, 3), dtype=np.bool_)
@@ -221,18 +214,6 @@ def test_free_forces_are_those_of_weighted_least_squares() -> None:
     # Units of the free forces are of no consequence, nor those of other postures.
     small = columns * np.array([1.0, 1e-12, 1e12])[:, None, None]
     assert np.array_equal(least_squares.whitener(cov, small)[1], [4, 4, 4])
-
-
-def test_registration_is_that_of_scipy() -> None:
-    hinge = RNG.normal(size=(5, 3))
-    position = np.stack([turn.apply(hinge) for turn in TURN]) + RNG.normal(size=(K, 1, 3))
-    position += 1e-3 * RNG.normal(size=position.shape)
-    R, T = register(hinge, position)
-    for k in range(K):
-        middle = position[k].mean(axis=0)
-        turn, _ = Rotation.align_vectors(position[k] - middle, hinge - hinge.mean(axis=0))
-        assert np.allclose(R[k], turn.as_matrix(), rtol=0, atol=1e-9)
-        assert np.allclose(T[k], middle - turn.apply(hinge.mean(axis=0)), rtol=0, atol=1e-9)
 
 
 def test_postures_are_reached_along_their_last_turn() -> None:

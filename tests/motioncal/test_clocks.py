@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from tdfscal.model.dynamics import CLOCK_RATE, RATE
-from tdfscal.motioncal.estimator import MovingPriors
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import Series, UncertainValue
+from tdfscal.records import Series
 from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, distance, played
 
@@ -38,10 +35,3 @@ def test_clocks_that_run_apart_are_followed() -> None:
     assert abs(moving.rate - rate) < 4 * std[RATE]
     assert abs(moving.delay - (0.005 + 120.0 * rate)) < 4 * std[RATE - 1]
     assert away < chi2_quantile(1 - 1e-3, 9)
-
-
-def test_one_clock_has_no_rate() -> None:
-    campaign, slow, _ = played(replace(FOUR_MINUTES, duration=10.0), 5)
-    exact = UncertainValue(np.array(0.005), np.array(0.0))
-    assert MovingPriors(campaign.rig, slow, DELAY).std[RATE] == CLOCK_RATE
-    assert MovingPriors(campaign.rig, slow, exact).std[RATE] == 0.0

@@ -10,13 +10,12 @@ import yaml
 
 import tdfscal
 from tdfscal.commands.calibration import load_calibration
-from tdfscal.errors import DataError, NotIdentifiableError, UsageError
+from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import statistics
 from tests.cli.running import Cli
 from tests.reporting.samples import sketch
-from tests.words import in_words
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +74,6 @@ def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
     assert "trials" not in said["Monte Carlo"]
 
 
-def test_what_does_not_go_together_is_refused(minute: Path) -> None:
-    with pytest.raises(UsageError, match="dwells"):
-        tdfscal.calibrate(minute, samples="moving", estimator="linear")
-    with pytest.raises(UsageError, match="dwells"):
-        tdfscal.calibrate(minute, samples="all", method="joint")
-
-
 def test_supports_too_soft_to_squeeze_show_no_angle(tmp_path: Path) -> None:
     """Carriages that float carry constant vertical loads alone: exit 4, nothing written."""
     from dataclasses import replace
@@ -115,15 +107,3 @@ def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
         np.sqrt(np.mean(both.rpy_std**2)), rel=0.1
     )
     assert any("--samples all" in sentence for sentence in advise(dwells))
-
-
-@pytest.mark.slow
-def test_moves_that_shake_leave_the_dwells_their_result(tmp_path: Path) -> None:
-    """After each move of this scenario the forces ring on as no rigid body's do."""
-    folder = tmp_path / "campaign"
-    tdfscal.simulate(folder, postures=8, format="parquet", seed=2)
-    dwells = tdfscal.calibrate(folder, samples="static", trials=0)
-    both = tdfscal.calibrate(folder, samples="all", trials=0)
-    assert not any("--samples all" in s for s in advise(tdfscal.calibrate(folder, trials=0)))
-    assert np.array_equal(both.rpy_std, dwells.rpy_std)
-    assert any("moves add nothing" in text for text in in_words(both.findings))

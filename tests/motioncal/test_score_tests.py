@@ -96,11 +96,6 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
         calibrate_moving(declared, slow, DELAY)
 
 
-@pytest.mark.slow
-def test_a_sound_rig_file_raises_no_suspicion() -> None:
-    assert doubts("nothing") == ()
-
-
 @pytest.mark.parametrize("change", ["hinge", "datum"])
 def test_a_wrong_geometry_is_named_before_its_echoes(change: str) -> None:
     """A hinge of the rig file 2 mm off in its plane, or 1 mm of a positioner's datum."""

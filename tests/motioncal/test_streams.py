@@ -88,27 +88,6 @@ def test_pieces_make_no_difference(parts: int) -> None:
     assert many.force == pytest.approx(one.force, abs=1e-12)
 
 
-def test_a_piece_may_end_between_the_samples_of_one_instant() -> None:
-    time = np.arange(0, 20, 0.01)
-    whole = log(time, np.cos(time))
-
-    def cut_at(s: Series, k: int, after: bool) -> Series:
-        return Series(s.time[k:], s.value[k:]) if after else Series(s.time[:k], s.value[:k])
-
-    pieces = [
-        Log(
-            NAMES,
-            tuple(cut_at(s, 700 + i, after) for i, s in enumerate(whole.position)),
-            tuple(cut_at(s, 699, after) for s in whole.force),
-        )
-        for after in (False, True)
-    ]
-    one, two = slow_streams([whole], OPEN), slow_streams(pieces, OPEN)
-    assert np.array_equal(one.time, two.time)
-    assert two.force == pytest.approx(one.force, abs=1e-12)
-    assert two.position == pytest.approx(one.position, abs=1e-12)
-
-
 def test_nothing_bridges_a_hole_or_a_reading_that_is_no_number() -> None:
     time = np.arange(0, 40, 0.01)
     kept = (time < 15) | (time > 17)

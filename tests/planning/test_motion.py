@@ -117,11 +117,6 @@ def test_a_load_cell_stands_aside_and_a_dead_channel_costs() -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_beats_random_motions() -> None:
-    assert plan().improvement > 1.1
-
-
-@pytest.mark.slow
 def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
     """Stated σ of six campaigns against the prediction: the draws of the error fields differ."""
     p = plan()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -54,24 +53,6 @@ def test_rows_are_the_plan() -> None:
     notes = [line for line in text.splitlines() if line.startswith("#")]
     assert any("frame: BCS" in line and line.endswith("m.") for line in notes)
     assert any(f"expected {rig.supports[2]}" in line and "mrad" in line for line in notes)
-
-
-def test_command_writes_and_prints(campaign: Path, tmp_path: Path, cli: Cli) -> None:
-    out = tmp_path / "plan.csv"
-    seen = cli("plan", campaign, "-o", out, "--postures", "8", ends=0)
-    shown = seen.out
-    assert "to expect of the installation angles" in shown
-    assert max(map(len, shown.replace(str(out), "").splitlines())) <= 80
-    assert len(table(out.read_text(encoding="utf-8"))) == 8
-    again = tmp_path / "again.csv"
-    options = ["--postures", "8", "--json", "--given", str(campaign)]
-    seen = cli("plan", campaign / "rig.yaml", "-o", again, *options, ends=0)
-    document = json.loads(seen.out)
-    assert document["given"] == 6
-    assert (
-        document["noise"] == 0.0
-    )  # averaged rows show no scatter: only the declared noise is left
-    assert document["expected"]["mean_std"] < document["before"]["mean_std"]
 
 
 @pytest.mark.parametrize(

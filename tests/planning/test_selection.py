@@ -15,7 +15,6 @@ from tdfscal.planning.selection import (
     greedy,
     inverse,
     short_tour,
-    updated,
     with_returns,
 )
 from tdfscal.records import FloatArray
@@ -40,14 +39,7 @@ def test_gain_is_the_fall_of_the_objective() -> None:
     assert np.allclose(gain, expected, rtol=1e-10)
 
 
-def test_rows_added_and_taken_away() -> None:
-    J, base, _ = problem(1)
-    C = updated(inverse(base), J[0])
-    assert np.allclose(C, np.linalg.inv(base + J[0].T @ J[0]), rtol=1e-10)
-    assert np.allclose(updated(C, J[0], -1.0), inverse(base), rtol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_exchange_reaches_what_trying_all_sets_finds(seed: int) -> None:
     J, base, L = problem(seed)
     chosen = choose(J, base, L, 4)[0].tolist()
@@ -72,15 +64,6 @@ def test_tour_is_a_permutation_and_nearly_the_shortest() -> None:
     assert sorted(tour) == list(range(7))
     best = min(length([0, *rest]) for rest in permutations(range(1, 7)))
     assert length(tour.tolist()) <= 1.1 * best
-
-
-def test_two_opt_uncrosses_a_circle() -> None:
-    angle = 2 * np.pi * np.random.default_rng(3).permutation(20) / 20
-    xy = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    distance = np.linalg.norm(xy[:, None] - xy, axis=2)
-    tour = short_tour(distance, 0)
-    length = distance[tour, np.roll(tour, -1)].sum()
-    assert length == pytest.approx(20 * 2 * np.sin(np.pi / 20))
 
 
 def test_returns_and_approaches() -> None:

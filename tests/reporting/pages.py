@@ -8,20 +8,13 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, residuals
-from tdfscal.reporting.figures.angles import drift
 from tdfscal.reporting.html import render
-from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.validation.residual_wrench import Validation
 
 
 def render_page(c: Calibration) -> str:
     return render(calibration_report(c, drawings(c)))
-
-
-def render_several(named: Sequence[tuple[str, Calibration]]) -> str:
-    view = put_side_by_side(named)
-    return render(several_report(view, (drift(view.history),)))
 
 
 def render_validation(v: Validation, findings: Sequence[Finding], origin: Origin) -> str:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.files.calibration.document import Calibration
 from tests.reporting.samples import Sample, sample
 
 
@@ -75,30 +72,3 @@ def test_loads_point_where_the_mean_squared_load_is_largest(made: Sample) -> Non
         assert load.across == pytest.approx(np.sqrt(np.mean(across**2)), rel=1e-9)
         for off in Rotation.from_rotvec(0.01 * np.eye(3)).as_matrix():
             assert np.sum((F[i] @ off @ axis) ** 2) <= np.sum(along**2) * (1 + 1e-12)
-
-
-def test_files_without_evidence_are_still_read(made: Sample) -> None:
-    content = made.calibration.model_dump(mode="json", exclude_none=True)
-    del content["postures"], content["monte_carlo"]["histogram"], content["observability"]["loads"]
-    assert Calibration.model_validate(content).postures is None
-
-
-@pytest.mark.parametrize(
-    ("place", "message"),
-    [
-        (("postures", "start"), "rows"),
-        (("postures", "moment_after"), "rows"),
-        (("monte_carlo", "histogram", 0, 0), "at least 32"),
-        (("monte_carlo", "histogram"), "must have 3 rows"),
-    ],
-)
-def test_evidence_that_does_not_fit_is_refused(
-    made: Sample, place: tuple[Any, ...], message: str
-) -> None:
-    content = made.calibration.model_dump(mode="json")
-    part: Any = content
-    for key in place[:-1]:
-        part = part[key]
-    part[place[-1]] = part[place[-1]][:-1]
-    with pytest.raises(ValueError, match=message):
-        Calibration.model_validate(content)

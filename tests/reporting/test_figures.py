@@ -8,7 +8,6 @@ from functools import cache
 from itertools import combinations
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
@@ -17,10 +16,9 @@ from matplotlib.transforms import Bbox
 
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.figures import drawings, style
-from tdfscal.reporting.figures.space import clear_view, magnification
+from tdfscal.reporting.figures import drawings
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
-from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed, with_load_cell
+from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
 
 SPATIAL = {"rig"}
 SELF = {"angles", "residuals", "components", "budget", "timeline", "observability", "rig", "trials"}
@@ -106,51 +104,6 @@ def test_axes_name_their_units(kind: str) -> None:
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
 
 
-def test_a_load_cell_has_its_place_in_the_legend_of_the_forces() -> None:
-    """It draws nothing in the panels of x and y."""
-    c = with_load_cell()
-    (legend,) = style.to_figure({d.name: d for d in drawings(c)}["timeline"]).legends
-    assert tuple(text.get_text() for text in legend.get_texts()) == c.support_names
-
-
-def test_every_source_of_a_long_budget_has_a_look_of_its_own() -> None:
-    c = sample().calibration
-    content = c.model_dump()
-    budget = content["budget"]
-    budget["sources"] = [f"source {k}" for k in range(11)]
-    for angle in budget["angles"]:
-        each = sum(angle["variance"].values()) / 11
-        angle["variance"] = dict.fromkeys(budget["sources"], each)
-    (legend,) = style.to_figure(
-        {d.name: d for d in drawings(Calibration.model_validate(content))}["budget"]
-    ).legends
-    looks = {(key.get_facecolor(), key.get_hatch()) for key in legend.get_patches()}
-    assert len(looks) == 11
-
-
-def test_drawing_leaves_the_settings_of_matplotlib_alone() -> None:
-    before = dict(mpl.rcParams)
-    to_svg(drawings(calibration("self"))[0])
-    assert dict(mpl.rcParams) == before
-    for module in Path(style.__file__).parent.glob("*.py"):
-        assert "pyplot" not in module.read_text(encoding="utf-8")
-
-
-def test_readings_say_the_number() -> None:
-    c = sample(touched=True).calibration
-    said = {d.name: d.reading for d in drawings(c)}
-    i, j = np.unravel_index(int(c.rpy_std.argmax()), (3, 3))
-    name = ("Roll", "Pitch", "Yaw")[j]
-    assert said["angles"].startswith(
-        f"{name} of support_{i + 1} is known to {1e3 * c.rpy_std.max():.2g} mrad"
-    )
-    assert "11 of 12 dwells are in the fit" in said["timeline"]
-    assert "1 had to be rejected" in said["timeline"]
-    assert c.validation is not None
-    assert f"{c.validation.force.rms_before:.3g} N" in said["residuals"]
-    assert all(text.endswith(".") for text in said.values())
-
-
 def test_methods_agree_by_all_angles_together() -> None:
     """A joint calibration that was accepted at p = 0.14 with one angle of nine beyond E_n = 1."""
     c = load_calibration(Path(__file__).parents[1] / "files/reference_1_0/joint.json")
@@ -215,22 +168,6 @@ def test_a_notebook_shows_a_figure_without_pyplot() -> None:
     assert shown.startswith(b"\x89PNG")
 
 
-def test_logarithmic_axes_have_plain_numbers() -> None:
-    """Names are never taken for mathematics, so that matplotlib's own powers would be raw text."""
-    f = tuple(np.geomspace(0.01, 10, 20))
-    with look():
-        fig = figure(3.0)
-        ax = fig.subplots()
-        ax.plot(f, f)
-        style.logarithmic(ax, "xy")
-        FigureCanvasAgg(fig).draw()  # type: ignore[no-untyped-call]
-        shown = [
-            t.get_text() for t in fig.axes[0].get_xticklabels() + fig.axes[0].get_yticklabels()
-        ]
-    assert {"0.1", "1", "10"} <= set(shown)
-    assert not any("$" in text for text in shown)
-
-
 def test_many_postures_stay_small() -> None:
     c = sample().calibration
     table = c.model_dump()["postures"]
@@ -246,22 +183,6 @@ def test_many_postures_stay_small() -> None:
     found = {d.name: d for d in drawings(big)}
     assert len(to_svg(found["residuals"])) < 500_000
     assert len(to_svg(found["timeline"])) < 500_000
-
-
-@pytest.mark.parametrize(
-    ("largest", "factor"), [(0.0, 1), (0.43, 1), (0.2, 2), (0.02, 20), (1e-3, 200), (4.4e-4, 500)]
-)
-def test_magnification_is_round_and_shows_25_degrees_at_most(largest: float, factor: int) -> None:
-    assert magnification(largest) == factor
-    assert factor == 1 or factor * largest <= np.radians(25)
-
-
-def test_view_hides_no_point_behind_another() -> None:
-    """Seen along the line of two points they would fall into one."""
-    azimuth = np.radians(-45)
-    line = np.array([np.cos(azimuth), np.sin(azimuth), np.tan(np.radians(24))])
-    points = np.array([[0.0, 0.0, 0.0], line, [1.0, 1.0, 0.0]])
-    assert abs(clear_view(points) + 45) >= 20
 
 
 def test_files(tmp_path: Path) -> None:

@@ -11,18 +11,15 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tdfscal.catalogue import document
 from tdfscal.catalogue.entry import upwards
 from tdfscal.files.calibration.document import Calibration, file_content
-from tdfscal.findings import Finding, Value
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.headline import half_widths
-from tdfscal.reporting.history import short
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table
-from tests.reporting.samples import NASTY, by_hand, changed, fit_with, sample, surveyed
+from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
 from tests.words import found
 
 
@@ -82,49 +79,12 @@ def test_a_summary_fits_a_terminal() -> None:
     assert "Warnings: 9; -v or --html FILE shows them" in lines
 
 
-def test_what_was_left_out_is_told_with_its_reason() -> None:
-    """Of postures in the headline, with what to look at; of stretches of rest in the report."""
-    c = sample(touched=True).calibration
-    lines = as_text(calibration_report(c), whole=False).splitlines()
-    assert len(lines) <= 22
-    said = " ".join(" ".join(lines).split())
-    assert "11 postures (5 left out: contact or a jolt)" in said
-    assert "- Look what touched the terminal at posture 5." in said
-    blow = {"start": 86.2, "end": 86.4, "reason": "jolt: a burst of force"}
-    table = c.model_dump()["postures"] | {"left_out": [blow]}
-    assert "86.2 to 86.4 s: jolt: a burst of force" in render(changed(c, postures=table))
-
-
 @pytest.mark.parametrize(
     ("size", "said"),
     [(1.03, "1.03"), (1.0304, "1.04"), (0.601, "0.61"), (0.6, "0.6"), (99.6, "100"), (234, "240")],
 )
 def test_what_holds_for_all_angles_is_rounded_upwards(size: float, said: str) -> None:
     assert upwards(size, 2) == said
-
-
-def test_the_lines_of_a_draft_are_the_first_to_act_on() -> None:
-    """As many as `init` leaves: the load's with their values, runs of others by their block."""
-    keys = ("gravity", "terminal.mass", *(f"supports.ncp{i}.zero" for i in range(9)))
-    lines = [f"{key}: {{value: 7}} (line {8 + 3 * (k > 0) + k})" for k, key in enumerate(keys)]
-    draft = document(Finding("draft-unconfirmed", tuple(lines), len(lines)))
-    c = changed(sample().calibration, status="provisional", findings=[draft])
-    text = as_text(calibration_report(c), whole=False)
-    assert len(text.splitlines()) <= 22
-    assert advise(c)[0] in " ".join(text.split())
-    assert "terminal.mass: {value: 7} (line 12)" in advise(c)[0]
-    assert "supports (13–21)" in advise(c)[0]
-    assert all(
-        re.search(rf" {8 + 3 * (k > 0) + k} +{key}: ", render(c)) for k, key in enumerate(keys)
-    )
-
-
-def test_campaigns_of_logs_that_are_called_alike_are_told_by_their_folders() -> None:
-    content = sample().calibration.model_dump()
-    (log,) = content["inputs"]
-    both = [log | {"path": f"/rig/2026-0{month}/log.csv"} for month in (3, 4)]
-    subtitle = calibration_report(Calibration.model_validate(content | {"inputs": both})).subtitle
-    assert "from 2026-03/log.csv, 2026-04/log.csv" in subtitle
 
 
 def test_what_is_taken_as_exact_and_outweighs_the_claim_is_measured_first() -> None:
@@ -161,24 +121,6 @@ def test_dates_in_the_log_are_counted_from_its_start(by: float, origin: float) -
     assert clock(later).origin == origin
     told, shown = (re.findall(r"posture 5 \(([\d.]+)", render(each)) for each in (c, later))
     assert float(shown[0]) == pytest.approx(float(told[0]) + by - origin, abs=0.051)
-
-
-def test_advice_follows_the_cause() -> None:
-    c = sample().calibration
-    fit = c.model_dump()["fit"]
-    assert "Do not load this result into a controller" in advise(with_(c))[-1]
-    assert "force_sensitivity" in advise(with_(c, fit=fit_with(c, 9.0)))[0]
-    gone = [{"index": k, "reason": "contact"} for k in range(3)]
-    assert "touched the terminal" in advise(with_(c, fit=fit | {"rejected": gone}))[0]
-    rig = c.rig.model_dump(mode="json", exclude_none=True)
-    rig["acceptance"]["angle_std"] = 1e-6
-    assert "weakest angle" in advise(with_(c, rig=rig))[0]
-    joint = surveyed()[1]
-    worst: dict[str, Value] = {"angle": "yaw", "difference": 9.0, "en": 4.0, "above": 1, "of": 9}
-    found_apart = document(Finding("methods-disagree", p_value=1e-9, values=worst, rejects=True))
-    assert "each method alone" in " ".join(
-        advise(changed(joint, status="rejected", findings=[found_apart]))
-    )
 
 
 def on_terminal(c: Calibration, monkeypatch: pytest.MonkeyPatch, **settings: str) -> str:
@@ -255,6 +197,8 @@ def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.Monkey
     assert any("earlier campaigns 99%" in line for line in lines)
 
 
-def test_a_history_names_files_by_what_tells_them_apart() -> None:
-    assert short(["2025/may.yaml", "2025/june.yaml"]) == ("may.yaml", "june.yaml")
-    assert short(["may/c.yaml", "june/c.yaml"]) == ("may/c.yaml", "june/c.yaml")
+def test_touched_postures_are_named_first_where_they_are_many() -> None:
+    c = sample().calibration
+    gone = [{"index": k, "reason": "contact"} for k in range(3)]
+    fit = c.model_dump()["fit"] | {"rejected": gone}
+    assert "touched the terminal at postures 1, 2, 3" in advise(with_(c, fit=fit))[0]

@@ -12,10 +12,10 @@ import pytest
 
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
-from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.headline import headline
-from tdfscal.reporting.layout import Facts, Table
+from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import exceeding
@@ -40,25 +40,6 @@ def lines(c: Calibration) -> list[str | None]:
     return [e.text for e in ET.fromstring(certificate(c)).iter(f"{{{SPACES['dcc']}}}content")]
 
 
-def test_papers_of_rig_and_sensors() -> None:
-    c = stated()
-    found = facts(c)
-    assert (found["Serial number"], found["Operator"], found["Site"]) == (
-        "RH-02",
-        "A. Muster",
-        "Hall 3",
-    )
-    tables = (b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Table))
-    (papers,) = (t for t in tables if "serial number" in t.header)
-    assert papers.rows == (("support_2", "T-7", "D-K-15", "2031-03-01"),)
-    assert "A. Muster" in render(calibration_report(c))
-    # A file in which two sensors have one serial number is read; a rig file is refused.
-    one, other, *rest = c.rig.model_dump(mode="json", exclude_none=True)["supports"]
-    changed(
-        c, rig=c.rig.model_dump() | {"supports": [one | {"sensor": other["sensor"]}, other, *rest]}
-    )
-
-
 def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     """With the dates' origin, the assumptions and the rule."""
     papers = {"tracker": "LT-4711, D-K-20", "scale": "W-3, D-K-21", "date": "2026-11-21"}
@@ -81,11 +62,6 @@ def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     for source, marked in (("file", True), ("log", False)):
         dated = changed(stated(drift={"angle": 1e-4}), measured=measured | {"source": source})
         assert ("by the file's date" in facts(dated)["Next due"]) is marked
-
-
-def test_a_rig_that_states_none_has_no_section() -> None:
-    titles = [s.title for s in calibration_report(sample().calibration).sections]
-    assert "Campaign and sensors" not in titles
 
 
 def test_a_certificate_that_had_ended_is_a_warning() -> None:
@@ -136,32 +112,6 @@ def test_what_is_exact_adds_up_in_each_angle(
     assert len(exceeding(changed(c, taken_as_exact=quantities), half)) == named
 
 
-def test_the_text_says_what_the_page_does() -> None:
-    part = {"expanded": 1.25, "exceeding": 1e-4, "conforms": True, "limit": 5.0}
-    limits = {"angle_std": 2e-3, "contact": {"force": 5.0, "torque": 5.0}}
-    judged = {"rpy": [0.0] * 3, "force": part, "torque": part}
-    c = changed(stated(due="2020-01-01", acceptance=limits), conformity=judged)
-    text = " ".join(render(calibration_report(c)).split())
-    names = ("Decision rule", "Contact wrench", "Rig file", "Seed")
-    for said in (*(facts(c)[name] for name in names), c.inputs[0].sha256, c.inputs[0].integrity):
-        assert said in text
-    assert all(" ".join(warning.split()) in text for warning in calibration_report(c).warnings)
-
-
-def test_the_rule_states_the_limits_of_the_rig() -> None:
-    limits = {"angle_std": 2e-3, "birge_max": 1.5, "contact": {"force": 5.0, "torque": 3.0}}
-    rule = facts(stated(acceptance=limits))["Decision rule"]
-    assert "at most 2 mrad" in rule
-    assert "at most 1.5 times what is stated" in rule
-    for given in (stated(acceptance=limits), stated()):  # two limits of the rig's own, or none
-        own = 2 * (given.rig.acceptance.angle_std == 2e-3)
-        assert facts(given)["Decision rule"].count("[program default]") == 4 - own
-    assert "guarded acceptance" in rule
-    assert "expanded uncertainty" not in facts(stated())["Decision rule"]
-    assert "postures" not in facts(surveyed()[0])["Decision rule"]
-    assert "Contact wrench" not in facts(stated())
-
-
 def test_conformity_stands_beside_the_rule() -> None:
     """On the page and in the certificate, each quantity whose limit is stated."""
     limits = {"angle_std": 2e-3, "contact": {"force": 5.0}}
@@ -207,12 +157,3 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
         assert sum("not sealed" in str(text) for text in lines(c)) == marks
         both = several_report(put_side_by_side((("a", stated()), ("b", c))))
         assert sum("not sealed" in text for text in both.warnings) == marks
-
-
-def test_certificate_and_page_have_one_number() -> None:
-    """The first digits of the content's digest, which stands in full on both."""
-    c = stated()
-    digest = file_content(c)["content_sha256"]
-    assert calibration_report(c).number == digest[:8]
-    assert digest in facts(c)["Content"]
-    assert f"Report: {digest[:8]}, content SHA-256 {digest}" in lines(c)

@@ -6,16 +6,14 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
 from tdfscal.records import CampaignInfo, InputFile, SensorInfo
 from tdfscal.reporting.papers import Making
-from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import report_digest
-from tdfscal.reporting.validation import Origin, validation_document, validation_report
+from tdfscal.reporting.validation import Origin, validation_document
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.reporting.pages import render_validation
 from tests.reporting.samples import changed, sample
@@ -96,11 +94,3 @@ def test_what_changed_is_named_with_its_posture() -> None:
     assert "contact in posture 3" in said
     worst = np.linalg.norm(v.calibrated[:, :3], axis=1).max()
     assert f"the largest is {worst:.2g} N, at posture 3" in said
-
-
-@pytest.mark.parametrize("push", [0.0, 60.0])
-def test_dates_count_from_the_first_dwell(push: float) -> None:
-    start = float(sample().dwells.start[0])
-    assert 0 <= start < 1
-    dated, counted = (render(validation_report(validation(push, t), ())) for t in (1.75e9, 0.0))
-    assert dated == counted

@@ -9,10 +9,9 @@ import pytest
 from scipy import stats
 
 from tdfscal.estimation.fit import information
-from tdfscal.estimation.uncertainty import EARLIER, NOISE, blind_turns, quality, without_faked
+from tdfscal.estimation.uncertainty import EARLIER, NOISE, quality, without_faked
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import spectrum
 from tdfscal.selfcal.estimator import evaluate, faked_information, fit
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
@@ -78,20 +77,6 @@ def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
     assert np.allclose(sum(spreads.contributions.values()), spreads.rpy_std**2, rtol=1e-9, atol=0)
 
 
-def test_std_of_every_parameter_is_its_place_in_the_posterior() -> None:
-    result = fit(RIG, SEEN, nominal(RIG))
-    parts = information(result)
-    std = evaluate(result, parts, 1.0).parameter_std
-    normal = sum(
-        J.T @ np.linalg.solve(C, J) for J, C in zip(result.jacobian, result.at.cov, strict=True)
-    )
-    normal = normal + result.prior_jacobian.T @ result.prior_jacobian
-    scale = 1 / np.sqrt(np.diagonal(normal))
-    inverse = np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale)
-    assert np.allclose(std[result.active], np.sqrt(np.diagonal(inverse)), rtol=1e-5, atol=0)
-    assert not std[~result.active].any()
-
-
 def test_faked_information_is_the_mean_of_what_noise_alone_shows() -> None:
     """Σ [n]×ᵀ Bᵀ W B [n]× of drawn noise n, averaged."""
     result = fit(RIG, SEEN, nominal(RIG))
@@ -135,17 +120,6 @@ def test_covariance_without_the_faked_information() -> None:
     assert found[5, 5] == pytest.approx(EVEN_TURN**2, rel=1e-4)
 
 
-def test_blind_turns_are_in_radians_and_longest_one() -> None:
-    J = np.zeros((4, 4))
-    J[:, :2] = RNG.normal(size=(4, 2))
-    J[:, 3] = 100 * RNG.normal(size=4)
-    parts = spectrum(J)
-    blind = blind_turns(parts, 3)
-    assert np.allclose(np.abs(blind), [[0, 0, 1]], rtol=0, atol=1e-9)
-    seen = spectrum(RNG.normal(size=(6, 4)))
-    assert blind_turns(seen, 3).shape == (0, 3)
-
-
 def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
     result = fit(RIG, SEEN, nominal(RIG))
     parts = information(result)
@@ -156,17 +130,3 @@ def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
         close = 0.02 if name == "noise" else 1e-9
         assert np.allclose(three[name], factor * share, rtol=close, atol=1e-20), name
         assert np.array_equal(less[name], share)
-
-
-@pytest.mark.parametrize("dof", [0, 1, 7])
-def test_residuals_without_a_degree_of_freedom_contradict_nothing(dof: int) -> None:
-    result = fit(RIG, SEEN, nominal(RIG))
-    parts = information(result)
-    rows = result.rows + len(result.prior_residual)
-    found = quality(result, replace(parts, values=np.ones(rows - dof)))
-    assert found.dof == dof
-    if dof:
-        assert found.p_value == pytest.approx(stats.chi2.sf(result.cost, dof), rel=1e-9)
-        assert found.birge == pytest.approx(np.sqrt(result.cost / dof), rel=1e-12)
-    else:
-        assert (found.p_value, found.birge) == (1.0, 1.0)

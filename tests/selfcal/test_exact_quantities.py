@@ -93,11 +93,6 @@ def test_a_wrong_value_moves_the_angles_as_predicted(
     np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
 
 
-def test_a_tare_that_is_stated_as_tares_are_is_not_taken_as_exact() -> None:
-    right, _ = calibrated(make_rig(zero_std=0.5), make_rig(zero_std=0.5))
-    assert "zeros" not in {quantity.name for quantity in exact_quantities(right.fit)}
-
-
 def test_what_is_declared_is_not_taken_as_exact() -> None:
     right, _ = calibrated(RIG, RIG)
     names = {q.name for q in exact_quantities(right.fit)}

@@ -50,9 +50,7 @@ def test_contact_at_one_channel_passes_for_no_noise(size: float) -> None:
         assert len(result.rejected) > 1
 
 
-@pytest.mark.parametrize(
-    ("seed", "support", "axis", "size"), [(5, 0, 1, 1.2), (6, 2, 2, 30.0), (8, 1, 0, 5.0)]
-)
+@pytest.mark.parametrize(("seed", "support", "axis", "size"), [(5, 0, 1, 1.2), (8, 1, 0, 5.0)])
 def test_a_noisy_channel_is_weighted_and_a_broken_one_named(
     seed: int, support: int, axis: int, size: float
 ) -> None:

@@ -107,26 +107,6 @@ def test_units_of_force() -> None:
     assert np.abs(angles(rig, dwells) - REFERENCE).max() < CLOSE
 
 
-def test_units_of_length() -> None:
-    """All lengths in units of which a metre has half as many: moments are told by their rows."""
-    half, declared = 0.5, RIG.declared
-    rig = replace(
-        RIG,
-        hinge=half * RIG.hinge,
-        barycentre=UncertainValue(half * RIG.barycentre.value, half * RIG.barycentre.std),
-        declared=replace(
-            declared,
-            hinge=half * declared.hinge,
-            positioner=half * declared.positioner,
-            datum=half * declared.datum,
-        ),
-    )
-    dwells = replace(
-        DWELLS, position=half * DWELLS.position, position_cov=half**2 * DWELLS.position_cov
-    )
-    assert np.abs(angles(rig, dwells) - REFERENCE).max() < CLOSE
-
-
 @pytest.mark.parametrize("mounting", [[0, 0, np.pi / 2], [np.pi, 0, 0]])
 def test_an_unstated_mounting_is_found(mounting: list[float]) -> None:
     """The second sensor stands a quarter or half turn off, and rig.yaml does not say so."""

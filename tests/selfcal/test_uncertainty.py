@@ -52,23 +52,6 @@ def test_covariance_is_positive_definite_and_gives_rpy_std() -> None:
         )
 
 
-def test_the_budget_names_every_source() -> None:
-    shares = RESULT.uncertainty.contributions
-    for source in (
-        "noise",
-        "positioner",
-        "zero",
-        "sensitivity",
-        "mass",
-        "barycentre",
-        "hinge",
-        "datum",
-        "gravity",
-        "hinge friction",
-    ):
-        assert (shares[source] > 0).all(), source
-
-
 def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
     bare = replace(RIG, declared=replace(RIG.declared, force_sensitivity=0.0), gravity_tilt_std=0.0)
     other = fit(bare, RESULT.fit.postures, RESULT.fit.state)

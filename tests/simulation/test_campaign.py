@@ -67,16 +67,6 @@ def test_zero_and_sensitivity_enter_the_reading() -> None:
         np.testing.assert_allclose(forces(campaign.log)[at_rest(campaign, 1)][0, i], expected)
 
 
-def test_servo_shows_commands_and_nothing_else() -> None:
-    rig = replace(exact_rig(), declared=DeclaredUncertainty(positioner=1e-5, hinge=2e-5))
-    campaign = simulate_campaign(rig, still(postures=3), np.random.default_rng(2))
-    for k in range(3):
-        p = positions(campaign.log)[at_rest(campaign, k)]
-        np.testing.assert_allclose(p, np.broadcast_to(campaign.servo[k], p.shape), atol=1e-15)
-    nominal = campaign.postures.target(rig.hinge)
-    np.testing.assert_array_equal(campaign.servo, nominal)
-
-
 def test_rest_and_motion() -> None:
     campaign = simulate_campaign(reference_rig(), Options(), np.random.default_rng(3))
     time, p = campaign.log.position[0].time, positions(campaign.log)
@@ -97,17 +87,6 @@ def test_rest_and_motion() -> None:
         way = campaign.servo[k + 1] - campaign.servo[k]
         travelled = np.sum((half_way - campaign.servo[k]) * way) / np.sum(way**2)
         assert 0.4 < travelled < 0.6
-
-
-def test_move_is_of_minimum_jerk() -> None:
-    recorder = replace(SILENT, dwell=(1.0, 1.0), move=(2.0, 2.0), position_rate=1000.0)
-    options = still(postures=2, tilt=0.0, recorder=recorder)
-    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(4))
-    p = positions(campaign.log)[1000:3001, 0]
-    u = np.linspace(0.0, 1.0, 2001)
-    share = 10 * u**3 - 15 * u**4 + 6 * u**5
-    expected = campaign.servo[0, 0] + share[:, None] * (campaign.servo[1, 0] - campaign.servo[0, 0])
-    np.testing.assert_allclose(p, expected, atol=1e-14)
 
 
 def test_a_move_takes_the_force_that_its_mass_needs() -> None:

@@ -16,7 +16,6 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import load_rig
-from tdfscal.files.writers import documents
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder, write_campaign
 from tdfscal.records import Acceptance, CampaignInfo, Drift, FloatArray, SensorInfo, UncertainValue
 from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
@@ -233,33 +232,6 @@ def test_streams_of_their_own_rates_fit_mcap_only(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="MCAP"):
         simulate_to_folder(tmp_path / "c", format="csv", postures=2, recorder=recorder)
     assert not (tmp_path / "c").exists()
-
-
-def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
-    folder = tmp_path / "c"
-    simulate_to_folder(folder, format="csv", postures=2)
-    (folder / "notes.txt").write_text("mine")
-    before = digests(folder)
-    with pytest.raises(UsageError, match="not empty"):
-        simulate_to_folder(folder, format="mcap", postures=2)
-    assert digests(folder) == before
-    simulate_to_folder(folder, format="mcap", postures=2, overwrite=True)
-    after = digests(folder)
-    assert "log.csv" not in after
-    assert "log.mcap" in after
-    assert after["notes.txt"] == before["notes.txt"]
-    with pytest.raises(UsageError, match="file, not a folder"):
-        simulate_to_folder(folder / "notes.txt", postures=2)
-
-
-def test_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(folder: Path, session: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(documents, "write_session", full)
-    with pytest.raises(UsageError, match="No space left"):
-        simulate_to_folder(tmp_path / "c", postures=2)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_impossible_requests(tmp_path: Path) -> None:

@@ -169,17 +169,6 @@ def test_every_scenario_is_the_same_machine_with_one_fault(name: str) -> None:
     assert np.any(seen(plain.campaign) != seen(faulty.campaign))
 
 
-def test_tracker_scenario_is_the_same_machine_without_a_log() -> None:
-    plain = run(reference_rig(), "self", Options(postures=K), np.random.default_rng(0))
-    tracker = run(reference_rig(), "tracker", Options(postures=K), np.random.default_rng(0))
-    assert tracker.campaign is None
-    np.testing.assert_array_equal(plain.truth.rotation, tracker.truth.rotation)
-    assert plain.survey is not None
-    assert tracker.survey is not None
-    seen = plain.survey.session.targets.xyz
-    np.testing.assert_array_equal(seen, tracker.survey.session.targets.xyz)
-
-
 def test_no_squeeze_leaves_vertical_loads() -> None:
     played = run(reference_rig(), "no-squeeze", Options(squeeze=300.0), np.random.default_rng(0))
     assert played.campaign is not None

@@ -49,20 +49,6 @@ def test_squeeze_makes_the_commanded_internal_force(n: int) -> None:
     assert plausible(chi2_p(commanded / squeeze, 24 * (3 * n - 6)))
 
 
-def test_squeeze_goes_through_the_carriages_stiffness() -> None:
-    rig = exact_rig()
-    stiffness = np.array([1.0e7, 3.0e7, 5.0e7])
-    kept = {"stiffness": stiffness, "postures": 6}
-    slack = simulate_campaign(rig, still(**kept), np.random.default_rng(2))
-    tight = simulate_campaign(rig, still(squeeze=100.0, **kept), np.random.default_rng(2))
-    commanded = stiffness * tight.postures.displacement
-    np.testing.assert_allclose(internal_part(arms(tight), commanded), commanded, atol=1e-9)
-    turning = 2.0 * elastic_turning(float(np.abs(tight.force).max()))
-    np.testing.assert_allclose(
-        tight.force - slack.force, commanded, atol=2.0 * turning * np.abs(commanded).max() * 3.0
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 4])
 def test_natural_internal_forces_have_the_stated_size(n: int) -> None:

@@ -12,7 +12,7 @@ from tdfscal.errors import RigError, UsageError
 from tdfscal.records import DeclaredUncertainty, UncertainValue
 from tdfscal.simulation import Options, draw_truths, make_rig
 
-from .rigs import chi2_p, exact_rig, loose_rig, plausible
+from .rigs import chi2_p, loose_rig, plausible
 
 TRIALS = 400
 
@@ -70,22 +70,6 @@ def test_stated_prior_angles_and_given_angles() -> None:
     given = np.arange(9.0).reshape(3, 3) / 10.0
     truth = draw_truths(rig, Options(rpy=given), np.random.default_rng(4), 2)
     np.testing.assert_array_equal(truth.rpy, [given, given])
-
-
-def test_what_is_known_exactly_is_exact() -> None:
-    rig = exact_rig()
-    truth = draw_truths(rig, Options(), np.random.default_rng(5), 3)
-    for value, stated in (
-        (truth.mass, rig.mass.value),
-        (truth.barycentre, rig.barycentre.value),
-        (truth.hinge, rig.hinge),
-        (truth.zero, 0.0),
-        (truth.datum, 0.0),
-        (truth.sensitivity, 0.0),
-        (truth.rpy, 0.0),
-    ):
-        np.testing.assert_array_equal(value, np.broadcast_to(stated, value.shape))
-    np.testing.assert_array_equal(truth.gravity, [[0.0, 0.0, -9.80665]] * 3)
 
 
 def test_one_uncertainty_more_leaves_the_other_draws_alone() -> None:

@@ -31,11 +31,6 @@ def truths(lanes: int, *, loose: bool = True, seed: int = 0) -> Truth:
     return draw_truths(rig, Options(), np.random.default_rng(seed), lanes)
 
 
-def caught(gears: GearPair) -> float:
-    """Lateral misalignment that the lead-in still catches, m."""
-    return gears.clearance + gears.chamfer * float(np.tan(gears.chamfer_angle))
-
-
 def poses(lanes: int, shift: FloatArray | None = None, turn: FloatArray | None = None) -> Pose:
     R = np.eye(3) if turn is None else turn
     T = HOME + (np.zeros(3) if shift is None else shift)

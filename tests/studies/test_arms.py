@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies import controlled, docking, free_space
+from studies import docking, free_space
 from studies.arms import KNOWS, MOUNTED, TARED, Arm, simulated
 from studies.campaigns import Setting
 from studies.control.contact import GearPair
-from studies.control.machine import Impedance, Sensing
+from studies.control.machine import Sensing
 from studies.control.runs import Controller
 from tdfscal.errors import UsageError
 from tdfscal.simulation import SurveyOptions, reference_rig
@@ -42,12 +42,6 @@ def test_arms_differ_in_their_angles_alone(compared: tuple[Arm, ...]) -> None:
     assert off["Eq. 24"] > off["tracker"] > off["ML"] > off["true angles"] == 0.0
 
 
-def test_like_is_compared_with_like(compared: tuple[Arm, ...]) -> None:
-    found = controlled.pairs(compared)
-    assert ("Eq. 24, tared", "tracker, tared") in found
-    assert all(a.endswith("tared") == b.endswith("tared") for a, b in found)
-
-
 def test_free_space_and_taring(compared: tuple[Arm, ...]) -> None:
     """Along a straight line nothing but internal forces changes after the tare."""
     setup = free_space.Setup(RIG, SILENT, free_space.MOVES[:1], duration=2.0, rest=20.0)
@@ -56,22 +50,6 @@ def test_free_space_and_taring(compared: tuple[Arm, ...]) -> None:
     assert np.all(position["none"] > position["tracker"])
     assert position["tracker, tared"].mean() < 0.2 * position["tracker"].mean()
     assert position["Eq. 24, tared"].mean() > position["tracker, tared"].mean()
-
-
-@pytest.mark.slow
-def test_damping_against_the_way_lags_and_damping_against_the_reference_does_not(
-    compared: tuple[Arm, ...],
-) -> None:
-    """At even speed v the terminal hangs back by B v / K."""
-    own = (replace(compared[-1], assumed=compared[-1].truth),)
-    seen = []
-    for relative in (False, True):
-        controller = replace(SILENT, impedance=replace(Impedance(), relative=relative))
-        setup = docking.Setup(RIG, controller, GearPair(length=0.008), gap=0.02, ramp=0.5)
-        found = docking.simulate(setup, own, np.random.SeedSequence(1))
-        seen.append(float(np.nanmean(found.starts[0, :, 1])))
-    late = Impedance().damping[2] / Impedance().stiffness[2]  # B v / K of way at v
-    assert seen[0] - seen[1] == pytest.approx(late, abs=0.25)
 
 
 def test_docking_tells_how_runs_end(compared: tuple[Arm, ...]) -> None:
@@ -89,18 +67,6 @@ def test_docking_tells_how_runs_end(compared: tuple[Arm, ...]) -> None:
     assert np.isnan(found.maxima(0, seen=True)["none"]).all()
     table = docking._maxima("a case", found)
     assert table.rows[0][-1] == 0
-
-
-def test_lanes_on_several_cores_are_the_same(
-    compared: tuple[Arm, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(controlled, "_WORTH", 1)
-    setup = free_space.Setup(RIG, SILENT, free_space.MOVES[:1], duration=0.2, rest=0.1)
-    seen = []
-    for workers in (1, 2):
-        monkeypatch.setattr("os.cpu_count", lambda workers=workers: workers)
-        seen.append(free_space.simulate(setup, compared, np.random.SeedSequence(1)).value)
-    np.testing.assert_array_equal(seen[0], seen[1])
 
 
 def test_a_way_beyond_the_travel_is_refused(compared: tuple[Arm, ...]) -> None:

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 
-from studies.control.contact import GearPair, coordinates
-from tdfscal.errors import UsageError
+from studies.control.contact import GearPair
 from tdfscal.records import FloatArray
-from tdfscal.simulation import rotations
-from tests.studies.benches import caught
 
 SMOOTH = GearPair(friction=0.0)
 
@@ -94,34 +88,3 @@ def test_coulomb_at_speed() -> None:
     normal = 2 * gears.stiffness * 2e-5
     assert force[2] == pytest.approx(-gears.friction * normal, rel=1e-6)
     assert gears.wrench(q, -rate)[0, 2] == pytest.approx(gears.friction * normal, rel=1e-6)
-
-
-def test_lead_in_pushes_towards_the_bore_and_face_beyond_it() -> None:
-    q = np.zeros((2, 6))
-    q[:, 2] = 2e-4
-    q[:, 0] = [caught(SMOOTH) - 5e-5, caught(SMOOTH) + 2e-3]
-    found, missed = SMOOTH.wrench(q)
-    assert found[0] < 0.0
-    assert found[2] < 0.0
-    assert missed[0] == 0.0
-    assert missed[2] < 0.0
-
-
-def test_coordinates_are_of_the_shaft_in_the_bore() -> None:
-    rng = np.random.default_rng(3)
-    mouth = rng.normal(size=3)
-    small = 1e-5 * rng.normal(size=(5, 6))
-    q = coordinates(mouth, mouth + small[:, :3], rotations.exp(small[:, 3:]))
-    np.testing.assert_allclose(q, small, atol=1e-12)
-
-
-def test_impossible_gears_are_refused() -> None:
-    changes: tuple[dict[str, Any], ...] = (
-        {"clearance": 0.0},
-        {"length": 1e-3},
-        {"length": 3.0},
-        {"stiffness": -1.0},
-    )
-    for change in changes:
-        with pytest.raises(UsageError, match="cannot be docked"):
-            replace(GearPair(), **change)

@@ -10,7 +10,7 @@ import pytest
 from studies.control.contact import GearPair
 from studies.control.loop import Loop, simulate
 from studies.control.machine import Impedance, Sensing, Servo, transition
-from studies.control.reference import Reference, require_within
+from studies.control.reference import Reference
 from studies.control.runs import Controller
 from studies.control.stability import (
     GAIN_MARGIN,
@@ -20,12 +20,10 @@ from studies.control.stability import (
     sample_map,
 )
 from studies.control.terminal import Terminal, body, inertia_of
-from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Load, Pose, rotations, settle
-from tdfscal.simulation.truth import stated
 from tests.simulation.rigs import exact_rig, loose_rig
-from tests.studies.benches import HOME, IDEAL, SHORT, caught, dock, fleet, poses, truths
+from tests.studies.benches import HOME, IDEAL, SHORT, dock, fleet, poses, truths
 
 
 def still(seconds: float, lanes: int, step: float) -> Reference:
@@ -115,29 +113,6 @@ def test_docked_position_is_the_geometric_one() -> None:
     assert np.hypot(tilt_x, tilt_y).max() < 2.0 * gears.clearance / gears.length
 
 
-@pytest.mark.slow
-def test_halving_the_step_changes_maxima_little() -> None:
-    truth = truths(3, seed=4)
-    turned = truth.rotation @ rotations.exp(np.full(3, 2e-3))
-    wrong = replace(stated(loose_rig(), 3), rotation=turned)
-    runs = [
-        dock(
-            truth,
-            replace(IDEAL, step=step),
-            shift=(3e-4, 2e-4),
-            assumed=wrong,
-            repeat=1e-5,
-            beyond=0.0,
-        )
-        for step in (4e-3, 2e-3)
-    ]
-    coarse, fine = (
-        np.linalg.norm(r.peak[:, 1:3].max(axis=1).reshape(-1, 2, 3), axis=-1) for r in runs
-    )
-    assert fine.min() > 0.5
-    np.testing.assert_allclose(coarse, fine, rtol=0.04)
-
-
 def swing(
     damping: float, step: float, seconds: float, gears: GearPair | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -187,15 +162,6 @@ def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None
     _, height = swing(0.05, 1e-3, 0.2)
     peaks = np.abs(height[180:]).max() / 2e-5
     assert np.exp(-0.05 * vertical * 0.2) < peaks < np.exp(-0.05 * vertical * 0.18)
-
-
-def test_energy_does_not_grow_in_contact() -> None:
-    """Held half a step ahead, the contact's force does no net work; damping takes energy."""
-    gears = GearPair(friction=0.0)
-    energy, _ = swing(1e-9, 1e-3, 1.0, gears)
-    assert abs(energy[-200:].mean() / energy[:200].mean() - 1.0) < 0.02
-    energy, _ = swing(0.02, 1e-3, 1.0, gears)
-    assert energy[-1] < 0.02 * energy[0]
 
 
 def test_a_light_virtual_mass_shakes_the_loop_up_as_its_eigenvalue_says() -> None:
@@ -277,30 +243,3 @@ def test_false_force_displaces_by_its_stiffness() -> None:
                                    result.traces.measured[-1][:, :3])], axis=1),
                                rtol=1e-3, atol=1e-4)  # fmt: skip
     assert np.abs(result.traces.deviation[-1][:, :3]).max() > 1e-4
-
-
-@pytest.mark.slow
-def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
-    truth = truths(2)
-    controller = replace(IDEAL, sensing=Sensing(noise=1.75))
-    first, again, other = (
-        dock(truth, controller, noise=seed, shift=(2e-4, 0.0), beyond=0.0) for seed in (1, 1, 2)
-    )
-    assert first.peak.max() > 1.0
-    np.testing.assert_array_equal(first.peak, again.peak)
-    assert not np.array_equal(first.peak, other.peak)
-
-
-def test_jamming_is_recognised() -> None:
-    """Beyond the lead-in's reach the shaft lands on the face."""
-    result = dock(truths(1), IDEAL, shift=(caught(SHORT) + 1.5e-3, 0.0))
-    assert result.jammed.all()
-    assert not result.seated.any()
-    assert result.q[0, 2] < SHORT.length / 2
-
-
-def test_posture_outside_the_travel_is_refused() -> None:
-    with pytest.raises(UsageError, match="ncp1 would have to move 300 mm"):
-        require_within(
-            exact_rig(), poses(1, np.array([0.3, 0, 0])), tuple(HOME), (0.25, 0.25, 0.5), "posture"
-        )

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from studies.arms import Arm
-from studies.control.contact import GearPair
-from studies.control.machine import Sensing
-from studies.controlled import controller_of
-from studies.free_space import MOVES, Setup, simulate
 from studies.linear import by_angles, by_entries, readings
 from tdfscal.model.statics import postures
-from tdfscal.records import DeclaredUncertainty, FloatArray, Rig
+from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.linear_method import linear_data
 from tdfscal.selfcal.linear_method import linear_rotations as products
 from tdfscal.simulation import Batch, Options, reference_rig, simulate_dwells
-from tdfscal.simulation.truth import draw_truths, stated
 
 RIG = reference_rig()
 
@@ -106,51 +98,3 @@ def test_the_product_has_the_same_linear_method(batch: Batch) -> None:
     for run in range(2):
         theirs = products(linear_data(RIG, postures(RIG, batch.dwells(run))))
         np.testing.assert_allclose(ours[run], theirs, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_deviation_in_free_space() -> None:
-    """Eq. 9 at the target with the forces of Eq. 18, over K of the impedance, once it rests.
-
-    Exact positioners and sensors without noise; the sensors are 5 mrad off, the barycentre 2 mm.
-    """
-    rig = replace(RIG, declared=DeclaredUncertainty())
-    controller = controller_of(rig, GearPair())
-    controller = replace(controller, sensing=Sensing(noise=0.0))
-    assumed = stated(rig, 1)
-    truth = draw_truths(
-        replace(rig, zero=replace(rig.zero, std=np.zeros((3, 3)))), Options(),
-        np.random.default_rng(1), 1,
-    )  # fmt: skip
-    turns = 5e-3 * np.array([[[1.0, -2.0, 3.0], [0.0, 1.0, 1.0], [-1.0, 1.0, 0.0]]])
-    X = Rotation.from_euler("xyz", turns[0]).as_matrix()
-    offset = np.array([0.002, -0.001, 0.0])
-    truth = replace(
-        truth, rotation=X[None], mass=np.array(rig.mass.value)[None],
-        barycentre=(rig.barycentre.value + offset)[None], hinge=rig.hinge[None],
-    )  # fmt: skip
-    seen = simulate(
-        Setup(rig, controller, MOVES[1:2], duration=4.0, rest=60.0),
-        (Arm("one", truth, assumed),), np.random.SeedSequence(0),
-    ).value[0, 0, 0]  # fmt: skip
-
-    # By hand: at the target R = I. Forces of least norm that carry the weight at its true place.
-    G = np.array([0.0, 0.0, -float(rig.mass.value) * 9.80665])
-    J = np.vstack([np.hstack([np.eye(3)] * 3), np.hstack([hat(r) for r in rig.hinge])])
-    load = np.concatenate([G, np.cross(rig.barycentre.value + offset, G)])
-    F = np.linalg.lstsq(J, -load, rcond=None)[0].reshape(3, 3)
-    reading = np.array([X[i].T @ F[i] for i in range(3)])
-    # The controller takes the sensors for aligned, and the barycentre for the rig file's.
-    centre = np.array(controller.impedance.centre)
-    false_force = -reading.sum(axis=0) - G
-    false_moment = -sum(np.cross(rig.hinge[i] - centre, reading[i]) for i in range(3)) - np.cross(
-        rig.barycentre.value - centre, G
-    )
-    K = np.array(controller.impedance.stiffness)
-    shift, turn = false_force / K[:3], false_moment / K[3:]
-    # The tip moves by `shift`; the LCS origin, turned about it, by what the turn adds.
-    origin = shift + np.cross(turn, -centre)
-    size = np.linalg.norm(origin), np.linalg.norm(turn)
-    assert size[0] > 1e-3
-    assert np.linalg.norm(seen[:3] - origin) < 0.01 * size[0]
-    assert np.linalg.norm(seen[3:] - turn) < 0.01 * size[1]

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from studies.sensitivity import jacobian, run, sweep, wrench_error
+from studies.sensitivity import jacobian, sweep
 from tdfscal.numerics import so3
-from tdfscal.records import UncertainValue
 from tdfscal.simulation import make_rig, reference_rig
 
 
@@ -56,32 +53,3 @@ def test_internal_forces_by_random_draws() -> None:
         each = square[:, rows].sum(axis=1)
         error = each.std() / np.sqrt(draws)
         assert abs(mine[1, 2, -1] ** 2 - each.mean()) < 4 * error
-
-
-def test_a_mounting_turned_by_a_quarter_exchanges_roll_and_pitch() -> None:
-    rig = replace(
-        reference_rig(), barycentre=UncertainValue(np.array([0.05, 0.02, 0.25]), np.zeros(3))
-    )
-    turned = replace(rig, nominal_rpy=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2], [0, 0, 0]]))
-    plain, other = (sweep(r, points=5) for r in (rig, turned))
-    # Rz(90°) Ry(β) Rx(α): a small roll is then a turn about y, a small pitch one about −x.
-    assert other.torque[1, 0] == pytest.approx(plain.torque[1, 1], abs=1e-8)
-    assert other.torque[1, 1] == pytest.approx(plain.torque[1, 0], abs=1e-8)
-    assert plain.torque[1, 0, -1] != pytest.approx(plain.torque[1, 1, -1], rel=0.1)
-
-
-def test_one_sensor_that_is_off_in_closed_form() -> None:
-    rig, theta = reference_rig(), 0.03
-    angles = rig.nominal_rpy.copy()
-    angles[1, 0] += theta
-    error = wrench_error(rig, so3.from_rpy(rig.nominal_rpy), so3.from_rpy(angles))
-    third = 500.0 * 9.80665 / 3
-    assert error[0] == pytest.approx(2 * third * np.sin(theta / 2), rel=1e-9)
-
-
-def test_what_follows_from_the_chosen_mass_is_no_verdict() -> None:
-    study = run(reference_rig())
-    assert study.beside == ()
-    assert any("81.71" in value for _, value, _ in study.chosen)
-    heavier = run(make_rig(mass=600.0))
-    assert any("98.06" in value for _, value, _ in heavier.chosen)

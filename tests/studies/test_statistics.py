@@ -80,12 +80,3 @@ def test_verdicts_of_draws_go_by_the_spread_of_the_runs() -> None:
         assert item.verdict == expected
     few = Beside("Fig. 0", "x", "", 1.0, mean(draws[:2]), draws=draws[:2])
     assert few.verdict == "undecided"
-
-
-@pytest.mark.parametrize(
-    ("value", "std", "said"),
-    [(2.874, 0.052, "2.87 ± 0.05"), (13.4, 1.6, "13.4 ± 1.6"), (0.1447, 0.0012, "0.1447 ± 0.0012"),
-     (-35.3, 4.2, "−35 ± 4"), (1234.0, 190.0, "1230 ± 190"), (81.7123, np.nan, "81.7")],
-)  # fmt: skip
-def test_numbers_in_words(value: float, std: float, said: str) -> None:
-    assert str(Estimate(value, std)) == said

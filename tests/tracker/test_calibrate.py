@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Instrument
-from tdfscal.simulation import Options, SurveyOptions, draw_truths, reference_rig, simulate_survey
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 
 from .world import (
@@ -232,18 +231,3 @@ def test_uncertainties_in_the_files_add() -> None:
     result, plain = calibrate(survey.with_session(targets=stated)), calibrate(survey)
     assert np.all(result.budget["measured points' file"] > 0)
     assert np.all(result.rpy_std > plain.rpy_std)
-
-
-@pytest.mark.slow
-def test_surveys_of_the_simulator_are_calibrated_within_their_uncertainty() -> None:
-    rig = reference_rig()
-    options = SurveyOptions(distance=8.0, drawing=2e-5, body_misalignment=2e-4)
-    total = 0.0
-    for seed in range(25):
-        rng = np.random.default_rng(seed)
-        truth = draw_truths(rig, Options(), rng, 1).trial(0)
-        session = simulate_survey(rig, truth, options, rng).session
-        result = calibrate_tracker(rig, session, misalignment=2e-4, trials=0)
-        total += distance(truth.rotation, result)
-    low, high = chi2_bounds(9 * 25)
-    assert low < total < high

@@ -120,12 +120,6 @@ def test_expanded_uncertainties_are_halved_and_said_so(
     assert codes(read) == said
 
 
-def test_columns_not_used_are_said(tmp_path: Path) -> None:
-    text = "group,point,x,y,z,operator\nncp1,P1,1,2,3,me\n"
-    read = read_point_file(write(tmp_path, text), length_unit="mm")
-    assert found(read, "columns-unused").values["columns"] == ["operator"]
-
-
 HEAD = "group,point,x,y,z\n"
 BAD = {
     "empty": ("", "no points"),
@@ -196,11 +190,6 @@ def test_zeros_throughout_state_no_uncertainty(tmp_path: Path) -> None:
     assert found(read, "uncertainty-unstated").values["zero"]
 
 
-def test_a_target_column_of_names_names_the_points(tmp_path: Path) -> None:
-    text = "Target;X [mm];Y [mm];Z [mm]\nA;1;2;3\nB;4;5;6\nC;7;8;9\n"
-    assert read_points(write(tmp_path, text), length_unit=None).point == ("A", "B", "C")
-
-
 @pytest.mark.parametrize(("delimiter", "blank"), [(", ", ", , , "), (" ", ""), (",", "")])
 @pytest.mark.parametrize(("sigma", "k"), [("1.0 sigma", 1.0), ("2.00 Sigma", 2.0), ("k = 3", 3.0)])
 def test_spatial_analyzer_uncertainties(
@@ -213,17 +202,6 @@ def test_spatial_analyzer_uncertainties(
     assert read.points.std is not None
     assert read.points.std[0] == pytest.approx(np.array([2e-5, 4e-5, 6e-5]) / k, rel=1e-12)
     assert np.isnan(read.points.std[1]).all()
-
-
-@pytest.mark.parametrize("names", ["[U-x, U-y, U-z]", "[U-x], [U-y], [U-z]", None])
-def test_names_bracketed_as_optional_or_left_out(tmp_path: Path, names: str | None) -> None:
-    text = SA_U.format(d=", ", blank="", sigma="1.0 sigma")
-    if names is None:
-        text = "\n".join(line for line in text.splitlines() if "Collection" not in line)
-    text = text.replace("U-x, U-y, U-z", names or "")
-    std = read_points(write(tmp_path, text), length_unit=None).std
-    assert std is not None
-    assert std[0] == pytest.approx([2e-5, 4e-5, 6e-5], rel=1e-12)
 
 
 @pytest.mark.parametrize(

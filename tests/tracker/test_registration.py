@@ -65,18 +65,6 @@ def draws(seeds: int, stated_C: FloatArray) -> tuple[FloatArray, list[FloatArray
     return np.array(squares), whitened, chi2, dof
 
 
-@pytest.mark.slow
-def test_stated_covariance_is_the_scatter() -> None:
-    squares, whitened, chi2, dof = draws(300, C)
-    low, high = chi2_bounds(6 * 300)
-    assert low < squares.sum() < high
-    low, high = chi2_bounds(300)
-    for component in np.array(whitened).T:
-        assert low < component @ component < high
-    low, high = chi2_bounds(dof)
-    assert low < chi2 < high
-
-
 def test_a_wrong_covariance_is_noticed() -> None:
     squares, _, chi2, dof = draws(100, C * 0.5**2)
     assert squares.sum() > chi2_bounds(600)[1]
@@ -133,15 +121,6 @@ def test_one_bad_point_is_not_taken_for_a_mirror() -> None:
     assert fit.outlier_p.argmin() == 2
 
 
-def test_coplanar_points_are_marked() -> None:
-    rng = np.random.default_rng(9)
-    x = cloud(rng) * [1, 1, 0]
-    y = x @ rotation(rng).T + rng.normal(size=x.shape) * 1e-5
-    fit = register(y, x, stacked(np.eye(3) * 1e-10, 6))
-    assert not fit.handed
-    assert np.linalg.det(fit.rotation) == pytest.approx(1, abs=1e-14)
-
-
 @pytest.mark.parametrize(("noise", "away"), [(0.0, 30.0), (1e-8, 30.0), (1e-5, 0.0)])
 def test_lines_in_every_direction_are_refused(noise: float, away: float) -> None:
     rng = np.random.default_rng(12)
@@ -166,35 +145,11 @@ def test_noise_of_the_reference_does_not_make_a_line_a_plane(known: bool) -> Non
         register(y, x, *((cov, cov) if known else ()))
 
 
-def test_points_just_off_a_line_are_right_where_they_are_exact() -> None:
-    """Width 1e-7 m without noise: the answer is known to rounding, and the stated σ says so."""
-    rng = np.random.default_rng(12)
-    x = np.linspace(0, 1, 5)[:, None] * [1, 0, 0] + 1e-7 * rng.normal(size=(5, 3))
-    R = rotation(rng)
-    fit = register(x @ R.T, x)
-    d = error_vector(R, fit.rotation)
-    std = np.sqrt(np.linalg.eigvalsh(fit.rotation_covariance)[-1])
-    assert np.linalg.norm(d) < 5 * std < 1e-6
-
-
 @pytest.mark.parametrize("count", [0, 2, 5])
 def test_too_few_points_and_coincident_ones_are_refused(count: int) -> None:
     x = np.tile([0.1, 0.2, 0.3], (count, 1))
     with pytest.raises(NotIdentifiableError):
         register(x, x, stacked(C, count))
-
-
-def test_unknown_noise_is_estimated() -> None:
-    total, dof = 0.0, 0
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
-        x = cloud(rng)
-        fit = register(x @ rotation(rng).T + 3e-5 * rng.normal(size=x.shape), x)
-        assert fit.sigma is not None
-        assert fit.p_value is None
-        total, dof = total + fit.dof * (fit.sigma / 3e-5) ** 2, dof + fit.dof
-    low, high = chi2_bounds(dof)
-    assert low < total < high
 
 
 def test_extension_that_the_points_do_not_show_is_none() -> None:

@@ -30,7 +30,7 @@ from tdfscal.validation.residual_wrench import Validation, validate
 
 from .held_out import RIG, USED, calibrate, part
 
-CHECKED, SLIPPED, TRIALS = 12, 6, 2
+CHECKED, SLIPPED, TRIALS = 12, 6, 1
 TURN = (2e-3, -1e-3, 2e-3)
 TURNS = ((5e-3, -2e-3, 3e-3), (-3e-3, 6e-3, -5e-3), (2e-3, 5e-3, 6e-3))
 NONE = Faults()

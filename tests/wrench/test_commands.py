@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -147,17 +146,6 @@ def test_filters_take_noise_off_and_say_what_they_cost(
     assert late_ms == pytest.approx(1e3 * Walk.of(WALK, 1.75, 1 / 200).delay, rel=0.1)
 
 
-def test_csv_and_parquet_hold_the_same(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    tables = []
-    for suffix, read in ((".csv", pa_csv.read_csv), (".parquet", pq.read_table)):
-        target = tmp_path / f"wrench{suffix}"
-        assert run(capsys, "apply", places.calibration, places.held, "-o", target).status == 0
-        tables.append(read(target).to_pandas().to_numpy())
-    assert np.array_equal(*tables)
-
-
 def test_few_samples_show_no_noise(places: Places) -> None:
     """The uncertainty of a sample is unknown then, not that of the calibration alone."""
     found = tdfscal.apply(places.calibration, places.held, to="+0.03")
@@ -166,27 +154,6 @@ def test_few_samples_show_no_noise(places: Places) -> None:
     assert frame.filter(regex="^u_[fm]").isna().all(axis=None)
     assert frame.filter(regex="^u_cal_").notna().all(axis=None)
     assert set(found.to_dict()["noise"]["std"].values()) == {None}
-
-
-def test_still_valid(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys, "validate", places.calibration, places.held)
-    assert seen.status == 0, seen.err
-    assert "STILL VALID" in seen.out
-    assert max(map(len, seen.out.splitlines())) <= 90
-    found = json.loads(run(capsys, "validate", places.calibration, places.held, "--json").out)
-    assert found["verdict"] == "still valid"
-    assert len(found["postures"]) == HELD
-    assert found["force"]["rms_after"] < 0.02 * found["force"]["rms_before"]
-    assert found["p_value"] > 1e-3
-
-
-def test_contact_is_named_and_fails(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
-    seen = run(capsys, "validate", places.calibration, places.touched, "--json")
-    assert seen.status == 1
-    found = json.loads(seen.out)
-    assert found["verdict"] == "record again"
-    assert found["suspected"][0]["kind"] == "contact"
-    assert found["suspected"][0]["postures"] == [OFF - USED]
 
 
 def test_what_the_calibration_stands_on_is_left_out(places: Places, tmp_path: Path) -> None:
@@ -254,15 +221,6 @@ def test_a_log_without_a_common_instant_is_refused(
     assert [path.name for path in tmp_path.iterdir()] == ["apart"]
 
 
-def test_a_mass_within_its_uncertainty_is_no_contradiction(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    folder = tmp_path / "held"
-    shutil.copytree(places.held, folder)
-    edited(folder / "rig.yaml", lambda d: d["terminal"]["mass"].update(value=500.3))
-    assert run(capsys, "validate", places.calibration, folder).status == 0
-
-
 def test_the_embedded_rig_serves_where_there_is_no_other(
     places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -287,38 +245,6 @@ def test_a_rejected_calibration_is_used_with_a_loud_warning(
     seen = run(capsys, "validate", target, places.held)
     assert "IS A REJECTED CALIBRATION" in seen.err
     assert "a test" in seen.err
-
-
-@pytest.mark.parametrize("name", ["wrench.txt", "missing/wrench.csv"])
-def test_a_result_that_cannot_be_written_is_refused_at_once(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
-) -> None:
-    seen = run(capsys, "apply", places.calibration, places.held, "-o", tmp_path / name)
-    assert seen.status == 2
-    assert not (tmp_path / name).exists()
-
-
-def test_an_input_is_never_replaced(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    log = tmp_path / "log.csv"
-    log.write_text("time\n")
-    seen = run(capsys, "apply", places.calibration, log, "-o", log)
-    assert seen.status == 2
-    assert "replace an input" in seen.err
-    assert log.read_text() == "time\n"
-
-
-def test_a_damaged_log_leaves_an_older_result_alone(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    log, target = tmp_path / "log.mcap", tmp_path / "w.csv"
-    whole = (places.held / "log.mcap").read_bytes()
-    log.write_bytes(whole[: len(whole) // 2])
-    target.write_text("older")
-    assert run(capsys, "apply", places.calibration, log, "-o", target).status == 3
-    assert target.read_text() == "older"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.mcap", "w.csv"]
 
 
 def test_inertia_of_the_rig_file_is_used(

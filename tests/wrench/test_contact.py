@@ -101,20 +101,6 @@ def test_open_zeros_leave_the_uncertainty_open() -> None:
     assert np.all(np.isinf(np.diagonal(cov, axis1=1, axis2=2)[:, :3]))
 
 
-@pytest.mark.parametrize("speed", [0.0, 1e-3, 0.05, 5.0])
-def test_poses_are_those_of_the_registration(speed: float) -> None:
-    rng, N = np.random.default_rng(1), 1000
-    t = np.arange(N) / 1000
-    axis = np.array([0.6, -0.5, 0.3])
-    R = so3.exp(speed * np.sin(2 * t)[:, None] * axis)
-    position = np.einsum("kab,nb->kna", R, RIG.hinge) + rng.standard_normal((N, 1, 3))
-    position += 1e-5 * rng.standard_normal(position.shape)
-    R, T = poses(RIG.hinge, position)
-    R0, T0 = register(RIG.hinge, position)
-    assert np.abs(R - R0).max() < 3e-10
-    assert np.abs(T - T0).max() < 1e-9
-
-
 def test_inertial_terms_are_the_rate_of_momentum() -> None:
     rate, N = 1000.0, 2001
     t = np.arange(N) / rate

@@ -6,7 +6,7 @@ import json
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pyarrow.compute as pc
@@ -15,7 +15,6 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
 
 import tdfscal
 from tests.cli.running import SAMPLES, Cli
@@ -94,40 +93,6 @@ def test_a_ros_decoder_reads_the_table_back(applied: Path) -> None:
         np.testing.assert_allclose(np.array(times) * 1e-9, expected["time"], rtol=0, atol=1e-9)
         columns = np.stack([expected[f"{prefix}{c}"] for c in COMPONENTS], axis=1)
         assert np.array_equal(np.array(values), columns)
-
-
-def test_a_bag_reader_opens_it(applied: Path, tmp_path: Path) -> None:
-    """`rosbags` reads it in a folder with the metadata that `ros2 bag reindex` writes."""
-    bag = tmp_path / "bag"
-    bag.mkdir()
-    shutil.copy(applied / "w.mcap", bag / "w.mcap")
-    count, nothing = len(table(applied)["time"]), {"nanoseconds": 0}
-    topic = {"type": "geometry_msgs/msg/WrenchStamped", "serialization_format": "cdr"}
-    topics = [
-        {"topic_metadata": {"name": name, **topic, "offered_qos_profiles": ""},
-         "message_count": count}
-        for name in TOPICS
-    ]  # fmt: skip
-    information = {
-        "version": 5,
-        "storage_identifier": "mcap",
-        "relative_file_paths": ["w.mcap"],
-        "duration": nothing,
-        "starting_time": {"nanoseconds_since_epoch": 0},
-        "message_count": count * len(TOPICS),
-        "topics_with_message_count": topics,
-        "compression_format": "",
-        "compression_mode": "",
-    }
-    (bag / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}))
-    with AnyReader([bag]) as reader:
-        messages = [
-            six(cast("Any", reader.deserialize(raw, connection.msgtype)).wrench)
-            for connection, _, raw in reader.messages()
-            if connection.topic == "/contact_wrench"
-        ]
-    columns = np.stack([table(applied)[c] for c in COMPONENTS], axis=1)
-    assert np.array_equal(np.array(messages), columns)
 
 
 def test_it_is_a_result_and_no_log(applied: Path, cli: Cli) -> None:

@@ -41,10 +41,6 @@ def test_a_tare_is_told_with_its_size_and_the_calibration_holds() -> None:
     assert np.all(stats.chi2.cdf(total, RUNS) > 1e-4)
 
 
-def test_zeros_that_stay_are_not_said_to_have_moved() -> None:
-    assert not any(verdict(t, world(TRIALS).held(t)).zeros.moved for t in range(RUNS))
-
-
 def test_a_sensor_turned_by_4_mrad_is_named_through_a_tare() -> None:
     named = 0
     for t in range(RUNS):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,13 +10,12 @@ from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
-from tdfscal.errors import UsageError
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import single, wrenches
-from tdfscal.wrench.filtering import Walk, filter_for, filtered
-from tdfscal.wrench.kinematics import derivative_kernels, motion, poses, rotations
+from tdfscal.wrench.filtering import filter_for, filtered
+from tdfscal.wrench.kinematics import derivative_kernels, motion
 from tdfscal.wrench.resampling import Samples, Tally, aligned
 
 LEVEL = np.tile(np.eye(3), (3, 1, 1))
@@ -141,29 +139,6 @@ def test_short_blocks_share_an_uncertainty_and_long_ones_do_not() -> None:
         assert std[0] == pytest.approx(mean * plain, rel=1e-9)
 
 
-def test_a_pose_that_is_known_is_taken() -> None:
-    time, position, force = standing(4)
-    turned = np.tile(Rotation.from_euler("z", 0.3).as_matrix(), (4, 1, 1))
-    value = wrenches(given(), time, position, 1.1 * force, rotation=turned).value
-    plain = wrenches(given(), time, position, 1.1 * force).value
-    assert np.allclose(value[:, 2], plain[:, 2], atol=0)
-
-
-@pytest.mark.parametrize("count", [1, 127, 128, 129, 300])
-def test_rotations_in_blocks_are_those_of_each(count: int) -> None:
-    """Turns of half a radian within a block, noise of the positions, and the last of a block."""
-    rng = np.random.default_rng(count)
-    hinge = rng.normal(size=(4, 3))
-    turn = Rotation.from_rotvec(0.25 * rng.normal(size=(count, 3)))
-    R = turn.as_matrix()
-    position = np.einsum("kab,nb->kna", R, hinge) + rng.normal(size=(count, 1, 3))
-    found = rotations(hinge, position)
-    assert np.abs(found - R).max() < 3e-10
-    _, place = poses(hinge, position)
-    expected = position.mean(axis=1) - turn.apply(hinge.mean(axis=0))
-    assert np.abs(place - expected).max() < 1e-9
-
-
 @pytest.mark.parametrize("half", [2, 5, 40])
 def test_kernels_are_savitzky_and_golays(half: int) -> None:
     found = derivative_kernels(half)
@@ -222,21 +197,6 @@ def test_gaps_of_another_stream_are_left_out_and_counted() -> None:
         assert np.allclose(s.force[:, 2], np.outer(s.time, [-1.0, 4.0, 2.0]) + 20, atol=1e-9)
 
 
-def test_what_begins_late_or_ends_early_covers_only_itself() -> None:
-    base = np.arange(0.0, 1.0, 0.01)
-    position = np.arange(0.195, 0.7, 0.02)
-    tally = Tally()
-    cuts = [0.0, 0.33, 0.34, 0.8, 1.0]
-    pieces = [
-        streams(position[(position >= a) & (position < b)], base[(base >= a) & (base < b)])
-        for a, b in pairwise(cuts)
-    ]
-    time = np.concatenate([s.time for s in aligned(pieces, tally)])
-    good = (base > position[0]) & (base < position[-1])
-    assert np.allclose(time, base[good], rtol=0, atol=1e-12)
-    assert (tally.used, tally.uncovered) == (int(good.sum()), int((~good).sum()))
-
-
 @pytest.mark.parametrize("together", [True, False])
 def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -> None:
     base = np.arange(0.0, 1.0, 0.01)
@@ -252,20 +212,6 @@ def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -
 
 
 # Filters.
-
-
-@pytest.mark.parametrize("numbers", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0),
-                                     (np.inf, 1.0, 1.0), (1.0, np.inf, 1.0), (1.0, 1.0, np.inf),
-                                     (np.nan, 1.0, 1.0)])  # fmt: skip
-def test_walks_that_are_none(numbers: tuple[float, float, float]) -> None:
-    with pytest.raises(UsageError):
-        Walk(*numbers)
-
-
-def test_a_noise_free_measurement_is_followed_at_once() -> None:
-    walk = Walk(1.0, 0.0, 0.5)
-    assert walk.gain == 1.0
-    assert walk.delay == 0.0
 
 
 @pytest.mark.parametrize("gap", [2.9, 3.1])

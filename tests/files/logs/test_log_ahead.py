@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 
 import pytest
 
-from tdfscal.logs.log_file import ahead, mapped
+from tdfscal.logs.log_file import ahead
 
 
 def counted(stop: int, fault: int = -1) -> Generator[int, None, None]:
@@ -17,29 +17,11 @@ def counted(stop: int, fault: int = -1) -> Generator[int, None, None]:
         yield k
 
 
-def test_a_stream_keeps_its_order() -> None:
-    assert list(ahead(counted(50))) == list(range(50))
-
-
 def test_an_error_comes_in_its_turn() -> None:
     stream = ahead(counted(50, fault=3))
     assert [next(stream) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(ValueError, match="here"):
         next(stream)
-
-
-def test_little_is_taken_before_it_is_wanted() -> None:
-    taken = []
-
-    def given() -> Iterator[int]:
-        for k in range(100):
-            taken.append(k)
-            yield k
-
-    stream = mapped(abs, given(), 2)
-    next(stream)
-    assert len(taken) == 3
-    stream.close()
 
 
 def test_closing_early_closes_the_stream_and_ends_the_threads() -> None:

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import StoragePlugin
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import (
@@ -70,11 +70,6 @@ def topics(counts: dict[str, int]) -> list[dict[str, Any]]:
     ]
 
 
-def test_the_file_of_a_recording_is_a_log_by_itself(tmp_path: Path) -> None:
-    folder = rosbag2(tmp_path / "bag", TRUTH, StoragePlugin.MCAP)
-    assert_holds(read_log(sorted(folder.glob("*.mcap")), MAPPING, SUPPORTS), TRUTH)
-
-
 def test_by_rosbags_with_another_file_in_place_of_its_own(tmp_path: Path) -> None:
     folder = rosbag2(tmp_path / "bag", TRUTH, StoragePlugin.MCAP)
     (file,) = folder.glob("*.mcap")
@@ -129,14 +124,6 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
 def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: str) -> None:
     with pytest.raises(DataError, match=match):
         read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
-
-
-def test_a_folder_that_a_killed_recorder_leaves(tmp_path: Path) -> None:
-    folder = by_hand(tmp_path / "bag")
-    (folder / "metadata.yaml").unlink()
-    match = r"holds bag_0\.mcap, bag_1\.mcap and no metadata\.yaml.*ros2 bag reindex"
-    with pytest.raises(UsageError, match=match):
-        read_log([folder], MAPPING, SUPPORTS)
 
 
 def test_paths_that_carry_the_name_of_the_folder(tmp_path: Path) -> None:

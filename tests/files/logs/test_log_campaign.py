@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import input_file
-from tdfscal.logs import is_log, iter_log, read_log
+from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
@@ -146,31 +145,6 @@ def test_pieces_put_together_are_the_log(tmp_path: Path, monkeypatch: pytest.Mon
         )
 
 
-def test_leaving_early_stops_the_reading(tmp_path: Path) -> None:
-    path = csv(tmp_path, np.arange(1000.0))
-    pieces = iter_log([path], DEFAULT, ONE)
-    next(pieces)
-    pieces.close()  # type: ignore[attr-defined]
-    assert list(pieces) == []
-
-
-def test_what_is_a_log(tmp_path: Path) -> None:
-    for name in (
-        "a.csv",
-        "A.CSV",
-        "a.tsv",
-        "a.csv.gz",
-        "a.csv.zst",
-        "a.parquet",
-        "a.mcap",
-        "a.txt",
-    ):
-        assert is_log(tmp_path / name)
-    for name in ("rig.yaml", "a.parquet.gz.json", "a.json", "csv", "a.gz"):
-        assert not is_log(tmp_path / name)
-    assert not is_log(tmp_path)
-
-
 def test_paths_that_are_no_logs(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no such file"):
         read([tmp_path / "absent.csv"])
@@ -180,15 +154,3 @@ def test_paths_that_are_no_logs(tmp_path: Path) -> None:
         read([tmp_path])
     with pytest.raises(UsageError, match="no log is given"):
         read([])
-
-
-def test_pipes_and_links_to_themselves_are_not_opened(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.csv")
-    with pytest.raises(UsageError, match=r"pipe\.csv: is no regular file"):
-        read([tmp_path / "pipe.csv"])
-    (tmp_path / "loop.csv").symlink_to("loop.csv")
-    with pytest.raises(UsageError, match=r"loop\.csv: the file cannot be opened"):
-        read([tmp_path / "loop.csv"])
-    (tmp_path / "dangling.csv").symlink_to("gone.csv")
-    with pytest.raises(UsageError, match=r"dangling\.csv: there is no such file.* a link"):
-        read([tmp_path / "dangling.csv"])

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.clock import Clock, apart
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
-    MAPPING,
     SUPPORTS,
     assert_holds,
     make_truth,
@@ -63,13 +61,6 @@ def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
     assert "by 0.5 s at most" in in_words(off.findings)[1]
 
 
-def test_missing_topics_are_named(tmp_path: Path) -> None:
-    path = write(tmp_path / "log.mcap", mcap_bytes(make_truth(60)))
-    wrong = LogMapping(SUPPORTS, tuple((f"/{s}/pose.point",) for s in SUPPORTS), MAPPING.force)
-    with pytest.raises(DataError, match=r"no topic for /ncp1/pose.point.*/ncp1/position"):
-        read_log([path], wrong, SUPPORTS)
-
-
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
 def test_progress_ascends_to_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
@@ -92,14 +83,6 @@ def test_progress_ascends_to_one(
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert any(0.1 < share < 0.9 for share in told)
-
-
-def test_names_that_are_not_utf8(tmp_path: Path) -> None:
-    truth = make_truth(20)
-    path = tmp_path / "l\udcffg.csv"
-    table(truth).to_csv(path, index=False)
-    log = read_log([path], None, SUPPORTS)
-    assert log.inputs[0].path.encode().endswith(b"l\\xffg.csv")
 
 
 def protobuf_log(truth_seed: int = 1) -> tuple[bytes, object]:
@@ -173,15 +156,6 @@ def test_protobuf_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         read_log([write(tmp_path / "log.mcap", content)], PROTOBUF, SUPPORTS)
 
 
-def test_protobuf_paths_that_lead_nowhere(tmp_path: Path) -> None:
-    content, _ = protobuf_log()
-    wrong = LogMapping(
-        SUPPORTS, tuple((f"/{s}/position.velocity",) for s in SUPPORTS), PROTOBUF.force
-    )
-    with pytest.raises(DataError, match=r"it has no number at \.velocity\.x"):
-        read_log([write(tmp_path / "log.mcap", content)], wrong, SUPPORTS)
-
-
 def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
     even = np.arange(2000) * 0.01
     time = np.concatenate([even, even + 20.49, even + 41.0])  # gaps of 0.5 s and 0.52 s
@@ -248,19 +222,3 @@ def test_what_is_long_depends_on_the_stream_s_period() -> None:
     postures = [clock(n, np.arange(k), "postures") for n, k in (("/f", 5.0), ("/g", 50.0))]
     assert apart(postures) == []
     assert apart([clock("column time", np.arange(5.0))]) == []
-
-
-def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
-    assert when(1750000060.25) == "2025-06-15 15:07:40.25 UTC"
-    assert when(1750000000.0) == "2025-06-15 15:06:40 UTC"
-    assert when(20.035) == "20.035 s"
-    assert when(np.inf) == "inf s"
-    time = 1_750_000_000.0 + np.arange(3000, dtype=np.float64) * 0.01
-    time[1000:] += 7.0
-    clock = Clock("t", "timeseries")
-    clock.ascending(time)
-    assert clock.finish()[0].size == pytest.approx(7.01)
-    assert clock.finish()[0].values["at"] == "2025-06-15 15:06:49.99 UTC"
-    time[2000:] -= 3.0
-    with pytest.raises(DataError, match=r"goes from .* 15:07:06.99 UTC to .* 15:07:04 UTC"):
-        Clock("t", "timeseries").ascending(time)

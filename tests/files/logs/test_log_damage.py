@@ -44,13 +44,12 @@ from tests.files.logs.log_making import (
     write,
 )
 from tests.files.logs.test_log_bag_kinds import ros1_bag
-from tests.words import in_words
 
 ONE = ("a",)
 Packed = Writer.CompressionFormat
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
 FUZZ = settings(
-    max_examples=60,
+    max_examples=25,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -175,18 +174,22 @@ FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
 """The bytes, their mapping, and whether one that was cut short is read to its sound end."""
 
 
+#: Positions of a log; forces come four times as often.
+SAMPLES = 800
+
+
 @functools.cache
 def whole(name: str) -> bytes:
-    return FORMATS[name][0](make_truth(1200))
+    return FORMATS[name][0](make_truth(SAMPLES))
 
 
-@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5, 0.99])
+@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
     tmp_path: Path, name: str, share: float
 ) -> None:
     _, mapping, to_sound_end = FORMATS[name]
-    content, truth = whole(name), make_truth(1200)
+    content, truth = whole(name), make_truth(SAMPLES)
     path = write(tmp_path / name, content[: math.ceil(share * len(content))])
     if share >= 0.5 and to_sound_end:
         log = read_log([path], mapping, SUPPORTS)
@@ -207,8 +210,8 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
 BAGS: dict[str, Callable[[], bytes]] = {
     "log.db3": lambda: whole("log.db3"),
     "log.bag": lambda: whole("log.bag"),
-    "lz4.bag": lambda: bag_bytes(make_truth(1200), Packed.LZ4, 1 << 14),
-    "bz2.bag": lambda: bag_bytes(make_truth(1200), Packed.BZ2, 1 << 14),
+    "lz4.bag": lambda: bag_bytes(make_truth(SAMPLES), Packed.LZ4, 1 << 12),
+    "bz2.bag": lambda: bag_bytes(make_truth(SAMPLES), Packed.BZ2, 1 << 12),
 }
 
 
@@ -216,9 +219,9 @@ BAGS: dict[str, Callable[[], bytes]] = {
 def test_a_bag_cut_at_any_byte_gives_no_number_that_was_not_recorded(
     tmp_path: Path, name: str
 ) -> None:
-    content, truth = BAGS[name](), make_truth(1200)
+    content, truth = BAGS[name](), make_truth(SAMPLES)
     counts = []
-    for cut in range(len(content) // 2, len(content) - 1, len(content) // 40 + 7):
+    for cut in range(len(content) // 2, len(content) - 1, len(content) // 16 + 7):
         log = read_log([write(tmp_path / name, content[:cut])], MAPPING, SUPPORTS)
         assert [finding.code for finding in log.findings] == ["log-truncated"]
         for found, whole_truth in ((log.position, truth.position), (log.force, truth.force)):
@@ -226,7 +229,7 @@ def test_a_bag_cut_at_any_byte_gives_no_number_that_was_not_recorded(
                 np.testing.assert_array_equal(series.value, true[: len(series.value)])
         counts.append(sum(len(series.value) for series in log.force))
     assert np.diff(counts).min() >= 0
-    assert counts[-1] > 1.8 * counts[0]
+    assert counts[-1] > 1.6 * counts[0]
 
 
 @pytest.mark.parametrize("end", [b"", bytes(1000)], ids=["stopped", "never written"])
@@ -252,29 +255,15 @@ def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:
         read_log([path], MAPPING, SUPPORTS)
 
 
-def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
-    content = mcap_bytes(make_truth(60))
-    chunks = [s for s in record_starts(content)[:-1] if content[s] == 6]
-    truth = make_truth(60)
-    end = content[: chunks[3]] + bytes(1000)  # what was never written is zero
-    log = read_log([write(tmp_path / "log.mcap", end)], MAPPING, SUPPORTS)
-    count = log.force[0].time.size
-    assert 0 < count < 240
-    np.testing.assert_array_equal(log.force[0].value, truth.force[0][:count])
-    assert cut_at(log) == chunks[3]
-    times = np.concatenate([series.time for series in (*log.position, *log.force)])
-    assert log.findings[0].size == times.max() - times.min()
-    assert "2025-06-15 15:06:40" in in_words(log.findings)[0]  # less than 1 s after its begin
-
-
 def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:
     content = bytearray(mcap_bytes(make_truth(60)))
     chunks = [s for s in record_starts(bytes(content))[:-1] if content[s] == 6]
-    content[chunks[2] + 200] ^= 4
-    path = write(tmp_path / "log.mcap", bytes(content))
-    with pytest.raises(DataError, match=rf"a chunk is damaged \(.*\) at byte {chunks[2]}\b"):
-        read_log([path], MAPPING, SUPPORTS)
-    content[chunks[2] + 200] ^= 4
+    path = tmp_path / "log.mcap"
+    for place in (60, 200):  # in the compressor's frame, and in what it holds
+        content[chunks[2] + place] ^= 4
+        with pytest.raises(DataError, match=rf"a chunk is damaged \(.*\) at byte {chunks[2]}\b"):
+            read_log([write(path, bytes(content))], MAPPING, SUPPORTS)
+        content[chunks[2] + place] ^= 4
     content[chunks[2] + 3] ^= 0x40  # its length
     with pytest.raises(DataError, match=f"the record at byte {chunks[2]} runs beyond"):
         read_log([write(path, bytes(content))], MAPPING, SUPPORTS)
@@ -327,18 +316,6 @@ def test_private_records_are_passed_over(tmp_path: Path) -> None:
     )
     assert log.force[0].time.size == 12
     assert log.inputs[0].integrity == "verified"
-
-
-def test_what_is_attached_is_passed_over(tmp_path: Path) -> None:
-    """An attachment may be larger than any record that is read."""
-    content = mcap_bytes(make_truth(3), summary=False, index_types=IndexType.NONE)
-    start = record_starts(content)[1]
-    attached = struct.pack("<BQ", 9, 3 << 20) + bytes(3 << 20)
-    log = read_log(
-        [write(tmp_path / "log.mcap", content[:start] + attached + content[start:])],
-        MAPPING, SUPPORTS,
-    )  # fmt: skip
-    assert log.force[0].time.size == 12
 
 
 @FUZZ

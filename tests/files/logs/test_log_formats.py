@@ -126,20 +126,22 @@ FORMS = {
     "rtde": Form(".csv", rtde),
     "labview": Form(".txt", labview),
     **{
-        f"parquet {checksum} {dictionary} {version}": parquet(
-            write_page_checksum=checksum, use_dictionary=dictionary, data_page_version=version
+        f"parquet {plain} {version}": parquet(
+            write_page_checksum=plain, use_dictionary=plain, data_page_version=version
         )
-        for checksum in (True, False)
-        for dictionary in (True, False)
+        for plain in (True, False)
         for version in ("1.0", "2.0")
     },
     **{
-        f"mcap {compression.name} {index.name} {summary}": mcap(
+        f"mcap {compression.name} {summary}": mcap(
             "verified" if summary else "unverified",
             compression=compression, index_types=index, summary=summary,
         )
-        for compression in (CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE)
-        for index in (IndexType.ALL, IndexType.NONE, IndexType.MESSAGE)
+        for compression, index in (
+            (CompressionType.ZSTD, IndexType.ALL),
+            (CompressionType.LZ4, IndexType.NONE),
+            (CompressionType.NONE, IndexType.MESSAGE),
+        )
         for summary in (True, False)
     },
     **{

@@ -246,16 +246,6 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
         read_log([path], mapping, ("a",))
 
 
-def test_topic_without_messages(tmp_path: Path) -> None:
-    content = small_mcap(STAMPED, [("/p", 100, point_stamped(1.0, [1.0, 2.0, 3.0]))])
-    path, mapping = (
-        write(tmp_path / "log.mcap", content),
-        one_support("/p.point", "/f.wrench.force"),
-    )
-    with pytest.raises(DataError, match="no sample of the force of a"):
-        read_log([path], mapping, ("a",))
-
-
 def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
         read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)

@@ -76,12 +76,6 @@ def test_faults_are_named(tmp_path: Path, columns: dict[str, Any], match: str) -
         read(tmp_path, columns)
 
 
-def test_null_vectors_are_refused(tmp_path: Path) -> None:
-    vectors = [{"x": 1.0, "y": 2.0, "z": 3.0}, None]
-    with pytest.raises(DataError, match=r"column p\.x, row 1"):
-        read(tmp_path, {"time": [0.0, 1.0], "p": vectors, "f": [vectors[0]] * 2}, STRUCT)
-
-
 @pytest.mark.parametrize("size", [64, 1 << 20])
 def test_streams_that_take_turns(tmp_path: Path, size: int) -> None:
     """Nulls in all cells of a signal leave it out of the row; a null in one of them is refused."""

@@ -104,17 +104,6 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
         read(tmp_path, content.replace(b"t,", b"time,", 1).replace(b"a.x [mm]", b"a.x [m]"), None)
 
 
-def test_name_given_with_its_unit(tmp_path: Path) -> None:
-    content = text("t,X,Y,Z,FX [N],FY [N],FZ [N]", *ROWS)
-    mapping = replace(MAPPING, force=(("FX [N]", "FY [N]", "FZ [N]"),))
-    assert_plain(read(tmp_path, content, mapping))
-
-
-def test_vector_field_with_members(tmp_path: Path) -> None:
-    content = text("t,p.x,p.y,p.z,f.x,f.y,f.z", *ROWS)
-    assert_plain(read(tmp_path, content, replace(MAPPING, position=(("p",),), force=(("f",),))))
-
-
 @pytest.mark.parametrize("pack", [gzip.compress, zstandard.compress])
 def test_compressed(tmp_path: Path, pack: object) -> None:
     assert callable(pack)
@@ -175,11 +164,6 @@ def test_fault_far_down_has_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyP
         read(tmp_path, text(HEADER, *lines))
 
 
-def test_blank_lines_without_end(tmp_path: Path) -> None:
-    content = text(HEADER, *ROWS) + b"\n" * (1 << 20)
-    assert_plain(read(tmp_path, content))
-
-
 @pytest.mark.parametrize("end", ["", "\n\x1a"])
 def test_last_line_without_end_is_read_where_its_last_number_is_whole(
     tmp_path: Path, end: str
@@ -195,12 +179,6 @@ def test_last_line_without_end_is_read_where_its_last_number_is_whole(
 def test_a_header_that_comes_again(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"line 4.* the recorder was started anew"):
         read(tmp_path, text(HEADER, *ROWS, HEADER, *ROWS))
-
-
-def test_last_line_without_end_is_left_out(tmp_path: Path) -> None:
-    log = read(tmp_path, text(HEADER, *ROWS) + b"0.2,1,2,3,4,5,66")
-    assert_plain(log)
-    assert [f.values["byte"] for f in log.findings] == [len(text(HEADER, *ROWS))]
 
 
 def test_long_log_comes_in_pieces(tmp_path: Path) -> None:

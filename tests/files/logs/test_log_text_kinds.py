@@ -137,19 +137,6 @@ def test_zones_are_possible_and_in_all_rows_or_none(
         read_log([path], None, SUPPORTS)
 
 
-@pytest.mark.parametrize("mark", ["\v", "\f", "\u2028", "\x85"])
-def test_header_and_rows_end_lines_alike(tmp_path: Path, mark: str) -> None:
-    """A remark with a character that ends a line elsewhere is one line here, above as below."""
-    path = tmp_path / "log.csv"
-    table = FRAME.to_csv(index=False)
-    path.write_text(f"# one{mark}two\n{table}", encoding="utf-8")
-    assert_same(path, None)
-    rows = table.splitlines()
-    path.write_text("\n".join([*rows[:9], mark.join(rows[9:11]), *rows[11:], ""]), "utf-8")
-    with pytest.raises(DataError, match=r"line 10\b"):
-        read_log([path], None, SUPPORTS)
-
-
 def turns(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame] = lambda f: f) -> None:
     """Rows of one vector each, at times of its own; the cells of the others are empty."""
     vectors = [
