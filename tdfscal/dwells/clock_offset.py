@@ -123,8 +123,10 @@ def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
         return None
     mean = bins.mean[whole].reshape(-1, 2 * n, 3)
     found = forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
+    if found is None or found.size is None:
+        return found
     offset = motion_offset(bins, dwells)
-    if found is None or found.size is None or offset is None:
+    if offset is None:
         return found
     lag = found.size if found.values["late"] else -found.size
     return None if abs(lag - offset.seconds) <= _SAME else found

@@ -51,6 +51,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         "rig": _adjusted(c),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
+    digest = report_digest(c)
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
@@ -69,12 +70,12 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             Section("Lines of the rig file to be confirmed", _draft(c)),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(campaign_facts(c), c.rig.record()),
-            provenance(c),
+            provenance(c, digest),
         ),
         warnings=warnings(c),
         advice=advise(c),
         created=layout.utc(c.created),
-        number=report_digest(c)[:8],
+        number=digest[:8],
     )
 
 

@@ -259,13 +259,16 @@ def _typical_error(quantity: ExactQuantityResult) -> str:
     return f"{scale * quantity.error:g} {unit}"
 
 
-def provenance(c: Calibration) -> Section:
-    """What the result was made of, with which program, under which conventions and rules."""
+def provenance(c: Calibration, digest: str) -> Section:
+    """What the result was made of, with which program, under which conventions and rules.
+
+    digest : see `report_digest`.
+    """
     return layout.provenance(
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
         ("Command", c.command),
         ("Created", utc(c.created)),
-        ("Content", f"SHA-256 {report_digest(c)}"),
+        ("Content", f"SHA-256 {digest}"),
         ("Software", f"{c.software.name} {c.software.version}"),
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
