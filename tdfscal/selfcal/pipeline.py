@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -84,9 +85,8 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
-    robust, known, channels = (
-        _likeliest_rotations(rig, usable) if estimator == "ml" else _linear(rig, usable.postures)
-    )
+    robust, told, channels = (_likeliest_rotations if estimator == "ml" else _linear)(rig, usable)
+    known = told.known
     result, stats, uncertainty = known.fit, known.quality, known.uncertainty
     seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
     rejected = dict(usable.reasons) | {
@@ -100,12 +100,12 @@ def self_calibrate(
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
         placed = doubts
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
-        doubts = _doubts(known, usable, many_rejected=many)
+        doubts = _doubts(told, many_rejected=many)
         if any(doubt.kind in PARABOLAS for doubt in doubts):
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
             again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
-        doubts, set_aside = _slip_or(doubts, known, usable)
+        doubts, set_aside = _slip_or(doubts, told)
         doubts = (*placed, *doubts)
     if move is not None:  # till it is mended, the stated uncertainty holds that move
         noise = usable.measured_noise
@@ -154,40 +154,67 @@ def _check(seen: Undetermined, usable: Usable, robust: RobustFit) -> None:
         raise
 
 
-def _likeliest_rotations(
-    rig: Rig, usable: Usable
-) -> tuple[RobustFit, Estimate[Fit], FloatArray | None]:
+@dataclass(frozen=True)
+class _Told:
+    """What the residuals of an estimate say that the rig file lacks; each test is made once."""
+
+    known: Estimate[Fit]
+    usable: Usable
+
+    @cached_property
+    def doubts(self) -> tuple[Suspicion, ...]:
+        """The likeliest suspicions."""
+        return suspicions(self.known, self.usable.time, self.usable.temperature)
+
+    @cached_property
+    def slip(self) -> Suspicion | None:
+        """The likeliest slip."""
+        usable = self.usable
+        noise = usable.measured_noise
+        return find_slip(self.known, usable.time, usable.number, noise_from_residuals=noise)
+
+    def by_all(self) -> _Told:
+        """The same of the estimate by all postures."""
+        whole = _by_all(self.known.fit.rig, self.known.fit)
+        return self if whole is self.known.fit else _Told(estimate(whole), self.usable)
+
+
+def _by_all(rig: Rig, result: Fit) -> Fit:
+    """The fit by all of the postures: the result itself where it leaves none out."""
+    if result.rig is rig and result.weight.all():
+        return result
+    return fit(rig, result.postures, result.state)
+
+
+def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, FloatArray | None]:
     """Maximum likelihood; without postures in contact that hide each other, or with unequal noise,
     where either explains more than any other cause.
     """
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
+    told = _Told(known, usable)
     if usable.measured_noise:
-        return robust, known, None
+        return robust, told, None
     touched, contact = _hidden_contact(rig, usable, known)
     channels = channel_noise(known)
     if channels is None and touched is None:
-        return robust, known, None
-    slip = find_slip(known, usable.time, usable.number)
-    whole = known
-    if robust.rejected:
-        whole = estimate(fit(rig, usable.postures, robust.fit.state))
-    others = suspicions(whole, usable.time, usable.temperature)
+        return robust, told, None
+    whole = told.by_all()
     noise, weighted = -np.inf, robust
     if channels is not None:
         channels, weighted = _weighted(rig, usable, robust, channels)
         noise = worth(robust.fit, weighted.fit, int(np.sum(channels > 1.0)))
-    if slip is not None and slip.weight > max(noise, contact):
-        return robust, known, None
+    if told.slip is not None and told.slip.weight > max(noise, contact):
+        return robust, told, None
     if channels is not None:
-        noise = worth(whole.fit, weighted.fit, int(np.sum(channels > 1.0)))
-    if touched is not None and contact > max([noise, *(doubt.weight for doubt in others)]):
-        return touched, estimate(touched.fit), None
+        noise = worth(whole.known.fit, weighted.fit, int(np.sum(channels > 1.0)))
+    if touched is not None and contact > max([noise, *(doubt.weight for doubt in whole.doubts)]):
+        return touched, _Told(estimate(touched.fit), usable), None
     if channels is None or any(
-        doubt.kind not in SCATTERS and doubt.weight > noise for doubt in others
+        doubt.kind not in SCATTERS and doubt.weight > noise for doubt in whole.doubts
     ):
-        return robust, known, None
-    return weighted, estimate(weighted.fit), channels
+        return robust, told, None
+    return weighted, _Told(estimate(weighted.fit), usable), channels
 
 
 def _weighted(
@@ -219,7 +246,7 @@ def _hidden_contact(
     if known.quality.p_value >= MISFIT:
         return None, -np.inf
     loose, seen = loosened(rig), usable.postures
-    whole = fit(loose, seen, known.fit.state)
+    whole = _by_all(loose, known.fit)
     found = hidden_contact(loose, seen, whole)
     if found is None:
         return None, -np.inf
@@ -237,44 +264,41 @@ def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
 
 
-def _linear(rig: Rig, observed: Postures) -> tuple[RobustFit, Estimate[Fit], None]:
+def _linear(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, None]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
         raise RigError(missing)
-    result = fit_linear(rig, observed)
+    result = fit_linear(rig, usable.postures)
     parts = information(result)
     spread = evaluate_linear(result, parts)
-    return RobustFit(result), Estimate(result, parts, quality(result, parts), spread), None
+    known = Estimate(result, parts, quality(result, parts), spread)
+    return RobustFit(result), _Told(known, usable), None
 
 
-def _doubts(known: Estimate[Fit], usable: Usable, *, many_rejected: bool) -> tuple[Suspicion, ...]:
+def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     """What the residuals say that the rig file lacks."""
-    if usable.measured_noise:
+    if told.usable.measured_noise:
         return ()
-    doubts = suspicions(known, usable.time, usable.temperature)
-    if doubts or not many_rejected:
-        return doubts
+    if told.doubts or not many_rejected:
+        return told.doubts
     # So many do not err each for itself.
-    result = known.fit
-    whole = estimate(fit(result.rig, result.postures, result.state))
-    contact = contact_worth(result, whole.fit)
-    found = suspicions(whole, usable.time, usable.temperature)
-    return tuple(doubt for doubt in found if doubt.weight > contact - CAUSES_APART)
+    whole = told.by_all()
+    contact = contact_worth(told.known.fit, whole.known.fit)
+    return tuple(doubt for doubt in whole.doubts if doubt.weight > contact - CAUSES_APART)
 
 
 def _slip_or(
-    doubts: tuple[Suspicion, ...], known: Estimate[Fit], usable: Usable
+    doubts: tuple[Suspicion, ...], told: _Told
 ) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
     """Hold a slip against the other doubts: the likelier, and what is about as likely.
 
     What spoils the whole campaign may look like a slip, and a slip like much that does.
     """
-    noise = usable.measured_noise
-    slip = find_slip(known, usable.time, usable.number, noise_from_residuals=noise)
+    slip = told.slip
     if slip is None:
         return doubts, ()
-    rivals = doubts or wandering(known, usable.time)
+    rivals = doubts or wandering(told.known, told.usable.time)
     if all(_likelier(slip, doubt) for doubt in rivals):
         return (slip,), tuple(d for d in doubts if d.weight > slip.weight - CAUSES_APART)
     return doubts or likeliest(list(rivals)), ()
