@@ -170,8 +170,9 @@ def _linearised(posture: Postures, state: State, centre: FloatArray, g: float) -
     all_spokes = spoke.reshape(K, 3 * n, 3)  # also of no posture at all
     inertia = np.swapaxes(all_spokes, 1, 2) @ all_spokes
     P_turn = np.linalg.inv(inertia)[:, None] @ spoke
-    # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
-    A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
+    # Turning the pose turns all arms: (δφ × ρ) × F = (ρ Fᵀ − (F·ρ) I) δφ.
+    levers = np.swapaxes(arm, 1, 2) @ F + arm_m[:, :, None] * weight
+    A = levers - np.trace(levers, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
     B = wrench(arm)
     noise_force = B @ sensing(state)
@@ -201,14 +202,14 @@ def _design(
     K, n = F.shape[:2]
     design = np.zeros((K, 6, 18 * n + 15 + 3 * n * posture.motions))
     of_forces = np.moveaxis(B, 1, 2)
-    by_readings = of_forces[..., None] * posture.force[:, None, :, None]
-    design[:, :, : 9 * n] = by_readings.reshape(K, 6, 9 * n)
-    of_zeros = -of_forces.reshape(K, 6, 3 * n)
-    design[:, :, 9 * n : 12 * n] = of_zeros
+    by_readings = design[:, :, : 9 * n].reshape(K, 6, n, 3, 3)
+    np.multiply(of_forces[..., None], posture.force[:, None, :, None], out=by_readings)
+    of_zeros = design[:, :, 9 * n : 12 * n]
+    np.negative(of_forces, out=of_zeros.reshape(K, 6, n, 3))
     design[:, :3, 12 * n : 12 * n + 3] = np.eye(3)
     columns = np.swapaxes(so3.hat(np.swapaxes(R, 1, 2)), 1, 2)  # [:, :, a, b] = (R e_a) × e_b
     design[:, 3:, 12 * n + 3 : 12 * n + 12] = columns.reshape(K, 3, 9)
-    moved = -so3.hat(F) @ R[:, None] + turned @ R[:, None]
+    moved = (turned - so3.hat(F)) @ R[:, None]
     design[:, 3:, 12 * n + 12 : 15 * n + 12] = np.moveaxis(moved, 1, 2).reshape(K, 3, 3 * n)
     design[:, 3:, 15 * n + 12 : 18 * n + 12] = np.moveaxis(turned, 1, 2).reshape(K, 3, 3 * n)
     # The encoder stands C F_i ahead of the hinge: a datum that follows the load.
