@@ -34,7 +34,8 @@ mass-suspected warns
   -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
 barycentre-suspected warns
   the barycentre is not where it is stated
-  -> correct the barycentre, or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
+  -> correct the barycentre (a drawing's needs the drawing's hinges: those of a draft lie in
+    another LCS), or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
 hinge-suspected warns
   the hinge of {subject} is not where it is stated
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml (m)

@@ -237,6 +237,9 @@ sensor-never-determined warns
   has no angles, and its turn raises no alarm
 sensor-overdue warns
   the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
+home-unknown warns
+  home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
+  -> state the LCS origin at home, --home X,Y,Z, or --given LOG
 path-in-contact rejects
   {subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one
   stays below {limit:.3g}: it was in contact, or the calibration no longer holds
@@ -266,8 +269,10 @@ path-inertia-unknown notes
   no inertia of the terminal is stated: what moving adds to the wrench is in no
   threshold
   -> state terminal.inertia, or watch for contact at rest only
-path-without-noise notes
-  the path shows no noise of samples: thresholds are for what it is without
+path-without-noise warns
+  {planned:a plan has no samples|the path shows no noise of samples}: without it these sizes are too
+  low for thresholds of a machine
+  -> take a recorded log of a free path
 contact-conforms-until notes
   the contact {subject} keeps within its limit (acceptance.contact) until {date}, as
   its sensors' mountings walk

@@ -74,7 +74,14 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
     # Moments of vertical forces about the centre of the hinges, at the reference posture.
     share = load[reference, :, 2] / load[reference, :, 2].sum()
     return RigSketch(
-        hinge, spread, mass, share @ hinge[:, :2], so3.to_rpy(rotation), upright, turned, reference
+        hinge,
+        spread,
+        mass,
+        share @ hinge[:, :2],
+        so3.to_rpy(rotation),
+        upright,
+        turned,
+        int(np.flatnonzero(whole)[reference]),
     )
 
 

@@ -221,7 +221,8 @@ def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
     if not declared and path.age.known and days > 1.0:
         out.append(Finding("drift-undeclared", size=days))
     if not noisy:
-        out.append(Finding("path-without-noise"))
+        planned = not path.use.campaign.logs
+        out.append(Finding("path-without-noise", values={"planned": planned}))
     if path.given.rig.inertia is None and path.interval and not any(f.rejects for f in out):
         out.append(Finding("path-inertia-unknown"))
     return [*out, *_stated_contact(path, found)]

@@ -127,7 +127,8 @@ def _thresholds(
     else:
         name, found = str(capability), read_document(Path(capability), DataError).content
     try:
-        reasons = [f["text"] for f in found["findings"] if f["severity"] == "rejects"]
+        noiseless = [f["text"] for f in found["findings"] if f["code"] == "path-without-noise"]
+        reasons = [f["text"] for f in found["findings"] if f["severity"] == "rejects"] + noiseless
         created, cutoff = found["calibration_created"], found["filter"]
         x, y, z = map(float, found["about"])
         values = [
@@ -135,6 +136,7 @@ def _thresholds(
         ]
         band = f"behind {cutoff:g} Hz" if cutoff else "unfiltered"
         path = f"on a path of {found['duration']:.4g} s, {band}"
+        path += ", WITHOUT the noise of samples: too low" if noiseless else ""
         limits = ContactThresholds(
             np.array(values, dtype=np.float64).reshape(6), (x, y, z), found["false_stops"], path
         )

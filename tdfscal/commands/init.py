@@ -152,7 +152,8 @@ def _notes(sketch: RigSketch, postures: int) -> dict[str, str]:
     )
     return {
         "mass": f"from the forces of {postures} postures",
-        "hinge": "from the positions, their origin in the middle of the hinges; the distances vary "
-        f"by {sketch.spread:.2g} m",
+        "hinge": "from the positions: origin in the middle of the hinges, axes along those of the "
+        f"BCS in posture {sketch.reference + 1} of {postures}, however that leans; no drawing's "
+        f"axes; the distances vary by {sketch.spread:.2g} m",
         "nominal_rpy": f"nominal mounting, {upright}; {turns}",
     }  # fmt: skip

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from tdfscal.catalogue import told
+from tdfscal.checks import log_against_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import (
     SILENT,
@@ -21,29 +23,33 @@ from tdfscal.commands.arguments import (
     one,
     triple,
 )
-from tdfscal.commands.campaign import resolve, rig_named
+from tdfscal.commands.campaign import find_logs, resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
 from tdfscal.commands.samples import delay_of
-from tdfscal.errors import UsageError
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.plan import plan_csv, time_table_csv
+from tdfscal.findings import Finding
+from tdfscal.model.postures import postures as at_rest
+from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, travel_limits
 from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Objective, Plan, Request
 from tdfscal.planning.recorded_postures import recorded, scatter_of
+from tdfscal.records import Dwells, FloatArray, Log
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report
-from tdfscal.selfcal.estimator import Fit
 
 if TYPE_CHECKING:
     import pandas as pd
 
 DEFAULT_POSTURES = 24
 DEFAULT_NOISE = 1.0
-"""N per axis and posture, where nothing is recorded yet."""
+"""N per axis and posture, where nothing is recorded yet and the rig file states no force noise."""
 DEFAULT_DENSITY = 0.1
 """N, of a force's mean over a second in motion."""
 #: Ways from home as `--travel` writes them, or by the NCP's name.
@@ -54,12 +60,13 @@ Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 
-    output : the file. command : for it.
+    output : the file. command : for it. notes : what the command says beside it.
     """
 
     plan: Plan | MovingPlan
     output: Path | None
     command: str
+    notes: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return what to drive, and what to expect of it."""
@@ -132,7 +139,11 @@ def plan(
     ] = (),
     home: Annotated[
         Numbers | None,
-        Option("LCS origin in the BCS at home, m; default 0,0,0", str | None, "X,Y,Z"),
+        Option(
+            "LCS origin in the BCS at home, m; default: mean of the recorded log",
+            str | None,
+            "X,Y,Z",
+        ),
     ] = None,
     stiffness: Annotated[
         float | None,
@@ -141,8 +152,8 @@ def plan(
     noise: Annotated[
         float | None,
         Option(
-            "noise of a posture's mean force per axis, N; default 1, or that of --given; of a "
-            "motion, of a mean over a second, default 0.1",
+            "noise of a posture's mean force per axis, N; default: the log's, or 0 beside a "
+            "stated force_noise, or 1; of a motion, of a mean over a second, default 0.1",
             metavar="N",
         ),
     ] = None,
@@ -181,13 +192,25 @@ def plan(
             "--postures and --target ask for two different things", hint="give one of them"
         )
     known = rig_named(rig)
+    seen, level, at = None, np.eye(3), np.zeros(3)
+    notes: tuple[str, ...] = ()
+    if given or home is None:
+        try:
+            seen, centres = _recorded(known, listed(given), progress)
+            (level,), (at,) = register(known.rig.hinge, centres[None])
+        except TdfscalError as error:
+            if given:
+                raise
+            notes = (told(Finding("home-unknown", values={"why": error.what})),)
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),
         squeeze=squeeze,
         force=np.inf if force_limit is None else force_limit,
         travel=travel_limits(known.rig, _travels(travel)),
-        home=np.array((0.0, 0.0, 0.0) if home is None else triple("--home", home)),
+        home=at if home is None else np.array(triple("--home", home)),
         stiffness=stiffness,
+        level=level,
+        recorded=seen is not None and home is None,
     )
     rng = np.random.default_rng(0)
     found: Plan | MovingPlan
@@ -197,8 +220,12 @@ def plan(
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, rng)
     else:
-        before = _recorded(known, listed(given), noise or DEFAULT_NOISE, progress)
-        usual = DEFAULT_NOISE if before is None else scatter_of(before)
+        before, usual = None, 0.0 if known.rig.declared.force_noise else DEFAULT_NOISE
+        if seen is not None and len(seen):
+            usual = scatter_of(at_rest(known.rig, seen), known.rig)
+        if seen is not None and given:
+            before = recorded(known.rig, seen, noise or DEFAULT_NOISE)
+            usual = scatter_of(before.postures, known.rig)
         request = Request(
             limits=limits,
             noise=usual if noise is None else noise,
@@ -211,17 +238,34 @@ def plan(
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
             found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
-    return PlanResult(found, one(output), command)
+    return PlanResult(found, one(output), command, notes)
 
 
-def _recorded(rig: LoadedRig, paths: list[Path], noise: float, progress: Progress) -> Fit | None:
-    """The fit of the postures that are recorded already."""
-    if not paths:
-        return None
-    campaign = resolve(paths, rig.path)
+def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
+    """Dwells of what is given, or of the logs beside the rig file, and mean hinge centres (n, 3).
+
+    These are those of the dwells, or of all samples where nothing rests; m, BCS.
+
+    Raises UsageError where there is no log, DataError where it contradicts the rig file.
+    """
+    apart = rig.tracker.paths if rig.tracker else ()
+    beside = [] if given else find_logs(rig.path.parent, apart=apart, recorders=rig.log)
+    campaign = resolve(given or beside or [rig.path.parent], rig.path)
     if not campaign.logs:
-        raise UsageError("there is no log to build on", where=", ".join(map(str, paths)))
-    return recorded(campaign.rig.rig, LogPass(campaign, Settings(progress)).dwells(), noise)
+        raise UsageError("there is no log to build on", where=", ".join(map(str, given)))
+    log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
+
+    def watched() -> Iterator[Log]:
+        for piece in log.watched():
+            means.append([series.value.mean(axis=0) for series in piece.position])
+            yield piece
+
+    progress.stage("reading the log and finding the dwells")
+    dwells = log.noted(find_dwells(watched()))
+    if not len(dwells):
+        return dwells, np.nanmean(means, axis=0)
+    log_against_rig.check_geometry(rig.rig, dwells.position, dwells.force)
+    return dwells, dwells.position.mean(axis=0)
 
 
 def _travels(travel: Travel) -> dict[str | None, tuple[float, ...]]:

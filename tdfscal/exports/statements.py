@@ -40,10 +40,12 @@ def cautions(c: Calibration) -> list[str]:
     turned: dict[str, list[str]] = {}
     for name, factors in zip(c.support_names, driver_factors(c).tolist(), strict=True):
         if factors != [1.0] * 3:
-            turned.setdefault(", ".join(f"{f:.15g}" for f in factors), []).append(name)
+            each = (f"{axis} by {f:.15g}" for axis, f in zip("xyz", factors, strict=True))
+            same = len(set(factors)) == 1
+            turned.setdefault(f"by {factors[0]:.15g}" if same else ", ".join(each), []).append(name)
     said += [
-        "READINGS as the rig's log has them are not the force on the terminal in N: those of "
-        f"{', '.join(names)}, times ({factors}) in x, y, z, are"
+        f"MULTIPLY the readings of {', '.join(names)}, as the rig's log has them, {factors}, to "
+        "have the force on the terminal in N"
         for factors, names in turned.items()
     ]
     return said

@@ -38,7 +38,9 @@ _COMMANDED: Final = frozenset(
     {"cmd", "command", "commanded", "set", "setpoint", "target", "ref", "reference", "demand"}
     | {"goal", "desired", "nominal", "action", "planned"}
 )
+_LENGTHS: Final = frozenset({"m", "cm", "mm", "um"})
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
+_SHOWN: Final = 3
 _MOST_POSTURES: Final = 1000
 _LARGEST: Final = 1e15
 _RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
@@ -101,6 +103,10 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
         for role in ("position", "force"):
             units = {v.unit: by_scale(role, v.unit) for v in vectors if v.unit is not None}
             none += "".join(f"; {unit}: {line}" for unit, line in units.items() if line)
+        neither = [v.fields[0] for v in vectors if v.unit is None and _role(v) == "other"]
+        if neither:
+            none += f"; {', '.join(neither[:_SHOWN])} and the like are neither by their names: "
+            none += "X1, X1 [mm], NCP1_X_mm are known for positions, F1x, F1x [kN] for forces"
         if twice := ", ".join(name for c in files.values() for name in c.repeated):
             none += f"; columns that are there more than once are passed over: {twice}"
         return Guess((), (none, *(note for c in files.values() for note in _joints(c))))
@@ -183,6 +189,9 @@ def _role(vector: Vector) -> Role:
                 return "position" if role == "position" else "force"
         return "other"
     found = words(vector.label)
+    # `X1_mm`: a unit behind a bare axis letter.
+    if [w for w in found if not w.isdigit()][-2:-1] == ["*"] and found[-1] in _LENGTHS:
+        del found[-1]
     joints = vector.kind.rpartition(" ")[2] if len(vector.fields) == 3 else ""
     if joints == "position":
         return "position"

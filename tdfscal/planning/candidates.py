@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,8 +24,9 @@ class Limits:
     tilt : rad, largest lean; the turn about the vertical stays within it, too.
     squeeze : N, largest internal force at any NCP. force : N, largest force at any NCP in all.
     travel : (n, 3), m, how far each NCP goes from its place at home, either way along each axis
-    of the BCS. home : (3,), m, BCS, the LCS origin at home, where the terminal stands level.
-    stiffness : N/m, of each NCP, isotropic; None where forces are servoed to.
+    of the BCS. home : (3,), m, BCS, the LCS origin at home; level : (3, 3), LCS → BCS there;
+    recorded : both are the mean of what was recorded. stiffness : N/m, of each NCP, isotropic;
+    None where forces are servoed to.
     """
 
     tilt: float
@@ -34,6 +35,12 @@ class Limits:
     home: FloatArray
     force: float = np.inf
     stiffness: float | None = None
+    level: FloatArray = field(default_factory=lambda: np.eye(3))
+    recorded: bool = False
+
+    def at_home(self, rig: Rig) -> FloatArray:
+        """Hinge centres (n, 3) at home, m, BCS."""
+        return np.asarray(self.home + rig.hinge @ self.level.T)
 
     def repeatability_force(self, rig: Rig) -> float:
         """Standard deviation, N per internal mode, of the forces that the NCPs' scatter makes.
@@ -88,7 +95,7 @@ def check_reach(rig: Rig, limits: Limits, rotation: FloatArray, what: str) -> No
 
     Home is fixed and the middle of the hinges stays there, as in every planned posture.
     """
-    offset = displacement(rig, rotation)
+    offset = displacement(rig, limits, rotation)
     over = np.abs(offset) - limits.travel
     i, axis = np.unravel_index(int(np.argmax(over)), over.shape)
     if over[i, axis] > 0.0:
@@ -99,10 +106,10 @@ def check_reach(rig: Rig, limits: Limits, rotation: FloatArray, what: str) -> No
         )
 
 
-def displacement(rig: Rig, rotation: FloatArray) -> FloatArray:
+def displacement(rig: Rig, limits: Limits, rotation: FloatArray) -> FloatArray:
     """Way (..., n, 3), m, BCS, of each hinge from home with the middle of the hinges at rest."""
     spoke = rig.hinge - rig.hinge.mean(axis=0)
-    return np.asarray(spoke @ np.swapaxes(rotation, -1, -2) - spoke)
+    return np.asarray(spoke @ np.swapaxes(rotation, -1, -2) - spoke @ limits.level.T)
 
 
 #: Unplanned internal forces are allowed for up to this many standard deviations.
@@ -185,7 +192,7 @@ def _loaded(rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray)
 
     Raises UsageError where none has.
     """
-    place = limits.home + rig.hinge + displacement(rig, rotation)
+    place = limits.at_home(rig) + displacement(rig, limits, rotation)
     _, carried = hanging(rig, rotation)
     share = room(rig, limits, carried, squeeze)
     keep = np.flatnonzero(share >= 0.0)
@@ -210,7 +217,8 @@ def _within_travel(rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray)
     upright = np.array([0.0, 0.0, 1.0])
     for _ in range(8):  # the way grows almost linearly with the angles
         R = so3.exp((scale * turn)[:, None] * upright) @ so3.exp(scale[:, None] * lean)
-        way = np.abs(displacement(rig, R))
+        R = R @ limits.level
+        way = np.abs(displacement(rig, limits, R))
         with np.errstate(divide="ignore", invalid="ignore"):
             use = np.max(np.where(way > _ROUNDING, way / limits.travel, 0.0), axis=(1, 2))
         if np.all(use <= 1.0):

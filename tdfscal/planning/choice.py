@@ -68,6 +68,7 @@ class Planner:
         self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
         self._usual: FloatArray | None = None
+        self._selected: dict[int, IntArray] = {}
 
     def _held(self, sight: Sight) -> FloatArray:
         """Information (p, p) that stands before the plan: priors and recorded postures."""
@@ -125,10 +126,14 @@ class Planner:
                 f"{count - returns} postures are to be chosen from {len(self.pool)} candidates",
                 hint="ask for more candidates",
             )
-        base = self.held + count * self.scatter
-        chosen, covariance = choose(self.rows, base, self.objective, count - returns)
-        first = int(np.argmax(gains(self.rows[chosen], covariance, self.objective)))
-        return np.concatenate([chosen[[first]], np.delete(chosen, first)]), returns
+        if count not in self._selected:
+            near = min(self._selected, key=lambda other: abs(other - count), default=None)
+            start = () if near is None else self._selected[near].tolist()
+            base = self.held + count * self.scatter
+            chosen, covariance = choose(self.rows, base, self.objective, count - returns, start)
+            first = int(np.argmax(gains(self.rows[chosen], covariance, self.objective)))
+            self._selected[count] = np.concatenate([chosen[[first]], np.delete(chosen, first)])
+        return self._selected[count], returns
 
     def forecast(self, postures: Candidates) -> Forecast:
         """Uncertainty to expect of postures, with what is held already."""
@@ -297,18 +302,14 @@ def plan_for_contact(
 
 
 def _fewest(planner: Planner, target: float) -> int:
-    """Fewest postures within the target: a guess by scaling, a bracket about it, bisection."""
-    guess = next(count for count in range(1, MOST + 1) if planner.scaled(count) <= target)
-    step = max(1, guess // 16)
-    low, high = guess - 1, guess
-    while planner.expected(high).largest > target:
-        low, high = high, high + step
-    while low > 0 and planner.expected(low).largest <= target:
-        low, high = max(0, low - step), low
+    """Fewest postures within the target: variances fall as the inverse of their number."""
+    count = next(count for count in range(1, MOST + 1) if planner.scaled(count) <= target)
+    low, high = 0, np.inf
     while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if planner.expected(middle).largest <= target else (middle, high)
-    return high
+        reached = planner.expected(count).largest
+        low, high = (low, count) if reached <= target else (count, high)
+        count = int(np.clip(np.ceil(count * (reached / target) ** 2), low + 1, high - 1))
+    return int(high)
 
 
 def _check(rig: Rig, request: Request) -> None:

@@ -162,12 +162,12 @@ class MovingPlan:
     @property
     def used(self) -> dict[str, FloatArray]:
         """What the motion uses of its limits: rad, m/s, m per axis, N."""
-        course, home = self.trajectory.at(self.time), self.request.limits.home + self.rig.hinge
+        course, limits = self.trajectory.at(self.time), self.request.limits
         way = np.linalg.norm(np.diff(course.place, axis=0), axis=2)
         used = {
-            "tilt": np.arccos(np.clip(course.rotation[:, 2, 2], -1, 1)).max(),
+            "tilt": np.arccos(np.clip((course.rotation @ limits.level.T)[:, 2, 2], -1, 1)).max(),
             "speed": way.max() / (self.time[1] - self.time[0]),
-            "travel": np.abs(course.place - home).max(axis=(0, 1)),
+            "travel": np.abs(course.place - limits.at_home(self.rig)).max(axis=(0, 1)),
             "squeeze": np.linalg.norm(course.squeeze, axis=2).max(),
             "force": np.linalg.norm(course.force, axis=2).max(),
         }

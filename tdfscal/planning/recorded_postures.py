@@ -12,7 +12,7 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information
 from tdfscal.model.parameters import nominal, sensing
-from tdfscal.model.statics import internal_part, postures
+from tdfscal.model.statics import Postures, internal_part, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
@@ -49,10 +49,10 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     return at_state(rig, observed, nominal(rig), result.weight)
 
 
-def scatter_of(fit: Fit) -> float:
+def scatter_of(seen: Postures, rig: Rig) -> float:
     """Quadratic mean, N per axis, of the postures' force noise beyond what the rig declares."""
-    variance = np.diagonal(fit.postures.force_cov, axis1=2, axis2=3).mean()
-    return float(np.sqrt(max(0.0, variance - fit.rig.declared.force_noise**2)))
+    variance = np.diagonal(seen.force_cov, axis1=2, axis2=3)[:, rig.axes].mean()
+    return float(np.sqrt(max(0.0, variance - rig.declared.force_noise**2)))
 
 
 Change = Literal["postures", "squeeze", "tare"]

@@ -53,11 +53,11 @@ class Trajectory:
     def at(self, time: FloatArray) -> Candidates:
         """What is driven at times (N,), s."""
         signal = _signals(self.lines, self.duration, time)
-        R = so3.exp(self.turn * signal[:, 3:6])
+        R = so3.exp(self.turn * signal[:, 3:6]) @ self.limits.level
         arm, carried = hanging(self.rig, R)
-        middle = self.limits.home + self.rig.hinge.mean(axis=0) + self.way * signal[:, :3]
+        middle = self.limits.at_home(self.rig).mean(axis=0) + self.way * signal[:, :3]
         spoke = (self.rig.hinge - self.rig.hinge.mean(axis=0)) @ np.swapaxes(R, 1, 2)
-        squeeze = self.force * _internal(self.rig, arm, signal[:, 6:])
+        squeeze = self.force * _internal(self.rig, self.limits, arm, signal[:, 6:])
         return Candidates(R, middle[:, None] + spoke, carried, squeeze)
 
 
@@ -73,15 +73,15 @@ def brought_to_limits(
     turn, way = _turn(limits, signal[:, 3:6]), _way(limits, signal[:, :3])
     share = 1.0
     for _ in range(_ROUNDS):  # both act almost linearly on way and speed
-        R = so3.exp(share * turn * signal[:, 3:6])
+        R = so3.exp(share * turn * signal[:, 3:6]) @ limits.level
         use = _use(rig, limits, speed, R, share * way * signal[:, :3], time)
         if use <= 1.0:
             break
         share /= use * (1 + 1e-9)
     turn, way = share * turn, share * way
-    R = so3.exp(turn * signal[:, 3:6])
+    R = so3.exp(turn * signal[:, 3:6]) @ limits.level
     arm, carried = hanging(rig, R)
-    unit = _internal(rig, arm, signal[:, 6:])
+    unit = _internal(rig, limits, arm, signal[:, 6:])
     largest = float(np.linalg.norm(unit, axis=2).max())
     force = 0.0 if largest == 0.0 else limits.squeeze / largest
     left = float(room(rig, limits, carried, force * unit).min())
@@ -103,9 +103,9 @@ def _signals(lines: Lines, duration: float, time: FloatArray) -> FloatArray:
     return np.asarray(lines.size * wave * envelope[:, None])
 
 
-def _internal(rig: Rig, arm: FloatArray, share: FloatArray) -> FloatArray:
+def _internal(rig: Rig, limits: Limits, arm: FloatArray, share: FloatArray) -> FloatArray:
     """Internal forces (N, n, 3) of shares (N, 3n − 6) in the modes at home."""
-    modes = internal_modes(rig.hinge - rig.barycentre.value)
+    modes = internal_modes((rig.hinge - rig.barycentre.value) @ limits.level.T)
     return internal_part(arm, np.tensordot(share, modes, axes=1))
 
 
@@ -138,7 +138,7 @@ def _use(
     time: FloatArray,
 ) -> float:
     """Largest share that is used of travel and speed; above 1 is beyond it."""
-    way = displacement(rig, R) + shift[:, None]
+    way = displacement(rig, limits, R) + shift[:, None]
     moving = np.linalg.norm(np.diff(way, axis=0), axis=2).max(axis=1) / np.diff(time)
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.where(np.abs(way) > 1e-9, np.abs(way) / limits.travel, 0.0)

@@ -17,6 +17,7 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:  # each command loads its own
     from tdfscal.detection.capability import Capability, Remedy, Request
+    from tdfscal.planning.candidates import Limits
     from tdfscal.planning.moving_plan import MovingPlan
     from tdfscal.planning.plan import Plan
     from tdfscal.planning.predicted_information import Forecast
@@ -120,6 +121,7 @@ def capability_report(
 ) -> Report:  # fmt: skip
     """Lay out thresholds, smallest contacts, what they come from, and what would help."""
     bad = rejecting(findings)
+    noiseless = tuple(f for f in findings if f.code == "path-without-noise")
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
     length = f"{found.duration:.4g} s" if timed else "postures, as if an hour long"
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
@@ -134,13 +136,19 @@ def capability_report(
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
-        verdict="NOT AS IT IS" if bad else "",
-        accepted=not bad,
-        claim=f"At most {request.false_stops:g} false stops an hour and axis; the smallest contact "
-        f"exceeds its threshold with {request.detect:.4g} probability.",
-        reasons=tuple(told(one) for one in bad),
+        verdict="NOT AS IT IS" if bad else "NO THRESHOLDS FOR A MACHINE" if noiseless else "",
+        accepted=not (bad or noiseless),
+        claim="" if noiseless else _claim(request),
+        reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
+    )
+
+
+def _claim(request: Request) -> str:
+    return (
+        f"At most {request.false_stops:g} false stops an hour and axis; the smallest contact "
+        f"exceeds its threshold with {request.detect:.4g} probability."
     )
 
 
@@ -199,7 +207,8 @@ def _postures(plan: Plan, table: Table) -> Report:
     return _expected(
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
         f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
-        f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
+        f"{limits.squeeze:g} N, {request.noise:.3g} N noise per axis and posture beside the rig "
+        f"file's; home {_home(limits)}",
         table,
         *_contact(plan),
         f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
@@ -207,6 +216,12 @@ def _postures(plan: Plan, table: Table) -> Report:
         f"{plan.improvement:.2f} times better. Travel used about the middle: "
         f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
     )
+
+
+def _home(limits: Limits) -> str:
+    """Where the terminal's LCS origin stands at home."""
+    place = ", ".join(f"{v:.3f}" for v in limits.home)
+    return f"({place}) m{', the mean of what was recorded' if limits.recorded else ''}"
 
 
 def _contact(plan: Plan) -> Iterator[Block]:
@@ -240,7 +255,7 @@ def _motion(plan: MovingPlan, table: Table) -> Report:
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
         f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
-        "a second",
+        f"a second; home {_home(limits)}",
         table,
         f"Mean {1e3 * plan.expected.mean:.3g} mrad; random ones within the same limits "
         f"{1e3 * plan.random.mean:.3g} mrad: the plan is {plan.improvement:.2f} times better.",

@@ -20,3 +20,16 @@ def test_instants_without_a_finite_number_are_left_out() -> None:
     position[:] = np.nan
     with pytest.raises(DataError, match="finite"):
         sketch_rig(position, force, rig.gravity)
+
+
+def test_the_drafts_axes_are_those_of_the_posture_that_is_named() -> None:
+    rig = simulation.make_rig(3)
+    batch = simulation.simulate_dwells(rig, simulation.Options(), np.random.default_rng(0), 1)
+    dwells = batch.dwells(0)
+    position = dwells.position.copy()
+    position[0, 0, 0] = np.nan  # what is left out counts in the number all the same
+    found = sketch_rig(position, dwells.force, rig.gravity)
+    there = position[found.reference] - position[found.reference].mean(axis=0)
+    assert np.abs(found.hinge - there).max() < 5 * found.spread + 1e-4
+    off = [np.abs(found.hinge - p + p.mean(axis=0)).max() for p in np.delete(position, 0, axis=0)]
+    assert np.median(off) > 1e-2  # other postures lean otherwise

@@ -15,6 +15,7 @@ from scipy.special import ndtri
 import tdfscal
 from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.commands.capability import CapabilityResult
+from tdfscal.errors import RejectedError
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Rig
@@ -159,6 +160,12 @@ def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     assert found.capability.duration == 3600.0
     least = np.sqrt(np.mean(found.capability.calibration_std**2, axis=0))
     assert np.all(found.capability.threshold > 1.6 * least)
+    # It has no samples, and without their noise nothing is a threshold of a machine.
+    assert "NO THRESHOLDS FOR A MACHINE" in found.text
+    with pytest.raises(RejectedError, match="a plan has no samples"):
+        tdfscal.export(places.calibration, "c", capability=found)
+    forced = tdfscal.export(places.calibration, "c", capability=found, allow_rejected=True)
+    assert "WITHOUT the noise of samples" in forced.content
 
 
 def test_moments_about_a_point_have_its_lever(places: Places) -> None:
@@ -240,7 +247,7 @@ def test_exports_hold_what_a_file_says_of_a_path(places: Places, cli: Cli, tmp_p
     row = seen.out.split("tdfscal_threshold[6] = {")[1].split("}")[0]
     assert [float(v) for v in row.split(",")] == [axis["threshold"] for axis in found["axes"]]
     # Of a path that was rejected only on request.
-    bad = {**found, "findings": [{"severity": "rejects", "text": "it was in contact"}]}
+    bad = {**found, "findings": [{"code": "a", "severity": "rejects", "text": "it was in contact"}]}
     file.write_text(json.dumps(bad))
     line = ("export", places.calibration, "--to", "c", "--capability", file)
     seen = cli(*line, ends=1)

@@ -60,12 +60,12 @@ def test_every_limit_is_kept() -> None:
     margin = 3 * 2e6 * 1e-5
     assert np.linalg.norm(pool.squeeze, axis=2).max() <= 400.0 * (1 + 1e-12)
     assert np.linalg.norm(pool.force, axis=2).max() <= (1500.0 - margin) * (1 + 1e-12)
-    assert np.abs(displacement(rig, pool.rotation)).max() <= 0.04
+    assert np.abs(displacement(rig, bounds, pool.rotation)).max() <= 0.04
     assert (np.abs(pool.force) + margin <= 0.9 * rig.capacity[0] * (1 + 1e-12)).all()
     lean = np.arccos(pool.rotation[:, 2, 2])
     assert lean.max() <= bounds.tilt * (1 + 1e-9)
     # The limits are used, not only kept.
-    assert np.abs(displacement(rig, pool.rotation)).max() > 0.0399
+    assert np.abs(displacement(rig, bounds, pool.rotation)).max() > 0.0399
     assert (np.abs(pool.force) + margin).max(axis=(0, 1))[0] > 0.9 * 300.0 * 0.99
 
 

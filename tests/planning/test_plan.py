@@ -72,7 +72,7 @@ def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
     options = Options(postures=8, squeeze=100.0, stiffness=2e6, recorder=Recorder(mean_sd=1.0))
     dwells = simulate_dwells(rig, options, RNG(4), 1).dwells(0)
     before = recorded(rig, dwells, 1.0)
-    assert scatter_of(before) == pytest.approx(1.0)
+    assert scatter_of(before.postures, rig) == pytest.approx(1.0)
     plan = make_plan(rig, Request(limits(rig), candidates=100), 4, RNG(5), given=before)
     alone = make_plan(rig, Request(limits(rig), candidates=100), 4, RNG(5))
     assert plan.given == 8

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import csv
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from tdfscal import read_log
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
 from tdfscal.planning.choice import make_plan
@@ -76,3 +80,52 @@ def test_faults_are_named_and_leave_no_file(
     assert said in seen.err
     assert seen.out == ""
     assert not out.exists()
+
+
+def places(file: Path) -> np.ndarray:
+    """Hinge centres that a plan commands, (K, n, 3)."""
+    rows = table(file.read_text(encoding="utf-8"))
+    names = [f"ncp{i}.{axis}" for i in (1, 2, 3) for axis in "xyz"]
+    return np.array([[float(row[name]) for name in names] for row in rows]).reshape(-1, 3, 3)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_home_is_where_the_recording_stands(
+    turned: bool, campaign: Path, tmp_path: Path, cli: Cli
+) -> None:
+    folder = shutil.copytree(campaign, tmp_path / "rig")
+    document = yaml.safe_load((folder / "rig.yaml").read_text())
+    if turned:  # a drawing's frame: its x lies along the BCS's y
+        about = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+        for support in document["supports"]:
+            support["hinge"] = (np.array(about) @ support["hinge"]).tolist()
+        centre = document["terminal"]["barycenter"]
+        centre["value"] = (np.array(about) @ centre["value"]).tolist()
+        document["terminal"].pop("inertia", None)
+        (folder / "rig.yaml").write_text(yaml.safe_dump(document))
+    log = read_log([folder / "log.csv"], folder / "rig.yaml")
+    recorded = np.array([series.value.mean(axis=0) for series in log.position])
+    out = tmp_path / "plan.csv"
+    for options in (["--given", folder, "--postures", "4"], ["--motion"]):
+        seen = cli("plan", folder, "-o", out, *options, ends=0)
+        assert "mean of what was recorded" in " ".join(seen.out.split())
+        assert "is unknown" not in seen.err
+        # A tilt of 5 degrees moves a hinge by less than a tenth of its distance from the middle.
+        assert np.abs(places(out) - recorded).max() < 0.1
+    cli("plan", folder, "-o", out, "--home", "1,2,3", "--postures", "8", ends=0)
+    origin = np.mean([support["hinge"] for support in document["supports"]], axis=0)
+    assert places(out).mean(axis=(0, 1)) == pytest.approx(np.array([1, 2, 3]) + origin, abs=1e-6)
+
+
+def test_an_unknown_home_and_a_stated_noise_are_said(
+    campaign: Path, tmp_path: Path, cli: Cli
+) -> None:
+    rig = tmp_path / "rig" / "rig.yaml"
+    rig.parent.mkdir()
+    shutil.copy(campaign / "rig.yaml", rig)
+    options = (rig, "-o", tmp_path / "plan.csv", "--postures", "8", "--json")
+    seen = cli("plan", *options, ends=0)
+    assert "home is unknown (there is no log here" in seen.err
+    assert "--home X,Y,Z" in seen.err
+    assert json.loads(seen.out)["noise"] == 0.0  # the rig file states a force noise
+    assert not cli("plan", *options, "--home", "0,0,1", ends=0).err.count("warning")

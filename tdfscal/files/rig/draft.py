@@ -79,8 +79,8 @@ def draft(
         "terminal:",
         *_entry(f"kg, {notes['mass']}; weigh the terminal with all it carries",
                 f"  mass: {{value: {mass:.6g}, std: {float(f'{0.02 * mass:.0e}'):g}}}"),
-        *_entry("m, LCS, x and y from the shares of the load; the height from the drawing, where "
-                ".inf says that it is unknown",
+        *_entry("m, LCS of the hinges below, x and y from the shares of the load; .inf: the height "
+                "is unknown. A drawing's barycentre needs the drawing's hinges, too",
                 f"  barycenter: {{value: [{barycentre[0]:.3f}, {barycentre[1]:.3f}, 0.0], "
                 "std: [0.02, 0.02, .inf]}"),
         *_remark(f"hinge: m, LCS; {notes['hinge']}; better from the terminal's drawing. zero: N; "

@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files.saving import csv_comment
+from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan
@@ -128,7 +129,8 @@ def _notes(
 ) -> list[str]:
     """What it is, what its columns are, how to drive it, and what it is worth."""
     limits = plan.request.limits
-    home = ", ".join(f"{v:g}" for v in limits.home)
+    home = ", ".join(f"{v:.5g}" for v in limits.home)
+    turn = ", ".join(f"{v:.4f}" for v in so3.to_rpy(limits.level))
     squeeze = [
         ".squeeze_x _y _z: internal force on the terminal to servo to, N, on top of the share",
         "of the weight; the positions are those of the undeformed terminal.",
@@ -149,7 +151,8 @@ def _notes(
         f"{_TITLE[2:]}{csv_comment(plan.rig.name)}{what}",
         f"command: {csv_comment(command)}",
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
-        f"The terminal's LCS origin stands at ({home}) m at home, level.",
+        f"The terminal's LCS origin stands at ({home}) m at home, roll, pitch, yaw ({turn}) rad"
+        f"{': the mean of what was recorded' if limits.recorded else ''}.",
         *squeeze,
         *how,
         f"expected: mean standard uncertainty of an angle {1e3 * plan.expected.mean:.3g} mrad, "
