@@ -238,7 +238,13 @@ def one_validation(case: str, drive: str, seed: int) -> tuple[list[bool], FloatA
     v = validate_moving(known.calibrated, slow_streams([after.log], rig.capacity), DELAY)
     wanted = (NAMED.get(case), None if case == "load" else sensor)
     named = [(cause.kind, cause.support) for cause in v.suspected]
-    flags = [v.holds, v.p_value < 0.05, wanted in named, named[:1] == [wanted], named == [wanted]]
+    flags = [
+        v.holds,
+        v.judged.p_value < 0.05,
+        wanted in named,
+        named[:1] == [wanted],
+        named == [wanted],
+    ]
     return [*flags, bool(v.rejected)], v.detectable
 
 

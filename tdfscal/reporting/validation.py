@@ -115,7 +115,9 @@ def validation_document(
     turns = zip(("rx", "ry", "rz"), v.detectable.T, strict=True)
     return layout.document(
         v,
-        "holds chi2 dof p_value search_p_value=search_p",
+        "holds chi2 dof",
+        p_value=v.judged.p_value,
+        search_p_value=v.judged.search_p,
         verdict=_verdict(v)[0],
         why=" ".join(_why(v, findings)),
         decided_by="search" if v.decided_by_search else "chi2",
@@ -250,8 +252,8 @@ def validation_report(
             tested,
             *layout.residual_tiles(found),
             ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
-             f"{p_text(v.p_value)}, limit {CHI2_LIMIT:.3g}"),
-            ("single change", p_text(v.search_p), f"limit {SEARCH_LIMIT:.3g}"),
+             f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}"),
+            ("single change", p_text(v.judged.search_p), f"limit {SEARCH_LIMIT:.3g}"),
         ),
         summary=(table, *zeros),
         sections=(

@@ -23,7 +23,7 @@ def changes(v: Tested) -> list[Finding]:
     if v.holds:
         return _zeros(v, "zeros-moved")
     if not v.suspected:
-        p = v.search_p if v.decided_by_search else v.p_value
+        p = v.judged.search_p if v.decided_by_search else v.judged.p_value
         return [Finding("change-unexplained", p_value=p, rejects=True)]
     found = [change(v, cause, tied=k > 0) for k, cause in enumerate(v.suspected)]
     # A zero that drifted says so itself.
@@ -116,14 +116,14 @@ def lengths(wrench: FloatArray) -> FloatArray:
 
 def search_test(v: Tested) -> str:
     """The probability of the likeliest single change, with its limit."""
-    return f"{p_text(v.search_p)}, limit {SEARCH_LIMIT:.3g}"
+    return f"{p_text(v.judged.search_p)}, limit {SEARCH_LIMIT:.3g}"
 
 
 def chi2_test(v: Tested) -> str:
     """The probability of χ², with its limit; and by what, where it is not by χ² alone."""
     by = ", by Fisher's F" if np.isfinite(v.judged.noise_dof) else ""
     tails = ", heavy tails allowed for" if v.judged.tails else ""
-    return f"{p_text(v.p_value)}, limit {CHI2_LIMIT:.3g}{by}{tails}"
+    return f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}{by}{tails}"
 
 
 def extent(v: Tested) -> str:
@@ -162,8 +162,8 @@ def reasons(v: Tested) -> list[str]:
 def _rejecting(v: Tested) -> str:
     """The tests that reject, the one that decides first; what does not reject is left out."""
     both = [
-        (v.search_p < SEARCH_LIMIT, "a single change explains more of it than chance would"),
-        (v.p_value < CHI2_LIMIT, f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom"),
+        (v.judged.search_p < SEARCH_LIMIT, "a single change explains more of it than chance would"),
+        (v.judged.p_value < CHI2_LIMIT, f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom"),
     ]
     tests = (search_test(v), chi2_test(v))
     said = [

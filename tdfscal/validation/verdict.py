@@ -298,39 +298,19 @@ class Verdict:
         return "unproven" if self.own or self.few or self.blind else "holds"
 
     @property
-    def white(self) -> Whitened:
-        """The residual wrench, all that correlates it taken away."""
-        return self.judged.white
-
-    @property
-    def causes(self) -> Causes:
-        """Causes held against each other."""
-        return self.judged.causes
-
-    @property
-    def p_value(self) -> float:
-        """Probability of χ²."""
-        return self.judged.p_value
-
-    @property
-    def search_p(self) -> float:
-        """Probability that chance looks so much like one single cause."""
-        return self.judged.search_p
-
-    @property
     def decided_by_search(self) -> bool:
         """The search for one cause is farther below its limit than χ², or nearer above it."""
-        return self.search_p / SEARCH_LIMIT < self.p_value / CHI2_LIMIT
+        return self.judged.search_p / SEARCH_LIMIT < self.judged.p_value / CHI2_LIMIT
 
     @property
     def chi2(self) -> float:
         """χ² of the residual wrench with its full covariance."""
-        return self.white.chi2
+        return self.judged.white.chi2
 
     @property
     def dof(self) -> int:
         """Its degrees of freedom."""
-        return self.white.dof
+        return self.judged.white.dof
 
     @property
     def detectable(self) -> FloatArray:
@@ -340,7 +320,7 @@ class Verdict:
         """
         threshold = special.chdtri(3, SEARCH_LIMIT * _TURNED / self.rig.n)
         offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
-        white = self.judged.tared or self.white
+        white = self.judged.tared or self.judged.white
         turns = white.columns[:, layout(self.rig.n)["rotation"]]
         with np.errstate(divide="ignore"):
             return np.asarray(np.sqrt(offset / np.sum(turns**2, axis=0))).reshape(-1, 3)
@@ -353,4 +333,4 @@ class Verdict:
     @property
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
-        return () if self.holds else self.causes.suspected
+        return () if self.holds else self.judged.causes.suspected

@@ -60,10 +60,10 @@ def test_the_verdict_is_what_its_own_numbers_say(turn: float) -> None:
 def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
     """The search alone rejects here: a p of χ² above its limit would contradict the verdict."""
     tested = (validation(2e-3, t, KNOWN) for t in range(8))
-    v = next(v for v in tested if not v.holds and v.p_value >= 0.01)
+    v = next(v for v in tested if not v.holds and v.judged.p_value >= 0.01)
     found = written(v)[0]
     assert found["decided_by"] == "search"
-    assert p_text(v.p_value) not in found["why"]
+    assert p_text(v.judged.p_value) not in found["why"]
 
 
 def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:
@@ -76,14 +76,16 @@ def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:
         assert ("sensor turned", 1) in [(c.kind, c.support) for c in v.suspected]
         for cause in (c for c in v.suspected if c.unknowns == len(c.value) > 0):
             assert np.max(np.abs(cause.value) / cause.std) > 1.96
-        likely = [c for c in v.causes.best if c.explains and c.weight > v.suspected[0].weight - 9]
+        likely = [
+            c for c in v.judged.causes.best if c.explains and c.weight > v.suspected[0].weight - 9
+        ]
         unnamed += len(likely) - len(v.suspected)
         said = validation_report(v, ()).reasons
         assert len(said) <= 4
         assert said[0].startswith("the sensor of")
     assert unnamed > 6
-    doubtful = tuple(replace(c, p_value=0.2) for c in v.causes.best)
-    none = replace(v, judged=replace(v.judged, causes=replace(v.causes, best=doubtful)))
+    doubtful = tuple(replace(c, p_value=0.2) for c in v.judged.causes.best)
+    none = replace(v, judged=replace(v.judged, causes=replace(v.judged.causes, best=doubtful)))
     assert none.suspected == ()
     assert "whose size is told from none explains all of it" in written(none)[1]
 

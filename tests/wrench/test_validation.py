@@ -59,7 +59,9 @@ def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
     for t in range(FEWER):
         turn = 3e-3 * direction(t)
         v = validate(world(TRIALS).given[t], turned(world(TRIALS), t, t % 3, turn))
-        found = next(c for c in v.causes.best if c.kind == "sensor turned" and c.support == t % 3)
+        found = next(
+            c for c in v.judged.causes.best if c.kind == "sensor turned" and c.support == t % 3
+        )
         squares.append(((found.value - turn) / found.std) ** 2)
     # Each component alone is χ² with one degree of freedom.
     total = np.sum(squares, axis=0)
