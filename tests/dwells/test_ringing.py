@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.dwell_stops import KINDS, SLOW, score
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import common_drift, prepare
 from tdfscal.dwells.ringing import Ringing
@@ -85,3 +86,17 @@ def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
     assert drift[0] == pytest.approx(0.3, abs=4 * 1.25 / np.sqrt((length**3).sum()))
     np.testing.assert_array_equal(drift[1:], 0.0)
     np.testing.assert_array_equal(common_drift(slope[:9], length[:9]), 0.0)
+
+
+def test_no_crest_of_two_modes_is_a_dwell() -> None:
+    recorded = record(KINDS["settling and ringing"](np.random.default_rng(4)))
+    found = score(recorded, find_dwells(recorded.log))
+    assert (found.found, found.parts) == (len(recorded.stops), 0)
+    assert found.bias.max() < 1.0
+
+
+def test_noise_alike_over_a_second_is_not_taken_off_as_ringing() -> None:
+    logs = [SLOW["AR(0.99) at 100 Hz"](np.random.default_rng(seed)) for seed in range(3)]
+    z = np.concatenate([score(one, find_dwells(one.log)).z for one in logs])
+    # 48 means of each of nine axes, their variance known from the logs to about a third.
+    assert np.sqrt(np.mean(z**2)) < 1.7
