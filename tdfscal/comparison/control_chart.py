@@ -18,7 +18,7 @@ walk, and whatever else the filter was told.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -39,18 +39,40 @@ _CREEP_BETTER = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
-    """A sensor's turn by what was seen of it.
+class Alarm:
+    """A sensor that turned, or a terminal that is not as it was.
 
-    onset : index of the first check that shows it. chi2 : that it takes away. size : (3,), rad,
-    BCS; of a creep, per month. covariance : (3, 3), of it.
+    sensor : its index; None of a load, and where all together depart and no single one explains it.
+    raised, onset : indices of the checks that raised it, and with which it began.
+    turn : (3,), rad, BCS; of a creep, per month. covariance : (3, 3), of it.
+    chi2 : that it takes away. p_value : that a sound rig departs as much at this check, in any of
+    its tests; 1 where it is not asked yet.
     """
 
-    kind: Kind
+    kind: Kind | Literal["load"]
+    sensor: int | None
+    raised: int
     onset: int
-    chi2: float
-    size: FloatArray
+    turn: FloatArray
     covariance: FloatArray
+    chi2: float = 0.0
+    p_value: float = 1.0
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty (3,), rad, of the turn about each axis."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def size(self) -> float:
+        """How far it turned, rad, about whatever axis."""
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def size_std(self) -> float:
+        """Standard uncertainty of the size, rad."""
+        along = self.turn / self.size
+        return float(np.sqrt(along @ self.covariance @ along))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +118,7 @@ class TurnsSince:
 
     def likeliest(
         self, sensor: int, after: int, until: int, kinds: Iterable[Kind] = _KINDS
-    ) -> Turn | None:
+    ) -> Alarm | None:
         """Turn of a sensor that explains most; it began after one check and until another.
 
         None where there is none.
@@ -112,10 +134,10 @@ class TurnsSince:
             turns, key=lambda turn: turn.chi2 - _CREEP_BETTER * (turn.kind == "creep"), default=None
         )
 
-    def _turn(self, kind: Kind, sensor: int, onset: int) -> Turn:
+    def _turn(self, kind: Kind, sensor: int, onset: int) -> Alarm:
         seen = self.of(kind, sensor, onset)
-        size, covariance = seen.change(slice(0, 3))
-        return Turn(kind, onset, seen.chi2()[0], size, covariance)
+        chi2, _ = seen.chi2()
+        return Alarm(kind, sensor, self.check, onset, *seen.change(slice(0, 3)), chi2)
 
 
 def begin(prior: Information, own: Information, sensors: int) -> TurnsSince:
@@ -157,41 +179,6 @@ class Check:
     month: float
     own: Information
     load: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """A sensor that turned, or a terminal that is not as it was.
-
-    sensor : its index; None of a load, and where all together depart and no single one explains it.
-    raised, onset : indices of the checks that raised it, and with which it began.
-    turn : (3,), rad, BCS; of a creep, per month. covariance : (3, 3), of it.
-    p_value : that a sound rig departs as much at this check, in any of its tests.
-    """
-
-    kind: Kind | Literal["load"]
-    sensor: int | None
-    raised: int
-    onset: int
-    turn: FloatArray
-    covariance: FloatArray
-    p_value: float
-
-    @property
-    def std(self) -> FloatArray:
-        """Standard uncertainty (3,), rad, of the turn about each axis."""
-        return np.sqrt(np.diagonal(self.covariance))
-
-    @property
-    def size(self) -> float:
-        """How far it turned, rad, about whatever axis."""
-        return float(np.linalg.norm(self.turn))
-
-    @property
-    def size_std(self) -> float:
-        """Standard uncertainty of the size, rad."""
-        along = self.turn / self.size
-        return float(np.sqrt(along @ self.covariance @ along))
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,22 +289,21 @@ class Watching:
 
     def _raise(self, now: TurnsSince, p: FloatArray) -> None:
         """Name the turn that explains most, of the sensors whose tests alarm."""
-        named: list[tuple[Turn, int]] = []
-        for i in np.flatnonzero(p <= self.level[now.check]):
-            turn = now.likeliest(int(i), self._past(int(i))[-1], now.check)
+        named: list[Alarm] = []
+        for i in np.flatnonzero(p <= self.level[now.check]).tolist():
+            turn = now.likeliest(i, self._past(i)[-1], now.check)
             assert turn is not None
-            named.append((turn, int(i)))
-        turn, sensor = max(named, key=lambda pair: pair[0].chi2)
-        alarm = _alarm(sensor, now.check, turn, float(p[sensor]))
-        earlier = next((a for a in reversed(self.alarms) if a.sensor == sensor), None)
+            named.append(replace(turn, p_value=float(p[i])))
+        alarm = max(named, key=lambda turn: turn.chi2)
+        earlier = next((a for a in reversed(self.alarms) if a.sensor == alarm.sensor), None)
         if earlier is not None and earlier.kind == "step":
-            creep = self._one_creep(now.check, earlier, turn)
+            creep = self._one_creep(now.check, earlier, alarm)
             if creep is not None:  # what seemed a step was the beginning of it
                 self.alarms.remove(earlier)
-                alarm = _alarm(sensor, now.check, creep, earlier.p_value)
+                alarm = replace(creep, raised=now.check, p_value=earlier.p_value)
         self.alarms.append(alarm)
 
-    def _one_creep(self, k: int, earlier: Alarm, later: Turn) -> Turn | None:
+    def _one_creep(self, k: int, earlier: Alarm, later: Alarm) -> Alarm | None:
         """Return a creep that does as well until check k as two turns, if one does."""
         assert earlier.sensor is not None
         without = self._through(k, earlier)
@@ -336,13 +322,9 @@ class Watching:
         last = min(past[place + 1] - 1, alarm.raised + _SETTLED)
         now = self._through(max(last, alarm.onset), alarm)
         turn = now.likeliest(alarm.sensor, past[place - 1], min(alarm.raised, last))
-        return alarm if turn is None else _alarm(alarm.sensor, alarm.raised, turn, alarm.p_value)
-
-
-def _alarm(sensor: int, raised: int, turn: Turn, p: float) -> Alarm:
-    return Alarm(turn.kind, sensor, raised, turn.onset, turn.size, turn.covariance, p)
+        return alarm if turn is None else replace(turn, raised=alarm.raised, p_value=alarm.p_value)
 
 
 def _unexplained(kind: Literal["step", "load"], check: int, p: float) -> Alarm:
     """An alarm that is no one sensor's turn."""
-    return Alarm(kind, None, check, check, np.zeros(3), np.zeros((3, 3)), p)
+    return Alarm(kind, None, check, check, np.zeros(3), np.zeros((3, 3)), p_value=p)
