@@ -61,7 +61,7 @@ def causes(given: Whitened) -> Causes:
         key = (cause.kind, cause.support, cause.postures)
         if key not in best or cause.weight > best[key].weight:
             best[key] = cause
-    tried = len(models) + (len(given.own) if contacts else 0)
+    tried = len(models) + (len(given.at.own) if contacts else 0)
     found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
     return Causes(tuple(sorted(found, key=WEIGHT, reverse=True)), tried)
 
@@ -86,23 +86,23 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
             return _touching(at.own, cause.postures)
     if cause.kind in STEPS:
         assert cause.support is not None
-        return _stepping(cause.kind, cause.support, cause.postures[0], at.columns, at)
+        return _stepping(cause.kind, cause.support, cause.postures[0], at)
     if cause.kind in COURSES:
         shapes = (each for kind, each in _drifts(at) if kind == cause.kind)
-        drifts = (_drifting(shape, cause.support, at.columns, at) for shape in shapes)
+        drifts = (_drifting(shape, cause.support, at) for shape in shapes)
         return next(columns for columns in drifts if columns.shape[1] == cause.unknowns)
     return at.columns[:, :0]
 
 
 def _models(given: Whitened) -> list[Model]:
-    place = layout(given.sensors)
+    place = layout(given.at.sensors)
     load = slice(place["mass"].start, place["barycentre"].stop)
     found = [Model("load changed", None, (), given.columns[:, load])]
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
             found.append(Model(kind, i, (), given.columns[:, first : first + 3]))
     found.append(Model("sensors turned", None, (), given.columns[:, place["rotation"]]))
-    if not len(given.own):  # in motion the residual is known along these alone
+    if not len(given.at.own):  # in motion the residual is known along these alone
         return found
     found.append(Model("base tilted", None, (), given.columns[:, place["tilt"]]))
     for i, first in enumerate(range(place["sensitivity"].start, place["sensitivity"].stop, 6)):
@@ -113,44 +113,40 @@ def _models(given: Whitened) -> list[Model]:
 
 def _in_course(given: Whitened) -> Iterator[Model]:
     """Steps of each sensor, from its likeliest posture on, and drifts of its zero or of all."""
-    everyone = range(given.sensors)
-    for kind in STEPS if len(given.own) >= 2 * _FEWEST else ():
+    everyone = range(given.at.sensors)
+    for kind in STEPS if len(given.at.own) >= 2 * _FEWEST else ():
         for i in everyone:
             first = _likeliest_step(given, kind, i)
-            columns = given.white(_stepping(kind, i, first, given.plain, given))
+            columns = given.white(_stepping(kind, i, first, given.at))
             yield Model(kind, i, (first,), columns)
-    for kind, shape in _drifts(given):
-        since = shape - shape[np.argmin(given.course.time)]
+    for kind, shape in _drifts(given.at):
+        since = shape - shape[np.argmin(given.at.course.time)]
         most = since[np.argmax(np.abs(since[:, :, 0]).max(axis=1))]
         for i in (None, *everyone):
-            columns = given.white(_drifting(shape, i, given.plain, given))
+            columns = given.white(_drifting(shape, i, given.at))
             largest = most if i is None else most[[i]]
             back = np.asarray(np.kron(block_diagonal(*largest[:, None]), np.eye(3)), np.float64)
             yield Model(kind, i, (), columns, back)
 
 
-def _drifts(at: Linearised | Whitened) -> Iterator[tuple[Kind, FloatArray]]:
+def _drifts(at: Linearised) -> Iterator[tuple[Kind, FloatArray]]:
     for warm, shape in at.course.drifts(at.sensors) if len(at.own) > 1 else ():
         yield ("zeros follow temperature" if warm else "zeros drift"), shape
 
 
-def _drifting(
-    shape: FloatArray, support: int | None, columns: FloatArray, at: Linearised | Whitened
-) -> FloatArray:
+def _drifting(shape: FloatArray, support: int | None, at: Linearised) -> FloatArray:
     """Derivative (6K, 3m) by a drift of shape (K, n, g): m = n g of all zeros, g of one."""
-    by_zero = columns[:, layout(at.sensors)["zero"]].reshape(len(at.own), 6, at.sensors, 3)
+    by_zero = at.zero_columns.reshape(len(at.own), 6, at.sensors, 3)
     if support is not None:
         by_zero, shape = by_zero[:, :, [support]], shape[:, [support]]
-    return np.asarray(np.einsum("kbna,kng->kbnga", by_zero, shape).reshape(len(columns), -1))
+    return np.asarray(np.einsum("kbna,kng->kbnga", by_zero, shape).reshape(len(at.columns), -1))
 
 
-def _stepping(
-    kind: Kind, sensor: int, first: int, columns: FloatArray, at: Linearised | Whitened
-) -> FloatArray:
+def _stepping(kind: Kind, sensor: int, first: int, at: Linearised) -> FloatArray:
     """Derivative (6K, 3) by a sensor's turn, or its zero's jump, from one posture on."""
     begin = layout(at.sensors)[_STEPPING[kind]].start + 3 * sensor
     after = np.repeat(at.course.step(first), 6, axis=0)
-    return np.asarray(columns[:, begin : begin + 3] * after)
+    return np.asarray(at.columns[:, begin : begin + 3] * after)
 
 
 def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
@@ -158,10 +154,10 @@ def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
 
     Score and information of every step are sums of its postures' own blocks.
     """
-    K, order = len(given.own), np.argsort(given.course.time, kind="stable")
+    K, order = len(given.at.own), np.argsort(given.at.course.time, kind="stable")
     y, M = given.unfolded
-    begin = layout(given.sensors)[_STEPPING[kind]].start + 3 * sensor
-    columns = given.plain[:, begin : begin + 3]
+    begin = layout(given.at.sensors)[_STEPPING[kind]].start + 3 * sensor
+    columns = given.at.columns[:, begin : begin + 3]
 
     def after(other: FloatArray) -> FloatArray:
         """Sums (K, 3, …) over the postures from each one on, in the order of time."""
@@ -177,19 +173,19 @@ def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
 
 def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
     """More noise than is stated: of all forces (1/f too), of one sensor, of moments (friction)."""
-    K, n = len(given.own), given.sensors
+    K, n = len(given.at.own), given.at.sensors
     if not K:
         return []
-    zero = given.plain[:, layout(n)["zero"]].reshape(K, 6, n, 3)
+    zero = given.at.zero_columns.reshape(K, 6, n, 3)
     each = np.eye(K)
     suspects: list[tuple[Kind, int | None, FloatArray, FloatArray]] = [
         ("noise grown", None, zero.reshape(K, 6, -1), each),
         *(("noise grown", i, zero[:, :, i], each) for i in range(n)),
-        ("hinges stick", None, given.own[:, :, 3:], each),
+        ("hinges stick", None, given.at.own[:, :, 3:], each),
     ]
     found = [_scatter(given, models, *suspect) for suspect in suspects]
     if 1 < K <= _CONNECTED:
-        elapsed = given.course.time - given.course.time.min()
+        elapsed = given.at.course.time - given.at.course.time.min()
         walk = np.minimum(elapsed[:, None], elapsed) / max(float(elapsed.max()), 1e-9)
         wander = [
             _scatter(given, models, "zeros wander", None, zero.reshape(K, 6, -1), together)
@@ -201,7 +197,7 @@ def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
 
 def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:
     """All zeros moved once, as a tare does it: a variance along their columns."""
-    columns = given.columns[:, layout(given.sensors)["zero"]]
+    columns = given.columns[:, layout(given.at.sensors)["zero"]]
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     along = U.T @ given.residual
     theta, gain = best_variance(np.diag(s)[None], along[None], np.zeros((1, len(s), 0)))
@@ -267,7 +263,7 @@ def _scatter_cause(
     gain: float,
 ) -> Cause:
     """A variance θ that lowers −2 ln L by `gain`; weighted : columns white with it."""
-    rest, K = weighted(given.residual[:, None])[:, 0], len(given.own)
+    rest, K = weighted(given.residual[:, None])[:, 0], len(given.at.own)
     p = [float(chi2_sf(rest @ rest, given.dof))]
     if K:
         each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
@@ -305,12 +301,12 @@ def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
 
     Score and information of a wrench in each come from the suspects' own blocks.
     """
-    K = len(given.own)
+    K = len(given.at.own)
     if K < 2:
         return []
     off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
     suspects = np.argsort(off)[::-1][:_SUSPECTS]
-    own, (y, M) = given.own[suspects], given.unfolded
+    own, (y, M) = given.at.own[suspects], given.unfolded
     score = np.einsum("kba,kb->ka", own, y.reshape(K, 6)[suspects]).ravel()
     common = np.einsum("kba,kbm->kam", own, M.reshape(K, 6, -1)[suspects]).reshape(len(score), -1)
     each = block_diagonal(*np.swapaxes(own, 1, 2) @ own)

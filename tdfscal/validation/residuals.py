@@ -88,23 +88,19 @@ class Linearised:
 class Whitened:
     """Residual wrenches of K postures with all that correlates them taken away.
 
-    residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
-    derivative by the calibrated parameters; plain : the same, white in each posture's own noise
-    only. own, rows, sensors, course : as in `Linearised`. common : (m, r), H of the inverse root
-    I − H Hᵀ for the calibration's error, which is common to all postures. free : (m, f),
-    orthonormal, directions of parameters that nobody knows; the residual has no part in them.
-    spread : ln det of the residuals' covariance, by what it is without the calibration's error.
+    at : the same, white in each posture's own noise only. residual : (m,), white altogether; m is
+    6K, or as many as a motion determines. columns : (m, P), its derivative by the calibrated
+    parameters. common : (m, r), H of the inverse root I − H Hᵀ for the calibration's error, which
+    is common to all postures. free : (m, f), orthonormal, directions of parameters that nobody
+    knows; the residual has no part in them. spread : ln det of the residuals' covariance, by what
+    it is without the calibration's error.
     """
 
+    at: Linearised
     residual: FloatArray
     columns: FloatArray
-    plain: FloatArray
-    own: FloatArray
     common: FloatArray
     free: FloatArray
-    rows: int
-    sensors: int
-    course: Course
     spread: float
 
     @property
@@ -115,12 +111,12 @@ class Whitened:
     @property
     def dof(self) -> int:
         """Its degrees of freedom."""
-        return int(self.rows - self.free.shape[1])
+        return int(self.at.rows - self.free.shape[1])
 
     @property
     def worth(self) -> float:
         """What one unknown has to lower χ² by (Schwarz)."""
-        return float(np.log(max(self.rows, 2)))
+        return float(np.log(max(self.at.rows, 2)))
 
     @property
     def deviance(self) -> float:
@@ -155,18 +151,9 @@ def whiten(at: Linearised, given: Calibrated) -> Whitened:
     root = block_diagonal(given.root, at.own_root)
     unknown = np.concatenate([given.open, at.own_unknown])
     V, s, _ = np.linalg.svd(at.columns @ root, full_matrices=False)
-    start = Whitened(
-        residual=at.residual,
-        columns=at.columns,
-        plain=at.columns,
-        own=at.own,
-        common=V * np.sqrt(1 - 1 / np.sqrt(1 + s**2)),
-        free=np.zeros((len(at.columns), 0)),
-        rows=at.rows,
-        sensors=at.sensors,
-        course=at.course,
-        spread=float(np.sum(np.log1p(s**2))),
-    )
+    common, spread = V * np.sqrt(1 - 1 / np.sqrt(1 + s**2)), float(np.sum(np.log1p(s**2)))
+    none = np.zeros((len(at.columns), 0))
+    start = Whitened(at, at.residual, at.columns, common, none, spread)
     known = replace(start, free=basis(start.white(at.columns[:, unknown])))
     white = known.white(at.residual[:, None])[:, 0]
     return replace(known, residual=white, columns=known.white(at.columns))
@@ -307,11 +294,11 @@ class KnownNoise:
         To be as improbable as they are; none is made larger. What noise with tails does once in a
         while no longer looks like a contact, or like anything else that one posture can pretend.
         """
-        if np.isinf(self.reading_tail(white.sensors)):
+        if np.isinf(self.reading_tail(white.at.sensors)):
             return white
         each = white.residual.reshape(-1, _ROWS)
         square = np.sum(each**2, axis=1)
-        p = np.maximum(self.posture_sf(square, white.sensors), np.finfo(np.float64).tiny)
+        p = np.maximum(self.posture_sf(square, white.at.sensors), np.finfo(np.float64).tiny)
         usual = np.minimum(special.chdtri(_ROWS, p), square)
         factor = np.sqrt(np.divide(usual, square, out=np.ones_like(square), where=square > 0))
         if factor.min() > _UNTOUCHED:
