@@ -21,14 +21,14 @@ import numpy as np
 
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.statics import Balance, Postures, balance, features
-from tdfscal.numerics import so3
+from tdfscal.model.statics import Postures, balance, features
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit, at_state, fit, spread, worth
 from tdfscal.selfcal.mounting_search import Rival, best_start, rivals
 from tdfscal.significance import OUTLYING_POSTURE
+from tdfscal.wrench.contact_wrench import to_origin
 
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12
@@ -132,7 +132,7 @@ def _rejected(result: Fit) -> dict[int, Finding]:
     """Name the postures of weight 0 with their residual wrench (moment about the LCS origin)."""
     scale = spread(result.distance[result.weight > 0], result.at.rows)
     found, out = {}, np.flatnonzero(result.weight == 0)
-    wrenches = _to_origin(result.at, out) @ result.residual[out][..., None]
+    wrenches = to_origin(result.at)[out] @ result.residual[out][..., None]
     for k, wrench in zip(out, wrenches[..., 0], strict=True):
         force, moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
         ratio = np.sqrt(result.distance[k] / (result.at.rows[k] * scale))
@@ -189,20 +189,13 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     rig, start = fit.rig, nominal(fit.rig, fit.postures.motions)
     at = balance(fit.postures, start, rig.barycentre.value, rig.gravity)
     before = (at.design @ features(start, at, rig.gravity))[used]
-    here = _to_origin(fit.at, used)
+    here = to_origin(fit.at)[used]
     return CrossValidation(
         index=used,
-        before=-(_to_origin(at, used) @ before[..., None])[..., 0],
+        before=-(to_origin(at)[used] @ before[..., None])[..., 0],
         after=-(here @ apart @ e)[..., 0],
         cov=here @ apart @ np.swapaxes(L, 1, 2) @ np.swapaxes(here, 1, 2),
     )
-
-
-def _to_origin(at: Balance, used: IntArray) -> FloatArray:
-    """Matrices (K, 6, 6) that move a wrench from c to the LCS origin (theory, section 7)."""
-    moved = np.tile(np.eye(ROWS), (len(used), 1, 1))
-    moved[:, 3:, :3] = so3.hat(at.rotation[used] @ at.centre)
-    return moved
 
 
 #: Random starts, of so many postures each: with a third of them touched, four are clean in one of

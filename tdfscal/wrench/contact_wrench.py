@@ -105,12 +105,15 @@ def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:
 
 def to_lcs(at: Balance) -> FloatArray:
     """T (K, 6, 6) with the contact wrench in the LCS about its origin = T e of a balance."""
-    K = len(at.rotation)
-    back = np.swapaxes(at.rotation, 1, 2)
-    T = np.zeros((K, 6, 6))
-    T[:, :3, :3] = T[:, 3:, 3:] = -back
-    T[:, 3:, :3] = -back @ so3.hat(at.rotation @ at.centre)
-    return T
+    halves = to_origin(at).reshape(-1, 2, 3, 6)
+    return np.asarray(-np.swapaxes(at.rotation, 1, 2)[:, None] @ halves).reshape(-1, 6, 6)
+
+
+def to_origin(at: Balance) -> FloatArray:
+    """Matrices (K, 6, 6) that move a balance's wrench e, BCS, from c to the LCS origin."""
+    moved = np.tile(np.eye(6), (len(at.rotation), 1, 1))
+    moved[:, 3:, :3] = so3.hat(at.rotation @ at.centre)
+    return moved
 
 
 def jacobian(given: Calibrated, at: Balance) -> FloatArray:
