@@ -123,7 +123,8 @@ calibration-unsealed notes
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties
   (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})
-  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1{usual:, as chance has it|}
+  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, where
+  chance makes {by_chance:.2g} on average
 calibrations-incompatible rejects
   not compatible: {support} stands in {first} turned against {second}, beyond the
   uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.3g} mrad,
@@ -175,8 +176,9 @@ channels-as-calibrated notes
   the channels' noise is taken as unequal as the calibration's residuals showed it
   (fit.channel_noise)
 zeros-moved notes
-  the zeros have moved since the calibration, by up to {size}, as a tare moves them
-  -> bring the new ones in by `tdfscal update`
+  zeros that moved since the calibration, by up to {size}, as a tare moves them,
+  explain these readings; so may a sensor's turn that is too small to be sure of
+  -> if they were tared, bring the new ones in by `tdfscal update`
 zeros-beside-change notes
   the zeros, estimated together with that change, are off the calibration's by up to
   {size}

@@ -18,7 +18,7 @@ from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, gain, inverse, p_value
 from tdfscal.numerics.least_squares import block_diagonal, gauss_newton
 from tdfscal.records import FloatArray, Rotations
-from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
+from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, EXPANDED_COVERAGE, INCOMPATIBLE
 
 ANGLES = ("roll", "pitch", "yaw")
 
@@ -61,6 +61,16 @@ class Comparison:
     def compatible(self) -> bool:
         """Whether the numbers agree, whatever keeps them from being verified."""
         return compatible(self.p_value, self.sensor_p, self.tests)
+
+    @property
+    def alone(self) -> float:
+        """Chance that any sensor differs as much by itself."""
+        return min(len(self.sensor_p) * float(self.sensor_p.min()), 1.0)
+
+    @property
+    def limit(self) -> float:
+        """Probability below which either test finds them incompatible."""
+        return INCOMPATIBLE / 2 / self.tests
 
     @property
     def finding(self) -> Finding:
@@ -111,7 +121,7 @@ def verdict(
         "difference": 1e3 * float(rpy[i, k]),
         "expanded": 1e3 * abs(float(rpy[i, k])) / max(float(en[i, k]), 1e-9),
         "en": float(en[i, k]),
-        "usual": alone >= 0.1,
+        "by_chance": (1 - EXPANDED_COVERAGE) * en.size,
         "above": above,
         "single": above == 1,
         "of": en.size,

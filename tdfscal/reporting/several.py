@@ -14,12 +14,12 @@ from tdfscal.comparison.compatibility import Comparison, History, compare
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding
-from tdfscal.numerics.distributions import probability
+from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import UNSEALED, measured_on
-from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER
+from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 #: Said where calibrations stand on the same recordings.
 _NO_RESULTS = "NOT SEPARATE RESULTS"
@@ -138,8 +138,8 @@ def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
     of, against = (names.get(name, name) for name in c.names)
     return layout.document(
         c,
-        "verified chi2 dof p_value difference_rpy=rpy difference_rpy_std=rpy_std en "
-        "detectable_rpy=detectable rotation_vector",
+        "verified chi2 dof p_value sensor_p_value=alone p_limit=limit difference_rpy=rpy "
+        "difference_rpy_std=rpy_std en detectable_rpy=detectable rotation_vector",
         of=of,
         against=against,
         verdict=_verdict(c),
@@ -224,9 +224,10 @@ def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
         }
         caption += f"; U with {_K}"
         together = (
-            f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle "
-            f"as large as its last column would have been seen with {DETECTION_POWER:.0%} "
-            "probability."
+            f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}; the sensor that "
+            f"differs most: {p_text(c.alone)}. Compatible where neither is below {c.limit:.2g}: of "
+            f"sound calibrations {INCOMPATIBLE:.0%} at most are not. A change of one angle as "
+            f"large as its last column would have been seen with {DETECTION_POWER:.0%} probability."
         )
     header, rows = ("sensor", "angle", *columns), by_angle(c.supports, *columns.values())
     said = (*([together] if together else ()), *(f"{sentence(remark)}." for remark in remarks))

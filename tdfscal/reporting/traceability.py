@@ -296,9 +296,8 @@ def exact_names(c: Calibration) -> list[str]:
     return list(dict.fromkeys([*(q.name for q in _by_effect(c)), *exact]))
 
 
-def _usual(is_so: bool = True) -> str:
-    """That a limit is the program's own."""
-    return " [program default]" if is_so else ""
+#: Of a limit that no rig file states; of one that has the default's value, stated or not.
+_FIXED, _USUAL = " [program default]", " [the default value]"
 
 
 def _decision_rule(c: Calibration) -> str:
@@ -306,13 +305,13 @@ def _decision_rule(c: Calibration) -> str:
     limits, usual = c.rig.acceptance, AcceptanceBlock()
     rule = (
         f"accepted where every angle's standard uncertainty is at most "
-        f"{1e3 * limits.angle_std:.3g} mrad{_usual(limits.angle_std == usual.angle_std)}, the "
+        f"{1e3 * limits.angle_std:.3g} mrad{_USUAL * (limits.angle_std == usual.angle_std)}, the "
         f"scatter at most {limits.birge_max:.2g} times what is stated (Birge ratio)"
-        f"{_usual(limits.birge_max == usual.birge_max)}"
+        f"{_USUAL * (limits.birge_max == usual.birge_max)}"
     )
     if c.method != "tracker":
         lost = "motion is left out" if c.motion is not None else "postures are rejected"
-        rule += f", at most {MOST_REJECTED:.0%} of the {lost}{_usual()}"
+        rule += f", at most {MOST_REJECTED:.0%} of the {lost}{_FIXED}"
     rule += ", and no finding rejects"
     if c.method != "tracker":
         harm = f"an angle by more than {HARMFUL_SHIFT:g}, or " if c.motion is None else ""
@@ -322,7 +321,7 @@ def _decision_rule(c: Calibration) -> str:
         rule += (
             f": an undeclared error does that the residuals suspect (level: {QUESTIONED:.1%} of "
             f"faultless campaigns at most) and that moves {harm} of its standard uncertainties"
-            f"{_usual()}"
+            f"{_FIXED}"
         )
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
     if c.status == "provisional":

@@ -176,8 +176,8 @@ def _sure(v: Tested) -> str:
     """What would have been detected."""
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
-        f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
-        f"been detected with {DETECTION_POWER:.0%} probability"
+        f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch, behind a new "
+        f"tare too, would have been detected with {DETECTION_POWER:.0%} probability"
     )
     missed = f" It has to hold to ± {1e3 * v.limit:.2g} mrad: such turns go unseen." * v.blind
     if twist > np.pi / 4:

@@ -112,6 +112,12 @@ def test_what_is_exact_adds_up_in_each_angle(
     assert len(exceeding(changed(c, taken_as_exact=quantities), half)) == named
 
 
+def test_a_limit_with_the_defaults_value_is_called_that() -> None:
+    """A calibration file has all limits: whether the rig file stated one is not known."""
+    for given, usual in ((stated(acceptance={"angle_std": 2e-3}), 1), (stated(), 2)):
+        assert facts(given)["Decision rule"].count("[the default value]") == usual
+
+
 def test_conformity_stands_beside_the_rule() -> None:
     """On the page and in the certificate, each quantity whose limit is stated."""
     limits = {"angle_std": 2e-3, "contact": {"force": 5.0}}

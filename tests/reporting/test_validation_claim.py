@@ -57,6 +57,18 @@ def test_the_verdict_is_what_its_own_numbers_say(turn: float) -> None:
         assert printed or not (below[name] or found["holds"])
 
 
+def test_zeros_that_moved_are_no_proof_that_nothing_turned() -> None:
+    """By 0.5 mrad or not, behind a tare: what the check is sure to see is larger."""
+    for turn in (0.0, 5e-4):
+        v = validation(turn)
+        assert v.holds
+        assert v.zeros.moved
+        assert v.detectable[:, :2].max() > 5e-4
+        said = written(v)[1]
+        assert "explain these readings; so may a sensor's turn that is too small" in said
+        assert "behind a new tare too, would have been detected with 95% probability" in said
+
+
 def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
     """The search alone rejects here: a p of χ² above its limit would contradict the verdict."""
     tested = (validation(2e-3, t, KNOWN) for t in range(8))
