@@ -62,12 +62,11 @@ def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> 
     assert "ncp3" in done.out
 
 
-@pytest.mark.parametrize("seed", [5, 11])  # frozen at an end of its range, and within it
-def test_a_channel_that_dies_on_the_way(seed: int, tmp_path: Path, cli: Cli) -> None:
+def test_a_channel_that_dies_on_the_way(tmp_path: Path, cli: Cli) -> None:
     """Since when is told, and each way out leads to angles."""
     campaign, found = tmp_path / "campaign", tmp_path / "found.json"
     calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    cli("simulate", campaign, "--scenario", "dead-axis", "--postures", 20, "--seed", seed, "-q")
+    cli("simulate", campaign, "--scenario", "dead-axis", "--postures", 20, "--seed", 5, "-q")
     x = np.array([float(row["TDFS3_Fx"]) for row in rows(campaign / "log.csv")])
     said = " ".join(cli(*calibrate, ends=3).err.split())
     assert "frozen" in said

@@ -216,8 +216,10 @@ LATE = "import tdfscal.commands.report as r; r.read_sources = meet"
 EARLY = "sys.meta_path.insert(0, type('', (), {'find_spec': meet}))"
 
 
-@pytest.mark.parametrize(("line", "status"), [(LATE, 143), (EARLY, 130)])
-@pytest.mark.parametrize("where", ["deleted", "released", "dropped"])
+@pytest.mark.parametrize(
+    ("line", "status", "where"),
+    [(LATE, 143, "deleted"), (EARLY, 130, "released"), (LATE, 143, "dropped")],
+)
 def test_a_signal_that_meets_a_callback_ends_the_run(
     home: Path, line: str, status: int, where: str
 ) -> None:

@@ -211,7 +211,7 @@ def test_the_draft_of_every_recorder_reads_the_same_samples(
     record: Callable[[pd.DataFrame, Path], Path],
     tmp_path: Path,
 ) -> None:
-    part = frame[0].iloc[:1200]
+    part = frame[0].iloc[:800]
     path = record(part, tmp_path)
     tdfscal.init(path, output=tmp_path / "rig.yaml")
     log = tdfscal.read_log(path, tdfscal.load_rig(tmp_path / "rig.yaml"))

@@ -19,6 +19,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.numerics import so3
 from tdfscal.simulation import Recorder
 from tests.cli.running import Cli
+from tests.reporting.samples import sketch
 from tests.words import texts
 
 
@@ -58,8 +59,11 @@ def folders(months: Path, first: int, last: int) -> list[Path]:
     return sorted(p for p in months.iterdir() if p.is_dir())[first:last]
 
 
-def test_a_pattern_names_what_is_no_check_too(months: Path, tmp_path: Path, cli: Cli) -> None:
+def test_a_pattern_names_what_is_no_check_too(
+    months: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """FOLDER/* holds the truth of all months, and what was written beside them."""
+    sketch(monkeypatch)
     known = folders(months, 0, 2)
     checks = [tmp_path / folder.name for folder in known]
     for folder, check in zip(known, checks, strict=True):

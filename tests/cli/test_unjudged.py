@@ -126,7 +126,7 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     *_, last, _ = log.read_text().splitlines()  # the last line is half of one
     sound = [home / "sound1", home / "sound6"]
     fit = ["--trials", 0, "-o", tmp_path / "c.yaml"]
-    for command in (["monitor"], ["calibrate", *fit], ["update", base, *fit]):
+    for command in (["monitor"], ["update", base, *fit]):
         months = [home / "sound2", cut] if base in command else [*sound, cut]
         done = cli(*command, *months, "--json", "-q", ends=0)
         (said,) = (f["text"] for f in json.loads(done.out)["findings"] if "log.csv" in f["text"])

@@ -89,7 +89,7 @@ def test_the_rest_of_the_sensors_stand(
 
 
 def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
-    """Campaign 50 has a minimum of 5000 about upright load cells; one of all 60 would show."""
+    """Campaign 50 has a minimum of 5000 about upright load cells."""
     rig = lacking((2, 0), (2, 1), (3, 0), (3, 1), n=4)
     batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(1), 60)
     for trial in (0, 50):
