@@ -15,9 +15,9 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.campaign import campaign_folders, is_other_result
-from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated, stated_date
+from tdfscal.commands.log_pass import Settings, stated_date
 from tdfscal.commands.options import Option
-from tdfscal.commands.read_campaigns import Read, read_campaigns, require_one_rig
+from tdfscal.commands.read_campaigns import Read, require_one_rig
 from tdfscal.commands.result import Result, by_column
 from tdfscal.commands.several_campaigns import usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
@@ -183,32 +183,27 @@ def monitor(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
     settings = Settings(progress)
-    reads, unusable = read_campaigns(groups, settings, like=like)
     before = [recording for earlier in known for recording in earlier.own_recordings()]
-    refuse_repeated([*before, *reads])
-    usable = usable_campaigns(reads, unusable)
-    moved = (Recording(name, (), None, means=each.means) for name, each in usable.items())
-    refuse_repeated([*before, *moved])
-    if not known and not usable:
+    reads, unusable = usable_campaigns(groups, settings, like, before)
+    if not known and not reads:
         raise unusable.first
-    reads = [read for read in reads if read.name in usable]
     checks: list[Earlier | Read] = [*known, *reads]
     latest = max(check.measured.month for check in checks)
-    rejected = {read.name: why for read in reads if (why := usable[read.name].rejected)}
+    rejected = {read.name: read.rejected for read in reads if read.rejected}
     late = {read.name for read in reads if read.measured.month == latest}
-    reads = [read for read in reads if read.name not in rejected]
+    reads = [read for read in reads if not read.rejected]
     checks = [*known, *reads]
     needed = {name for name in rejected if name in late or len(checks) < 2}
     lost = [*wanted(rejected[name] for name in needed), *unusable.findings]
     lost += (found for name, found in rejected.items() if name not in needed)
-    lost += [remark for read in reads if (remark := usable[read.name].remark)]
+    lost += [read.remark for read in reads if read.remark]
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress.stage(f"going through {len(checks)} checks")
     ordered: list[Earlier | Read] = sorted([*reads, *known], key=lambda one: one.measured.month)
-    campaigns = [usable[read.name].recorded for read in reads]
-    life, noisy = life_of(rig, known, pool(campaigns) if campaigns else None)
+    pooled = pool([read.recorded for read in reads]) if reads else None
+    life, noisy = life_of(rig, known, pooled)
     return MonitorResult(
         rig,
         life,

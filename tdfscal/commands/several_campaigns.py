@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,17 +17,17 @@ from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration
-from tdfscal.commands.log_pass import Settings, refuse_repeated
+from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated
 from tdfscal.commands.read_campaigns import Read, Unusable, naming, read_campaigns
-from tdfscal.commands.samples import Own, calibrate_motion
+from tdfscal.commands.samples import Own, calibrate_motion, mean_readings
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.comparison.rig_history import life_of
-from tdfscal.comparison.shared_data import Readings, readings_in_motion
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.from_results import from_self
-from tdfscal.files.calibration.statistics import campaign_document
+from tdfscal.files.calibration.parts import CampaignResult
+from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
 from tdfscal.records import Measured, Rig
@@ -46,18 +46,16 @@ PRECISION = ("angle-uncertain", "contact-uncertain")
 _REMARKS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """What a campaign gives to a pool, and what is said of it by itself.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged(Read):
+    """A campaign with what it gives to a pool, and what is said of it by itself.
 
-    means : readings by which its recording is known again; None of a survey.
     rejected : why `calibrate` rejects it, however well it knows the angles; None where it does
     not, or where it does not suffice to be judged alone. remark : what its log, its postures and
     its residuals ask a reader to know; None where that is nothing.
     """
 
     recorded: Recorded
-    means: Readings | None
     rejected: Finding | None
     remark: Finding | None
 
@@ -67,21 +65,28 @@ def judged(read: Read) -> Judged:
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    rig, month, alone = read.rig, read.measured.month, None
+    rig, means = read.rig, read.means
+    alone: Own | None = None
     if read.dwells is None:
-        given = Recorded(read.name, month, rig, survey=read.survey, exact=read.exact)
-        return Judged(given, None, None, _remark(read, None))
-    with naming(read.name), read.log.explaining():
-        moving = calibrate_motion(read.log, read.dwells, rig)
-        if moving is not None:
-            exact = exact_quantities(moving.fit)
-            given = Recorded(read.name, month, rig, estimate=moving.calibrated, exact=exact)
-            means = readings_in_motion(rig, moving.fit.slow)
-            return Judged(given, means, _rejected(read, moving), _remark(read, moving))
-        given = Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
-    with suppress(TdfscalError):
-        alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    return Judged(given, read.means, _rejected(read, alone), _remark(read, alone))
+        given: dict[str, Any] = {"survey": read.survey, "exact": read.exact}
+    else:
+        with naming(read.name), read.log.explaining():
+            alone = calibrate_motion(read.log, read.dwells, rig)
+            if alone is None:
+                given = {"postures": usable_postures(rig, read.dwells).postures}
+            else:
+                given = {"estimate": alone.calibrated, "exact": exact_quantities(alone.fit)}
+                means = mean_readings(alone)
+        if alone is None:
+            with suppress(TdfscalError):
+                alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
+    known = {field.name: getattr(read, field.name) for field in fields(Read)} | {"means": means}
+    return Judged(
+        **known,
+        recorded=Recorded(read.name, read.measured.month, rig, **given),
+        rejected=_rejected(read, alone),
+        remark=_remark(read, alone),
+    )
 
 
 def _rejected(read: Read, alone: Own | None) -> Finding | None:
@@ -133,13 +138,24 @@ def _told(read: Read, alone: Own | None) -> list[str]:
     return [*said, *([f"and {more} more"] if more else [])]
 
 
-def usable_campaigns(campaigns: Sequence[Read], unusable: Unusable) -> dict[str, Judged]:
-    """What each campaign gives to a pool, by name; those that give nothing become unusable."""
-    usable = dict[str, Judged]()
-    for read in campaigns:
+def usable_campaigns(
+    groups: Sequence[Sequence[Path]],
+    settings: Settings,
+    like: tuple[str, Rig] | None = None,
+    before: Sequence[Recording] = (),
+) -> tuple[list[Judged], Unusable]:
+    """Read campaigns of one rig, as `read_campaigns`, and judge each; and those that are unusable.
+
+    before : recordings that none of them may hold again.
+    """
+    reads, unusable = read_campaigns(groups, settings, like=like)
+    refuse_repeated([*before, *reads])
+    found = list[Judged]()
+    for read in reads:
         with unusable.noting(read.name):
-            usable[read.name] = judged(read)
-    return usable
+            found.append(judged(read))
+    refuse_repeated([*before, *found])  # a motion is known by now
+    return found, unusable
 
 
 def wanted(campaigns: Iterable[Finding]) -> Iterator[Finding]:
@@ -190,12 +206,9 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     itself takes no part, as long as two others do; one that cannot be used as this rig's takes
     none either, and rejects the result.
     """
-    reads, unusable = read_campaigns(groups, settings)
-    refuse_repeated(reads)
-    usable = usable_campaigns(reads, unusable)
-    if not usable:
+    reads, unusable = usable_campaigns(groups, settings)
+    if not reads:
         raise unusable.first
-    reads = [read for read in reads if read.name in usable]
     if all(read.dwells is None for read in reads):
         raise UsageError(
             "none of the campaigns has a log",
@@ -211,18 +224,18 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
             hint="state campaign.date in its rig.yaml, or record with a wall clock",
         )
     settings.progress.stage(f"pooling {len(reads)} campaigns")
-    rejected = {read.name: why for read in reads if (why := usable[read.name].rejected)}
-    sound = [read for read in reads if read.name not in rejected]
+    rejected = {read.name: read.rejected for read in reads if read.rejected}
+    sound = [read for read in reads if not read.rejected]
     enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
     reads = sound if enough else reads
-    pooled = pool([usable[read.name].recorded for read in reads])
+    pooled = pool([read.recorded for read in reads])
     last = max(k for k, read in enumerate(reads) if read.dwells is not None)
     read = reads[last]
     changes, pooled = _changes(reads, pooled)
     inputs = tuple(entry for one in reads for entry in one.inputs)
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     own = calibrate_informed(read, informed, settings.trials)
-    if not enough and read.name in rejected:  # what it says of itself names its cause once
+    if not enough and read.rejected:  # what it says of itself names its cause once
         said = {reason.code for reason in own.reasons}
         rejected = {
             n: f for n, f in rejected.items() if n != read.name or f.values["cause"] not in said
@@ -234,31 +247,27 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
         max(one.measured.end for one in reads),
         next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
     )
-    means = [usable[read.name].means for read in reads]
-    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled, means))
-    others = (usable[one.name].remark for one in reads if one is not read)
-    remarks = [remark for remark in others if remark]
+    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
+    remarks = [one.remark for one in reads if one is not read and one.remark]
     own = replace(own, findings=(*reasons, *own.findings))
     return Calibration.of(from_self(own, origin, remarks))
 
 
-def _campaigns(
-    reads: Sequence[Read], pooled: Pool, means: Sequence[Readings | None]
-) -> tuple[dict[str, Any], ...]:
-    """What the file says of each campaign; means : its readings."""
+def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[CampaignResult, ...]:
+    """What the file says of each campaign."""
     return tuple(
-        campaign_document(
-            read.name,
-            read.measured,
-            read.inputs,
+        campaign(
             *pooled.own_state(read.rig, k),
             read.rig.axes,
+            read.means,
+            name=read.name,
+            measured=read.measured,
+            inputs=read.inputs,
             postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
             chi2=member.chi2,
             dof=max(member.dof, 0),
-            means=own,
         )
-        for k, (read, member, own) in enumerate(zip(reads, pooled.members, means, strict=True))
+        for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True))
     )
 
 

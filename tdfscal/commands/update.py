@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -35,12 +35,13 @@ from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibr
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import from_self, published_std
 from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
-from tdfscal.files.calibration.statistics import campaign_document
+from tdfscal.files.calibration.parts import CampaignResult, HistoryEntry
+from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import constants_known, free_constants, information_of, with_rotations
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
-from tdfscal.records import BoolArray, ExactMoves, FloatArray, InputFile, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
@@ -53,44 +54,33 @@ class Earlier(EarlierCalibration):
     file: Calibration
 
     @property
-    def inputs(self) -> list[InputFile]:
-        """The files that it was calibrated from."""
-        return [entry.record() for entry in self.file.inputs]
-
-    def campaigns(self) -> tuple[dict[str, Any], ...]:
+    def campaigns(self) -> tuple[CampaignResult, ...]:
         """The campaigns that it stands on, as a file lists them."""
-        if self.file.campaigns:
-            return tuple(c.model_dump(mode="json") for c in self.file.campaigns)
-        return (_alone(self),)
+        return self.file.campaigns or (_alone(self),)
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
-        means = readings_of(self.file, self.rig.supports)
-        if not self.file.campaigns:
-            return [Recording(self.name, self.inputs, self.measured, means=means[0])]
         return [
             Recording(
-                c.name,
-                [i.record() for i in c.inputs],
-                c.measured.record() if c.measured else None,
-                means=own,
+                campaign.name,
+                [entry.record() for entry in campaign.inputs],
+                campaign.measured.record() if campaign.measured else None,
+                means=means,
             )
-            for c, own in zip(self.file.campaigns, means, strict=True)
+            for campaign, means in zip(
+                self.campaigns, readings_of(self.file, self.rig.supports), strict=True
+            )
         ]
 
     def own_recordings(self) -> list[Recording]:
         """Those of them on which no calibration stands that this one updates."""
         return self.recordings()[-1:] if self.file.history else self.recordings()
 
-    def history(self) -> tuple[dict[str, Any], ...]:
+    def history(self) -> tuple[HistoryEntry, ...]:
         """The calibrations that one which stands on this one stands on."""
-        own = {
-            "created": self.file.created,
-            "measured": self.measured,
-            "method": self.file.method,
-            "sha256": self.sha256,
-        }
-        return (*(entry.model_dump(mode="json") for entry in self.file.history), own)
+        own = {"created": self.file.created, "method": self.file.method, "sha256": self.sha256}
+        last = HistoryEntry.model_validate({**own, "measured": self.measured})
+        return (*self.file.history, last)
 
 
 def read_earlier(source: CalibrationSource) -> Earlier:
@@ -154,22 +144,24 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
     return np.asarray(moved[np.ix_(back, back)])
 
 
-def _alone(earlier: Earlier) -> dict[str, Any]:
+def _alone(earlier: Earlier) -> CampaignResult:
     """The one campaign of a calibration, as a file with several lists it."""
     file = earlier.file
     table = own_readings(file)
-    return {
-        "name": earlier.name,
-        "measured": earlier.measured,
-        "inputs": file.inputs,
-        "zero": [support.zero for support in file.supports],
-        "zero_std": [support.zero_std for support in file.supports],
-        "terminal": file.terminal,
-        "postures": 0 if file.fit is None else file.fit.postures,
-        "chi2": earlier.chi2,
-        "dof": earlier.dof,
-        "readings": None if table is None or table.noise is None else table,
-    }
+    return CampaignResult.model_validate(
+        {
+            "name": earlier.name,
+            "measured": earlier.measured,
+            "inputs": file.inputs,
+            "zero": [support.zero for support in file.supports],
+            "zero_std": [support.zero_std for support in file.supports],
+            "terminal": file.terminal,
+            "postures": 0 if file.fit is None else file.fit.postures,
+            "chi2": earlier.chi2,
+            "dof": earlier.dof,
+            "readings": None if table is None or table.noise is None else table,
+        }
+    )
 
 
 @options.command("update calibration.yaml this-month -o updated.yaml", output="content")
@@ -277,7 +269,7 @@ def _updated(
         notes.append(Finding("calibration-rejected", (earlier.name,)))
     if untold := _moves_untold(earlier.file):
         notes.append(Finding("exact-moves-untold", (earlier.name,), values={"names": untold}))
-    campaigns, history = (*earlier.campaigns(), this), earlier.history()
+    campaigns, history = (*earlier.campaigns, this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
     return Calibration.of(from_self(own, origin, notes))
 
@@ -293,7 +285,7 @@ def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
 
 def _contribution(
     rig: Rig, own: Own, read: Read, means: Readings, level: float
-) -> tuple[Misfit, dict[str, Any]]:
+) -> tuple[Misfit, CampaignResult]:
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
@@ -308,16 +300,16 @@ def _contribution(
         chi2, dof = contrast(known, part.information).chi2()
         given, found = own.calibrated, own.uncertainty
         postures = own.dwells
-    this = campaign_document(
-        read.name,
-        read.measured,
-        read.inputs,
+    this = campaign(
         given.state,
         placed(given.state, published_std(given, found.parameter_std)),
         rig.axes,
+        means,
+        name=read.name,
+        measured=read.measured,
+        inputs=read.inputs,
         postures=postures,
         chi2=chi2,
         dof=dof,
-        means=means,
     )
     return misfit_of(rig, read.name, part, level), this

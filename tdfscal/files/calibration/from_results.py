@@ -15,6 +15,7 @@ from tdfscal.acceptance.gate import assess_stated, locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
+from tdfscal.files.calibration import parts as keys
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
@@ -23,12 +24,6 @@ from tdfscal.files.calibration.parameters import (
     parameter_rows,
     parameters_document,
     turn_parameters,
-)
-from tdfscal.files.calibration.parts import (
-    CALIBRATION_FORMAT,
-    CONVENTION,
-    CONVENTION_WITH_SENSITIVITY,
-    COVARIANCE_DEFINITION,
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
@@ -57,8 +52,8 @@ class Provenance:
     command: str
     seed: int
     measured: Measured | None = None
-    campaigns: tuple[Mapping[str, Any], ...] = ()
-    history: tuple[Mapping[str, Any], ...] = ()
+    campaigns: tuple[keys.CampaignResult, ...] = ()
+    history: tuple[keys.HistoryEntry, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
 
 
@@ -275,7 +270,7 @@ def _file(
     status = status_of((f["code"], f["severity"]) for f in found)
     return Calibration.model_validate(
         {
-            "format": CALIBRATION_FORMAT,
+            "format": keys.CALIBRATION_FORMAT,
             "status": status,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "measured": origin.measured,
@@ -287,11 +282,11 @@ def _file(
             "seed": origin.seed,
             "inputs": origin.inputs,
             "clocks": origin.clocks,
-            "convention": CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION,
+            "convention": keys.CONVENTION_WITH_SENSITIVITY if scaled else keys.CONVENTION,
             "supports": _supports(rig, angles, own),
             "covariance": {
                 "parameters": turn_parameters(names),
-                "definition": COVARIANCE_DEFINITION,
+                "definition": keys.COVARIANCE_DEFINITION,
                 "matrix": (covariance + covariance.T) / 2,
             },
             "budget": statistics.budget(rig.supports, budget, angles.determined),

@@ -12,7 +12,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import Observability, load_directions
-from tdfscal.files.calibration.parts import EDGES
+from tdfscal.files.calibration.parts import EDGES, CampaignResult
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
@@ -20,7 +20,7 @@ from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
-from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray, InputFile, Measured
+from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
 from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
 from tdfscal.selfcal.result import nuisances as nuisance_estimates
@@ -53,7 +53,7 @@ def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
 
 
 def fit(
-    result: SelfCalibration | MotionCalibration, campaigns: Sequence[Mapping[str, Any]]
+    result: SelfCalibration | MotionCalibration, campaigns: Sequence[CampaignResult]
 ) -> dict[str, Any]:
     """Residuals, rejected postures; χ² of all campaigns, where there are several."""
     said = asdict(result.quality)
@@ -67,8 +67,8 @@ def fit(
     else:
         said["postures"] = result.dwells
     if campaigns:
-        said |= {key: sum(one[key] for one in campaigns) for key in ("postures", "chi2", "dof")}
-        chi2, dof = said["chi2"], said["dof"]
+        chi2, dof = sum(one.chi2 for one in campaigns), sum(one.dof for one in campaigns)
+        said |= {"postures": sum(one.postures for one in campaigns), "chi2": chi2, "dof": dof}
         said["p_value"] = float(chi2_sf(chi2, dof)) if dof else 1.0
         said["birge"] = float(np.sqrt(chi2 / dof)) if dof else 1.0
     return said
@@ -225,33 +225,17 @@ def loads(result: SelfCalibration) -> list[dict[str, Any]]:
     ]
 
 
-def campaign_document(
-    name: str,
-    measured: Measured | None,
-    inputs: Sequence[InputFile],
-    state: State,
-    std: State,
-    axes: BoolArray,
-    *,
-    postures: int,
-    chi2: float,
-    dof: int,
-    means: Readings | None,
-) -> dict[str, Any]:
-    """The block of one campaign; std : standard uncertainties, ∞ where there is none.
+def campaign(
+    state: State, std: State, axes: BoolArray, means: Readings | None, **more: Any
+) -> CampaignResult:
+    """One campaign of several; std : standard uncertainties, ∞ where there is none.
 
-    axes : (n, 3), which it measured. means : None of a survey.
+    axes : (n, 3), which it measured. means : None of a survey. more : its other keys.
     """
-    return {
-        "name": name,
-        "measured": measured,
-        "inputs": tuple(inputs),
-        **zeros_and_load(state, std, axes),
-        "postures": postures,
-        "chi2": chi2,
-        "dof": dof,
-        "readings": None if means is None or len(means.force) > _LOOKED_AT else known_again(means),
-    }
+    kept = None if means is None or len(means.force) > _LOOKED_AT else known_again(means)
+    return CampaignResult.model_validate(
+        {**more, **zeros_and_load(state, std, axes), "readings": kept}
+    )
 
 
 def nuisances(result: SelfCalibration) -> dict[str, Any]:
