@@ -56,19 +56,6 @@ def turning(across: FloatArray) -> FloatArray:
     return np.stack(parts, axis=-1)
 
 
-def turns_from(base: FloatArray) -> FloatArray:
-    """Turns from mountings X̂ (n, 3, 3) as a linear map (3n, 9n + 1) of y: δ = ½ Σ_b x̂_b × x_b.
-
-    x_b and x̂_b are the columns of X and X̂; the sum has the length of sin |δ|.
-    """
-    n = len(base)
-    out = np.zeros((3 * n, 9 * n + 1))
-    for i, columns in enumerate(np.swapaxes(base, 1, 2)):
-        cross = so3.hat(columns) / 2  # (b, 3, 3)
-        out[3 * i : 3 * i + 3, 9 * i : 9 * i + 9] = np.moveaxis(cross, 0, 2).reshape(3, 9)
-    return out
-
-
 def descend(
     root: FloatArray,
     start: FloatArray,

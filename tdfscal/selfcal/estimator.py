@@ -276,17 +276,8 @@ def evaluate(
 
 def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
     """Covariance (p, p) by source; together they are the posterior covariance."""
-    pull = np.swapaxes(fit.jacobian, 1, 2) @ fit.at.information
-    gain = fit.weight[:, None, None] * (posterior @ pull)
-    return noise_shares(fit, gain) | prior_shares(fit, posterior)
-
-
-def noise_shares(fit: Fit, gain: FloatArray) -> dict[str, FloatArray]:
-    """Covariance (p, p) by the noise of the postures, whose residuals move p numbers by a gain.
-
-    gain : (K, p, 6).
-    """
-    at = fit.at
+    at, W = fit.at, fit.at.information
+    gain = fit.weight[:, None, None] * (posterior @ np.swapaxes(fit.jacobian, 1, 2) @ W)
 
     def through(cov: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("kpa,kab,kqb->pq", gain, cov, gain, optimize=True))
@@ -300,6 +291,7 @@ def noise_shares(fit: Fit, gain: FloatArray) -> dict[str, FloatArray]:
         "noise": through(reading),
         "positioner": through(turning),
         "hinge friction": through(np.broadcast_to(friction, turning.shape)),
+        **prior_shares(fit, posterior),
     }
 
 

@@ -7,17 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.estimation.uncertainty import PRIORS, Uncertainty, of_shares
+from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding, Value
-from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std
+from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
 from tdfscal.model.postures import register
-from tdfscal.model.statics import Postures, features_jacobian
+from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.rotation_descent import turns_from
+from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, noise_shares
-from tdfscal.wrench.contact_wrench import to_lcs
+from tdfscal.selfcal.estimator import Fit, at_state
+from tdfscal.significance import INTERVAL_COVERAGE
+
+#: The budget's only source: the method has no covariance of its own to split.
+SOURCE = "all inputs"
+_CHUNK = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +28,8 @@ class LinearData:
     """What the linear method takes as given; every array may carry leading batch axes.
 
     load : (..., K, n, 3), f_i − z_i, N. pose : (..., K, 3, 3), R. weight : (..., 3), G, N, BCS.
-    hinge : (..., n, 3), barycentre : (..., 3), m, LCS.
+    hinge : (..., n, 3), barycentre : (..., 3), m, LCS. moment : (..., K, 3), N·m, LCS, of what else
+    acts on the terminal; 0 where nothing is known of it.
     """
 
     load: FloatArray
@@ -33,6 +37,7 @@ class LinearData:
     weight: FloatArray
     hinge: FloatArray
     barycentre: FloatArray
+    moment: FloatArray
 
 
 def linear_data(rig: Rig, postures: Postures) -> LinearData:
@@ -44,6 +49,7 @@ def linear_data(rig: Rig, postures: Postures) -> LinearData:
         weight=state.mass * gravity(state, rig.gravity),
         hinge=rig.hinge,
         barycentre=rig.barycentre.value,
+        moment=np.zeros((len(postures), 3)),
     )
 
 
@@ -56,7 +62,7 @@ def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
     lever = so3.hat(data.hinge)[..., None, :, :, :] @ Rt[..., None, :, :]  # r̂_i Rᵀ
     rows = np.einsum("...knac,...knd->...kancd", lever, data.load)
     down = Rt @ data.weight[..., None, :, None]  # Rᵀ G
-    right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0]
+    right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0] - data.moment
     batch, (K, n) = rows.shape[:-5], data.load.shape[-3:-1]
     return rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
 
@@ -108,20 +114,70 @@ def fit_linear(rig: Rig, observed: Postures) -> Fit:
     return at_state(rig, observed, state, np.ones(len(observed)))
 
 
-def evaluate_linear(fit: Fit, parts: Spectrum) -> Uncertainty:
-    """Covariance and budget of the linear estimate, to the first order in all of its inputs.
+def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertainty:
+    """Covariance of the linear estimate: all inputs perturbed, solved again `trials` times."""
+    rig, base = fit.rig, fit.state.rotation
+    sizes = [min(_CHUNK, trials - start) for start in range(0, trials, _CHUNK)]
+    found = np.concatenate([linear_rotations(_perturbed(fit, rng, size)) for size in sizes])
+    turns = so3.log(found @ np.swapaxes(base, 1, 2)).reshape(trials, -1)
+    covariance = np.cov(turns, rowvar=False)
+    rpy_covariance = so3.rpy_covariance(base, covariance)
+    std = prior_std(rig)
+    std[: 3 * rig.n] = 0.0
+    return Uncertainty(
+        covariance=covariance,
+        rpy_covariance=rpy_covariance,
+        contributions={SOURCE: np.diagonal(rpy_covariance, axis1=1, axis2=2)},
+        parameter_std=std,
+        coverage_factor=np.full((rig.n, 3), float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))),
+    )
 
-    parts : of the fit's Jacobian. What is unknown keeps its stated value.
-    """
-    rig, seen, at = fit.rig, fit.postures, fit.at
-    rows, _ = moment_rows(linear_data(rig, seen))
-    turns = turns_from(fit.state.rotation)[:, :-1] @ np.linalg.pinv(rows)
-    gain = turns.reshape(len(turns), len(seen), 3).swapaxes(0, 1) @ to_lcs(at)[:, 3:]  # (K, 3n, 6)
-    std, places = prior_std(rig, seen.motion), layout(rig.n, seen.motions)
-    std[places["rotation"]] = 0.0
-    by_prior = at.design @ features_jacobian(fit.state, at, rig.gravity)
-    by_prior = (gain @ (by_prior * np.where(np.isfinite(std), std, 0.0))).sum(axis=0)
-    shares = noise_shares(fit, gain)
-    for group, name in PRIORS.items():
-        shares[name] = by_prior[:, places[group]] @ by_prior[:, places[group]].T
-    return of_shares(fit.state.rotation, shares, np.zeros((3 * rig.n,) * 2), parts, std)
+
+def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
+    """Draw all inputs of the linear method; what is unknown keeps its stated value."""
+    rig, seen, given = fit.rig, fit.postures, linear_data(fit.rig, fit.postures)
+    std, place = prior_std(rig, seen.motion), layout(rig.n, seen.motions)
+
+    def draw(group: str, *shape: int) -> FloatArray:
+        own = np.where(np.isfinite(std[place[group]]), std[place[group]], 0.0)
+        return (rng.standard_normal((trials, len(own))) * own).reshape(trials, *shape)
+
+    noise = np.einsum(
+        "knab,tknb->tkna",
+        covariance_root(seen.force_cov),
+        rng.standard_normal((trials, *seen.force.shape)),
+        optimize=True,
+    )
+    zero = draw("zero", rig.n, 3)[:, None]
+    if seen.motion is not None:
+        moving = draw("drift", seen.motions, rig.n, 3)
+        zero = zero + np.einsum("kng,tgna->tkna", seen.motion.value, moving)
+    mixed = np.eye(3) + symmetric(draw("sensitivity", rig.n, 6))  # (T, n, 3, 3)
+    hinge = draw("hinge", rig.n, 3)
+    # Displacement (T, K, n, 3) of the positions on which the hinges are registered: the encoder
+    # stands C F ahead of the hinge.
+    shift = np.einsum("kab,tnb->tkna", fit.at.rotation, hinge) + draw("datum", rig.n, 3)[:, None]
+    given_way = draw("compliance", 2)[:, None, None, [0, 0, 1]]
+    shift += given_way * forces(fit.state, fit.at.seen.force)
+    turn = -np.einsum("knab,tknb->tka", fit.at.turn, shift, optimize=True)
+    turn += np.einsum(
+        "kab,tkb->tka",
+        covariance_root(fit.at.turn_cov),
+        rng.standard_normal((trials, len(seen), 3)),
+    )
+    tilt = np.concatenate([draw("tilt", 2), np.zeros((trials, 1))], axis=1)
+    weight = given.weight * (1 + draw("mass") / rig.mass.value)[:, None]
+    return LinearData(
+        load=np.einsum("tnab,knb->tkna", mixed, given.load) + noise - zero,
+        pose=so3.exp(turn) @ given.pose,
+        weight=np.einsum("tab,tb->ta", so3.exp(tilt), weight),
+        hinge=given.hinge + hinge,
+        barycentre=given.barycentre + draw("barycentre", 3),
+        moment=np.sqrt(seen.moment_var) * rng.standard_normal((trials, len(seen), 3)),
+    )
+
+
+def covariance_root(cov: FloatArray) -> FloatArray:
+    """Square root of covariances (..., 3, 3), zero variances included."""
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])

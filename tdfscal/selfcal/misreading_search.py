@@ -17,9 +17,9 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.numerics.rotation_descent import descend, stacked, turns_from
+from tdfscal.numerics.rotation_descent import descend, stacked
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.mounting_search import apart, linear_in_rotations
+from tdfscal.selfcal.mounting_search import apart, linear_in_rotations, turns_from
 from tdfscal.significance import CAUSES_APART
 
 #: Mistakes whose cost is searched at once; pursued to its minimum; returned.
@@ -75,7 +75,7 @@ class _Landscape:
         residual, rows = priors(start)
         other = np.flatnonzero(priors.active) >= 3 * n
         nuisance = features_jacobian(start, at, rig.gravity)[:, priors.active][:, other]
-        below = rows[:, ~other] @ turns_from(start.rotation)
+        below = rows[:, ~other] @ turns_from(start)
         below[:, -1] += residual
         design = at.whitener @ at.design
         explained = (design @ nuisance).reshape(6 * len(seen), -1)

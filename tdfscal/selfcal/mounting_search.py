@@ -24,7 +24,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features, features
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.numerics.rotation_descent import descend, turns_from
+from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import (
     LOOK,
@@ -65,6 +65,19 @@ def linear_in_rotations(state: State, at: Balance, g: float) -> FloatArray:
     return np.stack([*(one - fixed for one in each), fixed], axis=1)
 
 
+def turns_from(state: State) -> FloatArray:
+    """Turns of the sensors from a state as a linear map (3n, 9n + 1) of y: δ = ½ Σ_b x̂_b × x_b.
+
+    x_b and x̂_b are the columns of X and of the state's X̂; the sum has the length of sin |δ|.
+    """
+    n = state.n
+    out = np.zeros((3 * n, 9 * n + 1))
+    for i, base in enumerate(state.rotation):
+        cross = so3.hat(base.T) / 2  # (b, 3, 3)
+        out[3 * i : 3 * i + 3, 9 * i : 9 * i + 9] = np.moveaxis(cross, 0, 2).reshape(3, 9)
+    return out
+
+
 def profile(
     rig: Rig,
     at: Balance,
@@ -87,7 +100,7 @@ def profile(
     jacobian = features_jacobian(state, at, rig.gravity)[:, priors.active]
     other = np.flatnonzero(priors.active) >= 3 * n
     residual, rows = priors(state)
-    below = rows[:, ~other] @ turns_from(state.rotation)
+    below = rows[:, ~other] @ turns_from(state)
     below[:, -1] += residual
     rows, nuisance = rows[:, other], jacobian[:, other]
     if mixing > 0:

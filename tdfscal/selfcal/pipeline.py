@@ -58,6 +58,8 @@ MAX_TRIALS = 20_000
 MOST_SIMULATED = 12
 #: Times that the noise of channels is sought again from the postures that it takes in.
 _ROUNDS = 3
+#: Trials for the covariance of the linear method.
+LINEAR_TRIALS = 1_000
 
 
 def self_calibrate(
@@ -71,8 +73,8 @@ def self_calibrate(
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
-    max_trials : of the Monte Carlo, 0 for none; None for `MAX_TRIALS` with up to `MOST_SIMULATED`
-    sensors, none with more. The linear method makes none.
+    max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without; None
+    for `MAX_TRIALS` with up to `MOST_SIMULATED` sensors, none with more.
     progress : told the name of each long stage.
 
     Raises
@@ -85,7 +87,11 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
-    robust, told, channels = (_likeliest_rotations if estimator == "ml" else _linear)(rig, usable)
+    robust, told, channels = (
+        _likeliest_rotations(rig, usable)
+        if estimator == "ml"
+        else _linear(rig, usable, rng, max_trials or LINEAR_TRIALS)
+    )
     known = told.known
     result, stats, uncertainty = known.fit, known.quality, known.uncertainty
     seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
@@ -264,14 +270,16 @@ def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
 
 
-def _linear(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, None]:
+def _linear(
+    rig: Rig, usable: Usable, rng: np.random.Generator, trials: int
+) -> tuple[RobustFit, _Told, None]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
         raise RigError(missing)
     result = fit_linear(rig, usable.postures)
     parts = information(result)
-    spread = evaluate_linear(result, parts)
+    spread = evaluate_linear(result, rng, trials)
     known = Estimate(result, parts, quality(result, parts), spread)
     return RobustFit(result), _Told(known, usable), None
 
