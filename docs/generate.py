@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from string import Formatter
 from typing import Any, get_args
 
 import tdfscal
 from tdfscal.catalogue import CATALOGUE
-from tdfscal.cli.app import COMMANDS, described, summary
+from tdfscal.cli.app import COMMANDS, DETAILED, PRINTED, described, summary
 from tdfscal.commands.options import Described
 from tdfscal.files.schema import schemas
 from tdfscal.findings import Severity
@@ -35,7 +35,8 @@ def commands() -> Iterator[str]:
     told = Counter(_option(p) for each in named.values() for p in each if not p.positional)
     shared = sorted(line for line, times in told.items() if times >= _SEVERAL)
     yield "\nOptions of several commands:\n\n"
-    yield from shared
+    printed = (f"- {_flags(each.param_decls)}: {each.help}\n" for each in PRINTED.values())
+    yield from sorted([*shared, *printed])
     for name in COMMANDS:
         given = "".join(f" {p.option.metavar}" for p in named[name] if p.positional)
         options = [p for p in named[name] if not p.positional]
@@ -43,6 +44,7 @@ def commands() -> Iterator[str]:
         yield f"\n### tdfscal {name}\n\n{summary(name)}\n\n    tdfscal {name}{given}{needed}\n\n"
         yield from (line for p in options if (line := _option(p)) not in shared)
         also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
+        also += ["`--verbose`"] if name in DETAILED else []
         yield f"- also {', '.join(also)}\n" if also else ""
     yield "\n"
 
@@ -53,11 +55,14 @@ def _values(p: Described) -> str:
 
 
 def _option(p: Described) -> str:
-    flags = ", ".join(f"`{flag}`" for flag in p.flags)
     value = f" `{_values(p)}`" if _values(p) else ""
     plain = isinstance(p.default, str | int | float) and not isinstance(p.default, bool)
     default = f" ({p.default})" if plain else ""
-    return f"- {flags}{value}{default}: {p.option.sentence}\n"
+    return f"- {_flags(p.flags)}{value}{default}: {p.option.sentence}\n"
+
+
+def _flags(flags: Iterable[str]) -> str:
+    return ", ".join(f"`{flag}`" for flag in flags)
 
 
 def findings() -> Iterator[str]:

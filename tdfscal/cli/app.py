@@ -32,14 +32,14 @@ PURPOSES = {
 }
 COMMANDS = tuple(sorted(name for names in PURPOSES.values() for name in names))
 #: What the printing takes, of every command; `verbose` where there is a summary.
-_PRINTED = {
+PRINTED = {
     "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
     "quiet": typer.Option(False, "--quiet", "-q", help="No progress on standard error."),
     "verbose": typer.Option(
         False, "--verbose", "-v", help="Print the whole report, not its summary alone."
     ),
 }
-_DETAILED = ("calibrate", "monitor", "update", "validate")
+DETAILED = ("calibrate", "monitor", "update", "validate")
 _HELP = {"help_option_names": ["-h", "--help"]}
 #: What typer raises for a faulty command line, whichever click it carries.
 _MISUSE: type[Exception] = typer.BadParameter.__bases__[0]
@@ -145,8 +145,8 @@ def made(name: str) -> Any:
     parameters += [_parameter(each) for each in command.parameters]
     parameters += [
         Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
-        for each, option in _PRINTED.items()
-        if each != "verbose" or name in _DETAILED
+        for each, option in PRINTED.items()
+        if each != "verbose" or name in DETAILED
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

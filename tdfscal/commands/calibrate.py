@@ -53,10 +53,10 @@ def calibrate(
     output: Annotated[
         PathLike | None,
         options.written(
-            "file to write; default calibration.yaml here; - for stdout",
+            "file to write",
             *CALIBRATION_SUFFIXES,
             default=Path("calibration.yaml"),
-            python="by default none",
+            shell="default calibration.yaml here; - for stdout",
         ),
     ] = None,
     html: options.Page = None,

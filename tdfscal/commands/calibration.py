@@ -41,6 +41,8 @@ class Calibration(Result, CalibrationFile):
     The fields are those of the calibration file; see `docs/reference.md`.
     """
 
+    __hash__ = None  # equal by content, which holds lists
+
     @classmethod
     def of(cls, file: CalibrationFile) -> Self:
         """Take over the content of a checked calibration file."""

@@ -74,7 +74,7 @@ def export(
     *,
     output: Annotated[
         PathLike | None,
-        options.written("default: stdout (-)", default=Path("-")),
+        options.written("file to write", default=Path("-"), shell="default: stdout"),
     ] = None,
     parent: Annotated[
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")

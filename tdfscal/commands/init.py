@@ -80,7 +80,14 @@ def init(
     *,
     output: Annotated[
         PathLike | None,
-        options.written("default: stdout (-)", ".yaml", ".yml", default=Path("-"), holds="yaml"),
+        options.written(
+            "file to write",
+            ".yaml",
+            ".yml",
+            default=Path("-"),
+            shell="default: stdout",
+            holds="yaml",
+        ),
     ] = None,
     progress: options.Telling = SILENT,
 ) -> InitResult:

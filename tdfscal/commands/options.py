@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial, reduce, wraps
 from inspect import Parameter, signature
@@ -52,9 +52,10 @@ class Option:
     where that is not the annotation's; None there for what only Python has. metavar : what the
     help shows in its place. names : of the option, where they are not that of the parameter.
     default : on the command line, where it is another; `...` must be given. least, below : smallest
-    number, and the first that is too large. python : what Python takes besides. reads : it names
-    files to read. writes : endings of a file to write, any where there is none. holds : the text of
-    the result that it gets; nothing where the function writes it while it works.
+    number, and the first that is too large. python, shell : what Python, or the command line, takes
+    besides. reads : it names files to read. writes : endings of a file to write, any where there is
+    none. holds : the text of the result that it gets; nothing where the function writes it while it
+    works.
     """
 
     help: str
@@ -65,6 +66,7 @@ class Option:
     least: float | None = None
     below: float = inf
     python: str = ""
+    shell: str = ""
     reads: bool = False
     writes: tuple[str, ...] | None = None
     holds: str = ""
@@ -72,7 +74,8 @@ class Option:
     @property
     def sentence(self) -> str:
         """Its help as the command line and the reference print it."""
-        return f"{self.help[0].upper()}{self.help[1:]}."
+        text = "; ".join(filter(None, (self.help, self.shell)))
+        return f"{text[0].upper()}{text[1:]}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,8 +230,8 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
             f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
             for name, p in each.items()
         )
+        parameters = _in_python(each.values(), "\n".join(told))
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        parameters = "\n".join(told).replace("; - for stdout", "")  # Python has none
         run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
         # `help` shows the types alone.
         bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]
@@ -300,11 +303,12 @@ def written(
     default: Any = ...,
     metavar: str = "FILE",
     python: str = "",
+    shell: str = "",
     holds: str = "content",
 ) -> Option:
     """Say what the file is that a command writes; by default it must be named."""
-    names = ("--output", "-o")
-    return Option(help, Path, metavar, names, default, python=python, writes=writes, holds=holds)
+    option = Option(help, Path, metavar, ("--output", "-o"), default, python=python, shell=shell)
+    return replace(option, writes=writes, holds=holds)
 
 
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"

@@ -132,9 +132,10 @@ def plan(
     travel: Annotated[
         Travel,
         Option(
-            "way from home, either side, m: of all NCPs, or of one; repeatable",
+            "way from home, either side, m: of all NCPs, or of one",
             list[str],
             "[NCP=]M[,M,M]",
+            shell="repeatable",
         ),
     ] = (),
     home: Annotated[

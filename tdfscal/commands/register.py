@@ -73,7 +73,7 @@ def register(
     ] = "name",
     groups: Annotated[
         Mapping[str, str] | Sequence[str],
-        Option("measured group A is reference group B; repeatable", list[str], "A=B"),
+        Option("measured group A is reference group B", list[str], "A=B", shell="repeatable"),
     ] = (),
     range: Annotated[
         float | None,

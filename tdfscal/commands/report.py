@@ -71,9 +71,10 @@ def report(
     html: Annotated[
         PathLike | None,
         Option(
-            "also write one HTML page; - for stdout",
+            "also write one HTML page",
             Path | None,
             "FILE",
+            shell="- for stdout",
             writes=PAGE_SUFFIXES,
             holds="html",
         ),

@@ -175,7 +175,9 @@ def update(
     trials: options.Trials = None,
     output: Annotated[
         PathLike | None,
-        options.written("file to write, .yaml or .json; - for stdout", *CALIBRATION_SUFFIXES),
+        options.written(
+            "file to write, .yaml or .json", *CALIBRATION_SUFFIXES, shell="- for stdout"
+        ),
     ] = None,
     html: options.Page = None,
     allow_rejected: options.AllowRejected = False,

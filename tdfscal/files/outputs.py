@@ -193,7 +193,7 @@ def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
     """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
     if path.suffix.lower() not in suffixes and not _is_device(path):
         *others, last = suffixes
-        if str(path).startswith("-"):
+        if str(path).startswith("-") and path.name != "-":
             raise UsageError(
                 f"a file's name is missing before {path}",
                 hint=f"name the file; write ./{path} for one that is called so",

@@ -168,7 +168,7 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
     """Build the error for fields that a file does not have, with the nearest names it has."""
     names = list(dict.fromkeys(map(shorten, filter(None, present))))
     shown = ", ".join(missing[:4]) + (f" and {len(missing) - 4} more" if len(missing) > 4 else "")
-    near = list(dict.fromkeys(n for m in missing[:4] for n in difflib.get_close_matches(m, names)))
+    near = list(dict.fromkeys(n for m in missing[:4] for n in _nearest(m, names)))
     if near:
         nearest = f"the nearest that it has: {', '.join(near[:6])}"
     elif names:
@@ -180,6 +180,12 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
         hint="name the fields in the log block of rig.yaml as the recorder names them",
         fields=missing,
     )
+
+
+def _nearest(name: str, names: list[str]) -> list[str]:
+    """Names like it; of a list of that very name, its elements."""
+    elements = [n for n in names if n.startswith(f"{name}[")]
+    return elements or difflib.get_close_matches(name, names)
 
 
 def with_cure(error: DataError, request: Request, filled: Set[str]) -> DataError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,11 @@ def test_python_and_json_are_the_same_numbers(
     assert lasting(json.loads(json.dumps(result.to_dict()))) == lasting(json.loads(seen.out))
     assert 1 <= len(repr(result).splitlines()) <= 8
     assert len(repr(result)) < 1000
+    assert " at 0x" not in repr(result.drawings())
+    if not isinstance(result, Hashable):
+        assert case.command in ("calibrate", "update")  # equal by content
+    else:
+        hash(result)
     assert result._repr_html_().startswith("<")
     frame = result.to_frame()
     assert isinstance(frame, pd.DataFrame)

@@ -50,8 +50,9 @@ def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
     shown = {p.name: p.help for p in made(name).params}
     for p in command.parameters:
         assert shown[p.name] == p.option.sentence
-        own = p.option.help.removesuffix("; - for stdout")  # Python returns the result
-        assert f"    {p.name} : {own}" in doc
+        told = re.sub(r"--(?!json)(\w+)", r"`\1`", p.option.help)
+        assert f"    {p.name} : {told}" in doc
+    assert "stdout" not in doc
 
 
 def test_exit_statuses_are_those_of_the_errors() -> None:

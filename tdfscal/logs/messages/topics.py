@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
-from typing import Final
 
 import numpy as np
 from mcap.records import Channel, Schema
@@ -47,6 +46,17 @@ def encoding_of(channel: Channel, schema: Schema | None) -> Encoding:
     if encoding == "protobuf":
         return Protobuf(schema.name, schema.data)
     return Ros(schema, encoding)
+
+
+def _first_unreadable(decode: Decoder, messages: Messages, topic: str) -> str:
+    """Which of them is the first that its type does not read, in words."""
+    for k in range(messages.offset.size):
+        try:
+            decode(messages.at(k))
+        except UNREADABLE:
+            logged = messages.log_time()[k] / 1e9
+            return f"the message of {topic} logged at {when(logged)}"
+    return f"a message of {topic}"
 
 
 class Topics:
@@ -129,7 +139,7 @@ class Topics:
         try:
             return messages.offset, *self._finite(topic, *decode(messages))
         except UNREADABLE as error:
-            what = f"a message of {topic} cannot be read: {reason(error)}"
+            what = f"{_first_unreadable(decode, messages, topic)} cannot be read: {reason(error)}"
             raise DataError(what, hint="record that topic again") from error
 
     def _finite(
@@ -202,10 +212,3 @@ class Topics:
         if len(set(paths)) < sum(len(self._request.signals[n].own) for n in self._signals[topic]):
             raise ValueError("the mapping uses a field of the message twice")
         return paths
-
-
-MAX_DEPARTURE: Final = 1.0
-"""s; header times that leave their usual distance to the recorder's by more are no times."""
-_MAX_LEAVES: Final = 64
-_MOST_SAMPLES: Final = 1 << 14  # of a topic
-_STAMP: Final = ("header", "stamp", "sec")

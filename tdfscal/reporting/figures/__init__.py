@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class Drawing:
     name: str
     title: str
     reading: str
-    paint: Callable[[], Figure]
+    paint: Callable[[], Figure] = field(repr=False)
 
 
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:

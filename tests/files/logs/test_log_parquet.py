@@ -66,6 +66,10 @@ def test_number_types_and_timestamps(tmp_path: Path) -> None:
         (plain(**{"a.fz": pa.array([b"x" * 40] * 3, pa.binary(40))}), r"a\.fz holds bytes, not"),
         (plain(time=pa.array([0.0, 1.0, None])), "column time, row 2: the cell is empty"),
         ({k: v for k, v in plain().items() if k != "a.fy"}, r"no column a\.fy; the nearest.*a\.fx"),
+        (
+            {k: v for k, v in plain().items() if k != "a.fy"} | {"a.fy": [[1.0]] * 3},
+            r"no column a\.fy; the nearest that it has: a\.fy\[0\]\.",
+        ),
         ({k: v for k, v in plain().items() if k != "time"}, "no column time"),
         ({k: v[:0] for k, v in plain().items()}, "has no rows"),
         (plain(a=[{"x": 1.0}] * 3), r"column a\.x is there 2 times"),
