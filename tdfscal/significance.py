@@ -56,6 +56,9 @@ GROSS_NOISE_SHARE: Final = 1e-3
 GROSS_NOISE_FACTOR: Final = 10.0
 #: Share of postures or points left out above which not they are wrong, but the model (theory, 3).
 MOST_REJECTED: Final = 0.10
+#: How many times the positions' scatter, as stated and as the hinges' distances show it, a motion's
+#: residual moments may ask for: statements are guesses within a factor of ten.
+MOST_POSE_NOISE: Final = 10.0
 #: That the less likely of two mountings is the true one: both are named, and neither is chosen, as
 #: long as it is likelier than this. Half a turn is a crash, not an error of measurement.
 AMBIGUOUS_MOUNTING: Final = 1e-6

@@ -162,6 +162,11 @@ contact-below-threshold warns
     lower it
 motion-left-out rejects
   {number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}
+moments-unlike-noise rejects
+  the moments left over are no noise: positions would have to scatter by {size}, where
+  {declared:m} is stated and the distances of the hinges show {shown:m}
+  -> look for what the motion has and the model lacks: inertia about another point,
+    hinges elsewhere, contact, cables; calibrate from dwells until then
 halves-disagree rejects
   the two halves of the log disagree ({p}), most about the {axis} axis of {subject}:
   {size} ± {std:rad}

@@ -38,6 +38,7 @@ from tdfscal.motioncal.evidence import (
     hold_out,
     residual_wrench,
 )
+from tdfscal.motioncal.noise import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, undeclared
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
@@ -46,13 +47,15 @@ from tdfscal.motioncal.usable import Usable, gaps, usable_samples, without_conta
 from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
 from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
-from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
+from tdfscal.significance import CHANGED_RIG, MOST_POSE_NOISE, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each
 #: other, so that more of them would not know more; nor do any number of them average these out.
 _INSTANTS = 24
 #: Share of its prior's standard deviation at which the rate of clocks is measured.
 _TOLD = 0.5
+#: At which the density of the positions' errors is summed up.
+_FREQUENCIES = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +262,25 @@ def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[
         reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)
     if halves.p_value < CHANGED_RIG:
         reasons += (_disagreeing(halves, rig),)
-    return reasons
+    return reasons + _unlike_noise(result.fit)
+
+
+def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
+    """That the residual moments ask for poses worse than the positions are, by all that is known.
+
+    The spectrum follows any residual. Errors of the positions would show in the hinges' distances.
+    """
+    frequency = np.geomspace(*np.exp(fit.noise.knot[[0, -1]]), _FREQUENCIES)
+    _, density = fit.noise.density(frequency)
+    asked = float(np.sqrt(2 * np.trapezoid(density, frequency)))  # two-sided
+    i, j = np.triu_indices(fit.rig.n, 1)
+    x = np.concatenate([fit.slow.position[block.index] for block in fit.blocks])
+    shown = float(np.linalg.norm(x[:, i] - x[:, j], axis=2).std(axis=0).max() / np.sqrt(2))
+    stated = max(fit.rig.declared.positioner, UNSTATED)
+    if asked <= MOST_POSE_NOISE * max(stated, shown):
+        return ()
+    values: dict[str, Value] = {"declared": stated, "shown": shown}
+    return (Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True),)
 
 
 def _disagreeing(halves: Halves, rig: Rig) -> Finding:

@@ -125,3 +125,22 @@ def test_a_dead_axis_and_a_frozen_position_are_named() -> None:
     assert "position of ncp2 is frozen" in in_words([stretch.reason])[0]
     assert (stretch.begin, stretch.end) == pytest.approx((slow.time[600], slow.time[699]), abs=0.2)
     assert within(campaign, result)
+
+
+def test_moments_of_no_noise_are_told_from_positions_that_scatter() -> None:
+    campaign, slow, _ = played(MINUTE, 5)
+    assert calibrated(MINUTE)[1].reasons == ()
+    # An inertial force that acts 0.3 m above the barycentre, shared out among the sensors.
+    place = slow.position.mean(axis=1)
+    pushed = 500.0 * np.gradient(np.gradient(place, slow.step, axis=0), slow.step, axis=0)
+    moment = np.cross([0.0, 0.0, 0.3], pushed)
+    arm = slow.position.mean(axis=0) - place.mean(axis=0)
+    levers = np.concatenate(
+        [[*np.eye(3)[:, a], *np.cross(r, np.eye(3)[a])] for r in arm for a in range(3)]
+    )
+    share = np.linalg.pinv(levers.reshape(-1, 6).T)[:, 3:]
+    force = slow.force + (moment @ share.T).reshape(slow.force.shape)
+    found = calibrate_moving(campaign.rig, replace(slow, force=force), NOTHING)
+    (reason,) = [finding for finding in found.reasons if finding.code == "moments-unlike-noise"]
+    assert reason.size is not None
+    assert reason.size > 10 * campaign.rig.declared.positioner
