@@ -32,13 +32,15 @@ class Halves:
     """Do the two halves of a log give the same rotations?
 
     turn, std : (n, 3), rad, from the first half to the second, BCS. p_value : that chance alone
-    gives more; 1 where a half is too short to tell. delay, delay_std : s, change of the delay
-    between forces and positions beyond what clocks that run apart make of it.
+    gives more; 1 where a half is too short to tell. weight : how likely that they differ, as of a
+    suspicion. delay, delay_std : s, change of the delay between forces and positions beyond what
+    clocks that run apart make of it.
     """
 
     turn: FloatArray
     std: FloatArray
     p_value: float
+    weight: float = -np.inf
     delay: float = 0.0
     delay_std: float = np.inf
 
@@ -81,8 +83,9 @@ def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Ha
     column = -len(free) - 1
     turn, std = none.turn.ravel(), none.std.ravel()
     turn[free], std[free] = change[-len(free) :], np.sqrt(np.diag(cov))
-    p = float(chi2_sf(turn[free] @ np.linalg.solve(cov, turn[free]), len(free)))
-    turns = Halves(turn.reshape(n, 3), std.reshape(n, 3), p)
+    fall = float(turn[free] @ np.linalg.solve(cov, turn[free]))
+    p, weight = float(chi2_sf(fall, len(free))), fall - len(free) * np.log(fit.rows)
+    turns = Halves(turn.reshape(n, 3), std.reshape(n, 3), p, weight)
     if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
         return turns
     spread = float(np.sqrt(parts.root[column] @ parts.root[column]))

@@ -182,16 +182,18 @@ def _judged(
     observability.require_angles(verdict, fit.converged, fit.iterations, seen, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))
-    # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
+    progress("checking the halves of the log against each other")
+    halves = compare_halves(fit, keep, verdict.determined)
+    _one_delay(halves)
+    # With hinges elsewhere than stated, or a sensor that turned on the way and says more, whatever
+    # else the residuals ask for is an echo.
     if not any(doubt.spoils_motion for doubt in placed):
-        doubts = suspicions(known)
+        turned = halves.weight if halves.p_value < CHANGED_RIG else -np.inf
+        doubts = tuple(doubt for doubt in suspicions(known) if doubt.weight > turned)
     held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
     doubts = (*placed, *doubts)
     if held:
         known = beside(known, np.sum(held, axis=0))
-    progress("checking the halves of the log against each other")
-    halves = compare_halves(fit, keep, verdict.determined)
-    _one_delay(halves)
     found = [*gaps(slow), *verdict.findings, *(stretch.finding for stretch in rejected)]
     found += log_against_rig.turned(rig, used.position)
     for doubt in doubts:
@@ -270,7 +272,7 @@ def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
 
     The spectrum follows any residual. Errors of the positions would show in the hinges' distances.
     """
-    frequency = np.geomspace(*np.exp(fit.noise.knot[[0, -1]]), _FREQUENCIES)
+    frequency = np.exp(np.linspace(fit.noise.knot[0], fit.noise.knot[-1], _FREQUENCIES))
     _, density = fit.noise.density(frequency)
     asked = float(np.sqrt(2 * np.trapezoid(density, frequency)))  # two-sided
     i, j = np.triu_indices(fit.rig.n, 1)

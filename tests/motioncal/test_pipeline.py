@@ -12,6 +12,7 @@ import pytest
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation.moving_campaign import MovingCampaign
@@ -144,3 +145,16 @@ def test_moments_of_no_noise_are_told_from_positions_that_scatter() -> None:
     (reason,) = [finding for finding in found.reasons if finding.code == "moments-unlike-noise"]
     assert reason.size is not None
     assert reason.size > 10 * campaign.rig.declared.positioner
+
+
+def test_a_sensor_that_turned_on_the_way_is_no_zero_that_drifts() -> None:
+    campaign, slow, _ = played(MINUTE, 5)
+    late = slow.time > np.median(slow.time)
+    turned, drifting = slow.force.copy(), slow.force.copy()
+    turned[late, 1] = turned[late, 1] @ so3.exp(np.array([6e-3, 0.0, 0.0])).T
+    drifting[:, 1, 1] += 10.0 * (slow.time - slow.time[0]) / np.ptp(slow.time)
+    found = calibrate_moving(campaign.rig, replace(slow, force=turned), NOTHING)
+    assert [reason.code for reason in found.reasons] == ["halves-disagree"]
+    assert found.reasons[0].subject == ("ncp2",)
+    found = calibrate_moving(campaign.rig, replace(slow, force=drifting), NOTHING)
+    assert found.reasons[0].code == "zero-drift"
