@@ -127,6 +127,12 @@ class Acceptance:
         """A limit of the contact wrench is stated."""
         return self.contact_force is not None or self.contact_torque is not None
 
+    @property
+    def contact_limits(self) -> tuple[tuple[str, str, slice, float | None], ...]:
+        """Of force and torque: name, unit, rows of a wrench (6,), limit or None."""
+        force = ("force", "N", slice(0, 3), self.contact_force)
+        return force, ("torque", "N·m", slice(3, 6), self.contact_torque)
+
 
 @dataclass(frozen=True, slots=True)
 class ExactMoves:

@@ -197,11 +197,8 @@ def assess(given: Calibrated) -> Conformity:
     stated = given.rig.acceptance
     cov = covariance(given, *at_rest(given, stated.contact_rpy))[0]
     force, torque = (
-        _limited(quantity, unit, part, np.inf if limit is None else limit)
-        for quantity, unit, part, limit in (
-            ("force", "N", cov[:3, :3], stated.contact_force),
-            ("torque", "N·m", cov[3:, 3:], stated.contact_torque),
-        )
+        _limited(quantity, unit, cov[rows, rows], np.inf if limit is None else limit)
+        for quantity, unit, rows, limit in stated.contact_limits
     )
     return Conformity(stated.contact_rpy, force, torque, cov)
 
@@ -221,14 +218,11 @@ def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
     now, more = (
         covariance(replace(given, covariance=each), *place)[0] for each in (given.covariance, month)
     )
-    out = {}
-    for name, limit, rows in (
-        ("force", stated.contact_force, slice(0, 3)),
-        ("torque", stated.contact_torque, slice(3, 6)),
-    ):
-        if limit is not None:
-            out[name] = _until(now[rows, rows], more[rows, rows], limit)
-    return out
+    return {
+        name: _until(now[rows, rows], more[rows, rows], limit)
+        for name, _, rows, limit in stated.contact_limits
+        if limit is not None
+    }
 
 
 def _until(now: FloatArray, more: FloatArray, limit: float) -> float:

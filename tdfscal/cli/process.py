@@ -157,6 +157,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     import logging
 
     from tdfscal.files.outputs import together
+    from tdfscal.files.saving import to_json
 
     logging.disable(logging.WARNING)  # matplotlib has words for a home without room
 
@@ -181,7 +182,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             for note in dict.fromkeys((*result.notes, *(report.warnings if report else ()))):
                 say(f"tdfscal: warning: {note}")
             if json:
-                hand_over(_to_json(result.to_dict()))
+                hand_over(to_json(result.to_dict(), indent=1))
             elif not words and carried is not None:
                 hand_over(getattr(result, carried))
         if words:
@@ -270,13 +271,6 @@ def _call(function: Callable[..., Result], asked: dict[str, Any]) -> Result:
     # Files named one after the other, as `compare(a, b)` takes them.
     named = {key: asked.pop(key) for key, p in parameters.items() if p.kind is p.VAR_POSITIONAL}
     return function(*chain(*named.values()), **asked)
-
-
-def _to_json(document: Any) -> str:
-    """One JSON object."""
-    import json
-
-    return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
 def _on_stderr(*, quiet: bool) -> Progress:

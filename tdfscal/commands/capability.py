@@ -236,10 +236,7 @@ def _stated_contact(path: FreePath, found: Capability) -> list[Finding]:
     """Whether the contact that the rig file states would be seen."""
     limits = path.use.campaign.rig.rig.acceptance
     out = []
-    for name, unit, limit, rows in (
-        ("force", "N", limits.contact_force, slice(0, 3)),
-        ("torque", "N·m", limits.contact_torque, slice(3, 6)),
-    ):
+    for name, unit, rows, limit in limits.contact_limits:
         worst = float(np.max(found.smallest_contact[rows]))
         if limit is not None and worst > limit:
             values: dict[str, Value] = {"limit": limit}

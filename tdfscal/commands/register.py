@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.errors import UsageError
+from tdfscal.files.field_types import LengthUnit
 from tdfscal.files.points.reading import read_point_file
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
@@ -64,9 +65,7 @@ def register(
     measured: Annotated[PathLike, Option("point file, as measured", Path, "MEASURED")],
     reference: Annotated[PathLike, Option("point file, fitted onto it", Path, "REFERENCE")],
     *,
-    unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"] | None, Option("of files that name none")
-    ] = None,
+    unit: Annotated[LengthUnit | None, Option("of files that name none")] = None,
     match: Annotated[
         Match,
         Option("pair points by group and name, by name in whatever group, or row by row"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -34,6 +34,8 @@ UNKNOWN = "unknown"
 
 LARGEST = 1e60
 """Of all numbers in a file."""
+LengthUnit = Literal["m", "cm", "mm", "um", "in"]
+"""Of point files."""
 
 
 class Strict(BaseModel):

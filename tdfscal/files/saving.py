@@ -35,9 +35,9 @@ def write_text(path: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8", newline="\n")
 
 
-def to_json(content: Any) -> str:
+def to_json(content: Any, indent: int = 2) -> str:
     """Strict JSON, indented; ValueError for NaN and infinity: a model must not let them through."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def to_yaml(content: Any) -> str:

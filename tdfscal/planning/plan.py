@@ -85,10 +85,9 @@ def contact_expanded(of: Forecast) -> tuple[float, float] | None:
 
 def contact_conforms(rig: Rig, of: Forecast) -> bool:
     """Whether the contact wrench is to be expected within the limits that the rig file states."""
-    stated, expected = rig.acceptance, contact_expanded(of)
-    limits = (stated.contact_force, stated.contact_torque)
+    limits, expected = rig.acceptance.contact_limits, contact_expanded(of)
     return expected is None or all(
-        limit is None or size <= limit for size, limit in zip(expected, limits, strict=True)
+        limit is None or size <= limit for size, (*_, limit) in zip(expected, limits, strict=True)
     )
 
 

@@ -238,10 +238,9 @@ def _contact(plan: Plan) -> Iterator[Block]:
     at = ", ".join(f"{v:g}" for v in stated.contact_rpy)
     caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
     yield Table(caption, ("", "x", "y", "z"), rows)
-    limits = (("force", "N", stated.contact_force), ("torque", "N·m", stated.contact_torque))
     parts = [
         f"{name} {size:.3g} {unit} of {limit:g}"
-        for (name, unit, limit), size in zip(limits, sizes, strict=True)
+        for (name, unit, _, limit), size in zip(stated.contact_limits, sizes, strict=True)
         if limit is not None
     ]
     end = "enough" if contact_conforms(plan.rig, plan.expected) else _NOT_ENOUGH

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from pydantic import model_validator
 
 from tdfscal.errors import DataError
-from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
+from tdfscal.files.field_types import LengthUnit, NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
 from tdfscal.files.points.columns import Columns, refuse, to_metres
 from tdfscal.files.points.table import Preamble, Table, found_in, read_table, read_text
@@ -53,9 +53,7 @@ class PointFile(Strict):
     """Points of one file; x, y, z, ux, uy, uz in `length_unit`, ux, uy, uz with k = 1."""
 
     points: tuple[Point, ...] = key("list of points")
-    length_unit: Literal["m", "cm", "mm", "um", "in"] = key(
-        "unit of all coordinates and uncertainties"
-    )
+    length_unit: LengthUnit = key("unit of all coordinates and uncertainties")
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:

@@ -18,6 +18,7 @@ from tdfscal.files.field_types import (
     UNKNOWN,
     Date,
     Label,
+    LengthUnit,
     Matrix3,
     Name,
     NotNegative,
@@ -265,9 +266,7 @@ class TrackerBlock(Strict):
     instrument: InstrumentBlock = key("standard uncertainties, k = 1")
     drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
     misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
-    length_unit: Literal["m", "cm", "mm", "um", "in"] | None = key(
-        "of point files that name none: m, cm, mm, um, in", None
-    )
+    length_unit: LengthUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
     targets: Targets = key("targets on the sensors")
     moves: Moves = key("one point on each NCP, moved")
 
