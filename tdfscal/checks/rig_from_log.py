@@ -13,6 +13,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 
@@ -94,13 +95,11 @@ def _shape(position: FloatArray) -> tuple[FloatArray, int, float]:
     reference = int(np.argmin(((centred - centred.mean(axis=0)) ** 2).sum(axis=(1, 2))))
     shape = centred[reference]
     for _ in range(_ROUNDS):
-        # Kabsch: the rotation of each posture to the shape.
-        turn = so3.project(np.einsum("ni,knj->kij", shape, centred))
-        aligned = np.einsum("kij,knj->kni", turn, centred)
+        aligned = centred @ register(shape, centred)[0]
         shape = aligned.mean(axis=0)
     spread = float(np.sqrt(((aligned - shape) ** 2).sum(axis=2).mean()))
-    back = so3.project(np.einsum("ni,nj->ij", centred[reference], shape))
-    return shape @ back.T, reference, spread
+    turn, _ = register(shape, centred[None, reference])
+    return shape @ turn[0].T, reference, spread
 
 
 def _mounting(position: FloatArray, force: FloatArray) -> tuple[FloatArray, tuple[bool, ...], bool]:

@@ -19,6 +19,7 @@ from scipy import special
 
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.findings import Finding, Value
+from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
@@ -58,11 +59,10 @@ def outlying_points(
     order, far = _suspected(measured, reference)
     for count in range(min(n // _ONE_IN, far), 0, -1):
         off, kept = order[:count], order[count:]
-        rotation, translation = _rigid(measured[kept], reference[kept])
-        error = measured - reference @ rotation.T - translation
+        error = _left(measured, reference, kept)
         dof = 3 * len(kept) - 6
         variance = max(float(np.sum(error[kept] ** 2)) / dof, least**2)
-        turned = reference @ rotation.T
+        turned = measured - error
         statistic = np.array([_against(turned[kept], turned[j], error[j]) for j in off])
         mildest = float(statistic.min()) / 3 / variance
         p = special.fdtrc(3, dof, mildest) * (n - count + 1)
@@ -87,14 +87,12 @@ def _suspected(y: FloatArray, x: FloatArray) -> tuple[IntArray, int]:
     half = (len(y) + 4) // 2
     best, least = np.arange(len(y)), np.inf
     for start in np.array(list(_triples(len(y)))):
-        rotation, translation = _rigid(y[start], x[start])
-        distance = np.sum((y - x @ rotation.T - translation) ** 2, axis=1)
+        distance = np.sum(_left(y, x, start) ** 2, axis=1)
         trimmed = float(np.partition(distance, half - 1)[:half].sum())
         if trimmed < least:
             best, least = np.argsort(distance), trimmed
     for _ in range(_STEPS):
-        rotation, translation = _rigid(y[best[:half]], x[best[:half]])
-        distance = np.linalg.norm(y - x @ rotation.T - translation, axis=1)
+        distance = np.linalg.norm(_left(y, x, best[:half]), axis=1)
         order = np.argsort(distance, kind="stable")
         if set(order[:half]) == set(best[:half]):
             break
@@ -111,11 +109,10 @@ def _triples(n: int) -> Iterator[tuple[int, ...]]:
         yield tuple(rng.choice(n, 3, replace=False).tolist())
 
 
-def _rigid(y: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rotation (3, 3) and translation (3,) that take x (N, 3) to y with the least squares."""
-    centre_y, centre_x = y.mean(axis=0), x.mean(axis=0)
-    rotation = so3.project((y - centre_y).T @ (x - centre_x))
-    return rotation, centre_y - rotation @ centre_x
+def _left(y: FloatArray, x: FloatArray, some: IntArray) -> FloatArray:
+    """What the rigid motion that takes some of x (N, 3) to y with the least squares leaves of y."""
+    rotation, translation = register(x[some], y[None, some])
+    return np.asarray(y - x @ rotation[0].T - translation[0])
 
 
 def _against(kept: FloatArray, point: FloatArray, error: FloatArray) -> float:
@@ -136,13 +133,11 @@ def _alone(y: FloatArray, x: FloatArray, off: IntArray, kept: IntArray, variance
     variance : m², of what the kept points leave; their worst are the ones to exchange.
     """
     dof = 3 * len(kept) - 6
-    rotation, translation = _rigid(y[kept], x[kept])
-    left = np.sum((y[kept] - x[kept] @ rotation.T - translation) ** 2, axis=1)
+    left = np.sum(_left(y, x, kept)[kept] ** 2, axis=1)
     for place, back in product(np.argsort(-left)[:_EXCHANGED], off):
         others = kept.copy()
         others[place] = back
-        rotation, translation = _rigid(y[others], x[others])
-        square = float(np.sum((y[others] - x[others] @ rotation.T - translation) ** 2))
+        square = float(np.sum(_left(y, x, others)[others] ** 2))
         if dof * np.log(square / dof / variance) < POINTS_AS_LIKELY:
             return False
     return True
