@@ -181,9 +181,14 @@ def worst_zero(
     return float(size[worst]), f"{'xyz'[worst % 3]} of {rig.supports[worst // 3]}"
 
 
+def _weight(doubt: Suspicion) -> float:
+    return doubt.weight
+
+
 def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     """The likeliest suspicion, and those that are about as likely."""
-    ranked = sorted(found, key=lambda doubt: -doubt.weight)
+    best = {(doubt.kind, doubt.support): doubt for doubt in sorted(found, key=_weight)}
+    ranked = sorted(best.values(), key=_weight, reverse=True)
     near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
     return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))
 

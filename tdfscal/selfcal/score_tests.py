@@ -245,6 +245,7 @@ def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield whitened columns (K, 6, m) of one unit of each suspect's standard deviation."""
     at, root, each = fit.at, fit.root, by_readings(fit)
     yield "hinge friction", 0, root[:, :, 3:]
+    yield "hinge friction", 0, root[:, :, 3:5]  # of postures that tilt and do not twist
     for i in range(fit.rig.n):
         yield "sensor noise", i, each[:, i]
     yield "force noise", 0, np.moveaxis(each, 1, 2).reshape(len(root), ROWS, -1)

@@ -10,6 +10,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Contact, Crosstalk, Drift, Faults, Gain, Jolt, Options
 from tdfscal.simulation.faults import Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study
@@ -73,6 +74,27 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
     found = suspects(real, RIG, with_faults(faults), seed=4)
     assert found
     assert words in found[0]
+
+
+def test_friction_of_postures_that_only_tilt_is_named_with_what_looks_alike() -> None:
+    """Moments of 0.8 N·m about X and Y, none about Z: NCPs under a weight make such ones too."""
+    batch = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(7), 4)
+    lever = np.column_stack([RIG.hinge[:, 1], -RIG.hinge[:, 0]])
+    rng, sizes = np.random.default_rng(3), []
+    for trial in range(4):
+        dwells = batch.dwells(trial)
+        force = dwells.force.copy()
+        moment = 0.8 * rng.standard_normal((len(force), 2))
+        force[:, :, 2] += moment @ np.linalg.pinv(lever - lever.mean(axis=0))
+        found = self_calibrate(
+            RIG, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
+        ).suspicions
+        assert {doubt.kind for doubt in found} <= {"hinge friction", "position noise"}
+        sizes += [doubt.causes[0].size or 0.0 for doubt in found if doubt.kind == "hinge friction"]
+    # The rms of 2 moments in so many postures, all campaigns together, within 3 of its own scatter.
+    freedom = 2 * 4 * len(force)
+    assert len(sizes) == 4
+    assert abs(np.sqrt(np.mean(np.square(sizes))) / 0.8 - 1) < 3 / np.sqrt(2 * freedom)
 
 
 def test_a_mounting_that_contradicts_its_prior_is_named() -> None:
