@@ -91,10 +91,3 @@ def test_what_is_no_campaign_is_still_described(cli: Cli, tmp_path: Path) -> Non
     result = cli("info", path, ends=0)
     assert "temperature" in result.out
     assert "no mapping is guessed" in result.out
-
-
-def test_a_name_that_is_not_utf8(cli: Cli, tmp_path: Path) -> None:
-    path = tmp_path / "l\udcffg.mcap"
-    path.write_bytes(LOGS[2].read_bytes())
-    result = cli("info", path, "--json", ends=0)
-    assert json.loads(result.out)["inputs"][0]["path"].endswith("l\\xffg.mcap")

@@ -14,7 +14,6 @@ import pytest
 
 import tdfscal
 from tests.cli.running import SAMPLES, Cli
-from tests.words import in_words
 
 EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
 
@@ -89,11 +88,6 @@ def test_an_applied_part_is_that_of_a_log_cut_by_hand(
         cli("apply", other, folder, "-o", output, *options, "-q", ends=0)
         seen.append(output.read_bytes())
     assert seen[0] == seen[1]
-
-
-def test_the_result_says_so(campaign: Path) -> None:
-    warnings = in_words(tdfscal.calibrate(campaign, trials=0, from_="+5").findings)
-    assert "the log is used from +5 s only" in warnings
 
 
 @pytest.mark.parametrize(

@@ -121,20 +121,3 @@ def test_a_walk_widens_what_old_campaigns_say() -> None:
     assert fixed.misfits
     assert away @ np.linalg.solve(covariance, away) < 27.9  # χ²₉ at 0.1 %
     assert np.trace(covariance) > 2 * np.trace(estimate(still, fixed, 3)[1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("walk", [0.0, 5e-5])
-def test_last_state_over_many_histories(walk: float) -> None:
-    rig = replace(reference_rig(), drift=Drift(angle=walk))
-    rng = np.random.default_rng(6)
-    errors, variances = [], []
-    for _ in range(60):
-        campaigns, truth = history(rig, rng, months=12, walk=walk)
-        rotation, covariance = estimate(rig, pool(campaigns), 11)
-        errors.append(so3.log(truth[-1] @ np.swapaxes(rotation, 1, 2)).ravel())
-        variances.append(np.diag(covariance))
-    e, v = np.array(errors), np.array(variances)
-    assert np.sqrt(np.mean(e**2) / np.mean(v)) < 1.1
-    # 540 angles, of which about nine in a history are independent to half: ± 3 σ.
-    assert 0.92 < np.mean(np.abs(e) < 1.96 * np.sqrt(v)) < 0.98

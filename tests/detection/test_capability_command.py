@@ -168,15 +168,6 @@ def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     assert "WITHOUT the noise of samples" in forced.content
 
 
-def test_moments_about_a_point_have_its_lever(places: Places) -> None:
-    # 5 m below, a force noise turns into a moment noise of five times its size.
-    origin = places.plain
-    below = tdfscal.capability(places.calibration, places.free, at=(0.0, 0.0, -5.0))
-    assert below.capability.threshold[:3] == pytest.approx(origin.capability.threshold[:3], 1e-3)
-    ratio = below.capability.noise[3].std / origin.capability.noise[1].std
-    assert ratio == pytest.approx(5.0, rel=0.05)
-
-
 @pytest.mark.parametrize(
     ("line", "said"),
     [

@@ -84,14 +84,6 @@ def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     np.testing.assert_allclose((coarse.count[..., None] * coarse.mean).sum(axis=0), total)
 
 
-def test_a_pause_of_days_between_two_logs_costs_nothing() -> None:
-    first = record(Recipe(stops=(3.0, 3.0))).log
-    second = record(Recipe(stops=(3.0, 3.0), seed=1), origin=1e6).log
-    bins = reduce_to_bins([first, second])
-    assert len(bins) < 2 * 8.1 / bins.width
-    assert bins.start[-1] > 1e6
-
-
 @pytest.mark.parametrize("fault", ["back", "nan", "empty", "stuck", "shape", "supports"])
 def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> None:
     pieces = cut(log, [log.force[0].time[0] + 3.0])

@@ -157,24 +157,6 @@ def test_wrong_positions_part_no_stop(wrong: float) -> None:
     assert "readings-return" in [finding.code for finding in dwells.findings]
 
 
-def test_a_move_and_back_joins_nothing() -> None:
-    """The same pose again after a move is a posture of its own."""
-    recorded = record(Recipe(rate=200.0, stops=(4.0,) * 3, move=1.0, seed=2))
-    log, stops = recorded.log, recorded.stops
-    time = log.position[0].time
-
-    def returning(series: Series) -> Series:
-        """From the first stop to the second one for two seconds, and back."""
-        forth = series.value[time < stops[1, 0] + 1.0]
-        value = np.concatenate([forth, forth[::-1]])
-        return Series(np.arange(len(value), dtype=np.float64) / 200.0, value)
-
-    both = [tuple(map(returning, part)) for part in (log.position, log.force)]
-    dwells = find_dwells(replace(log, position=both[0], force=both[1]))
-    assert dwells.end[0] < stops[1, 0]
-    assert dwells.start[-1] > stops[1, 0] + 2.0
-
-
 def test_times_in_milliseconds_are_named() -> None:
     log = record(Recipe(rate=50, stops=STOPS)).log
 

@@ -180,9 +180,3 @@ def test_means_over_a_campaign_scatter_as_the_fitted_noise_says() -> None:
         assert got == pytest.approx(np.full(3, expected[0]), rel=0.3)
         seen = length * noise.mean(axis=2).var(axis=1)
         assert seen.mean() == pytest.approx(expected[0], rel=0.4)
-
-
-def test_white_noise_is_not_slow() -> None:
-    frequency = np.sort(np.tile(np.arange(2, 100) / 200.0, 10))
-    power = np.random.default_rng(0).standard_normal((20, 3, len(frequency))) ** 2
-    assert not any(any(slow_noise(frequency, one, 100.0)) for one in power)

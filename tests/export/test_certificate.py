@@ -6,7 +6,6 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -204,12 +203,6 @@ def test_matrices_stand_in_full() -> None:
         values = str(listed.findtext("si:valueXMLList", namespaces=NAMES)).split()
         assert np.array_equal([float(value) for value in values], np.ravel(rows))
         assert listed.findtext("si:unitXMLList", namespaces=NAMES) == unit
-
-
-def test_it_names_the_files_that_it_stands_on() -> None:
-    text = certificate(C)
-    for name, digest in [("Rig file", C.rig.sha256), *((f.path, f.sha256) for f in C.inputs)]:
-        assert re.search(rf"{re.escape(escape(name))}[,:] SHA-256 {digest}", text)
 
 
 def test_it_says_that_it_is_a_draft() -> None:

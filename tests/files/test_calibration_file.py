@@ -265,12 +265,6 @@ def test_another_notation_is_no_edit(made: dict[str, Any]) -> None:
         assert parse_calibration(text.encode(), "c") == whole
 
 
-def test_a_file_without_a_digest_is_read(made: dict[str, Any]) -> None:
-    content = {key: value for key, value in made.items() if key != "content_sha256"}
-    read = parse_calibration(json.dumps(content).encode(), "c.json")
-    assert file_content(read) == made
-
-
 def test_a_joint_file_states_the_contact_wrench_of_both_methods(tmp_path: Path) -> None:
     """A limit between the two: the self-calibration is rejected by it, both together conform."""
     options = Options(postures=12, rows="postures", recorder=Recorder(mean_sd=0.05))

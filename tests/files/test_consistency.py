@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from scipy import stats
 
 from tdfscal.files.calibration.document import Calibration
 from tests.files.edits import Place, edited, nudged, place_of
@@ -116,15 +115,3 @@ def test_what_is_null_is_compared_with_nothing() -> None:
     for place in ("supports.0.zero_std.1", "supports.1.zero.1"):
         Calibration.model_validate(edited(WHOLE, (place, None)))
         assert refused(edited(WHOLE, (place, 0.7)))[0] == place_of(place)[:-1]
-
-
-def test_a_fit_without_degrees_of_freedom_states_no_p_value() -> None:
-    for chi2, dof, p, birge in (
-        (0.0, 0, 1.0, 1.0),
-        (150.0, 160, float(stats.chi2.sf(150.0, 160)), (150 / 160) ** 0.5),
-    ):
-        stated = {"chi2": chi2, "dof": dof, "p_value": p, "birge": birge}
-        fit = edited(WHOLE, ("fit", WHOLE["fit"] | stated))
-        read = Calibration.model_validate(fit).fit
-        assert read is not None
-        assert read.dof == dof

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.postures import Postures, approach, forces, postures, register, zeros
+from tdfscal.model.postures import Postures, approach, postures, register
 from tdfscal.model.statics import balance, features
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import least_squares, so3
@@ -109,15 +109,6 @@ def test_residual_is_newtons_law() -> None:
         assert np.abs(e[k] - [*force, *moment]).max() < 1e-8
     assert np.allclose(found.rotation, TURN.as_matrix(), rtol=0, atol=1e-13)
     assert np.allclose(found.arm[0], TURN[0].apply(STATE.hinge - CENTRE), rtol=0, atol=1e-13)
-
-
-def test_zeros_and_forces_of_single_readings() -> None:
-    still = replace(AT, motion=None)
-    assert np.array_equal(zeros(STATE, still)[0], STATE.zero)
-    reading = AT.force - (zeros(STATE, AT) - STATE.zero)
-    assert np.allclose(forces(STATE, reading), written_out(AT), rtol=1e-12, atol=0)
-    no_amplitude = replace(STATE, drift=np.zeros((0, 4, 3)))
-    assert np.array_equal(zeros(no_amplitude, AT)[0], STATE.zero)
 
 
 def test_covariance_of_the_residual_part_by_part() -> None:

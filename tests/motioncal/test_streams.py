@@ -68,17 +68,6 @@ def test_stamps_that_jitter_are_worth_their_jitter(rate: float) -> None:
     assert np.abs(slow.force - slow.position)[inner].max() < 1.0e-3 * w
 
 
-def test_every_sample_weighs_alike() -> None:
-    """At 2 ms three or four samples share a mean; over all instants each counts as any other."""
-    time = np.arange(0, 10, 0.002)
-    rate = 20.0
-    for k in range(2500, 2526):
-        once = np.zeros(time.size)
-        once[k] = 1.0
-        slow = slow_streams([log(time, once)], OPEN)
-        assert slow.force[:, 0, 0].sum() == pytest.approx(rate * 0.002, rel=2e-2)
-
-
 @pytest.mark.parametrize("parts", [2, 13])
 def test_pieces_make_no_difference(parts: int) -> None:
     time = np.arange(0, 20, 0.01)
@@ -99,13 +88,6 @@ def test_nothing_bridges_a_hole_or_a_reading_that_is_no_number() -> None:
     assert [round(b.begin) for b in blocks(slow, np.ones(len(slow.time), dtype=np.bool_))] == [
         0, 17, 30,
     ]  # fmt: skip
-
-
-def test_streams_of_different_rates_meet() -> None:
-    time, other = np.arange(0, 20, 0.01), np.arange(0.003, 20, 0.02)
-    slow = slow_streams([log(time, np.sin(time), other)], OPEN)
-    inner = slice(5, -5)
-    assert slow.force[inner] == pytest.approx(slow.position[inner], abs=1e-4)
 
 
 def test_a_clipped_reading_is_marked() -> None:

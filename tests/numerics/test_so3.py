@@ -43,12 +43,6 @@ def test_exp_and_left_jacobian_against_power_series(angle: float) -> None:
             assert np.abs(computed - exact).max() < 8 * EPS
 
 
-def test_log_at_a_half_turn() -> None:
-    v = so3.log(so3.exp(np.pi * AXES))
-    assert np.allclose(np.linalg.norm(v, axis=1), np.pi)
-    assert np.allclose(np.abs(np.sum(v * AXES, axis=1)), np.pi)
-
-
 def test_rpy_is_the_papers_product() -> None:
     rpy = RNG.uniform([-3, -1.5, -3], [3, 1.5, 3], size=(50, 3))
     oracle = Rotation.from_euler("xyz", rpy)  # extrinsic: Rz Ry Rx
@@ -84,12 +78,6 @@ def test_covariance_of_angles_by_differences() -> None:
     assert np.allclose(so3.rpy_covariance(R, root @ root.T), expected, rtol=1e-7, atol=1e-8)
     variance = so3.rpy_variance(R, root @ root.T)
     assert np.allclose(variance, np.diagonal(expected, axis1=1, axis2=2), rtol=1e-7)
-
-
-def test_wrapped_angles() -> None:
-    turns = 2 * np.pi * np.arange(-3, 4)
-    for angle in (-3.1, -0.2, 0.0, 1.5, 3.1):
-        assert np.allclose(so3.wrapped(angle + turns), angle, rtol=0, atol=4e-15)
 
 
 def test_project_returns_the_nearest_rotation_never_a_mirror() -> None:

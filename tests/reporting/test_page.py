@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 
 from tdfscal.catalogue.entry import upwards
-from tdfscal.commands.report import report
-from tdfscal.files.calibration.document import Calibration, load_calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
 from tests.reporting.samples import (
@@ -19,7 +17,6 @@ from tests.reporting.samples import (
     changed,
     fit_with,
     sample,
-    saved,
     sketch,
     surveyed,
     with_load_cell,
@@ -149,13 +146,6 @@ def test_provenance(page: str) -> None:
     for text in ("ab" * 32, c.rig.sha256, "tdfscal calibrate campaign", "1,234", c.convention):
         assert text in said
     assert re.search(r"Seed\s+7\b", said)
-
-
-@pytest.mark.usefixtures("plain")
-def test_page_of_a_file_is_that_of_the_calibration(tmp_path: Path) -> None:
-    c = sample(touched=True).calibration
-    again = load_calibration(saved(c, tmp_path, "c.yaml"))
-    assert render_page(again) == report(c).html
 
 
 @pytest.mark.usefixtures("plain")

@@ -16,7 +16,6 @@ from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures.log_time import clock
-from tdfscal.reporting.headline import half_widths
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
@@ -102,17 +101,6 @@ def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
     assert "95 % intervals, k = 2.00 for 60 degrees of freedom\n" in wide
 
 
-def test_forecasts_are_of_the_number_that_is_told() -> None:
-    """Five more postures of 12 count their information 17/12 times."""
-    c = sample().calibration
-    assert c.observability is not None
-    (more,) = (f for f in c.observability.forecasts if f.change == "postures")
-    assert math.sqrt(12 / 17) <= more.worst_std / c.rpy_std.max() < 1
-    assert "5 more such postures" in advise(c)[-1]
-    rejected = with_(c)
-    assert not any("such postures" in text for text in advise(rejected))
-
-
 @pytest.mark.parametrize(("by", "origin"), [(EPOCH, EPOCH), (3600.0, 0.0)])
 def test_dates_in_the_log_are_counted_from_its_start(by: float, origin: float) -> None:
     """Simulated logs start at 0: epoch seconds change no word; an hour is no date."""
@@ -176,17 +164,6 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
         assert "turn from the nominal mounting" in plain
         assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
         assert max(map(len, plain.splitlines())) <= 80
-
-
-def test_value_and_limit_are_of_one_coverage_factor() -> None:
-    """Where the gate's limit is the largest standard uncertainty itself, the two are equal."""
-    c = sample().calibration
-    std = float(c.rpy_std.flat[half_widths(c).argmax()])
-    limits = c.rig.acceptance.model_copy(update={"angle_std": std})
-    rig = c.rig.model_copy(update={"acceptance": limits})
-    c, half = c.model_copy(update={"rig": rig}), float(half_widths(c).max())
-    assert c.limit_half_width == pytest.approx(half, rel=1e-12)
-    assert calibration_report(c).tiles[0][2] == f"limit ± {1e3 * half:.2g}"
 
 
 def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.MonkeyPatch) -> None:

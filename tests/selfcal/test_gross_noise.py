@@ -12,7 +12,7 @@ from tdfscal.findings import Finding
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Faults, Gain, Options, Recorder, Slip
+from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.words import in_words
 
 RIG = simulation.reference_rig()
@@ -103,22 +103,6 @@ def test_channels_that_explain_as_much_are_named_beside() -> None:
     found = gross(result)
     assert found is not None
     assert "Fx of ncp2" in (found.values["channel"], *found.values["alike"])  # type: ignore[misc]
-
-
-def test_a_slip_under_a_heavy_load_is_no_zero_that_jumps() -> None:
-    """5 mrad under 5 kN are 25 N, a hundred times what is stated."""
-    options = Options(
-        postures=18,
-        squeeze=200.0,
-        recorder=Recorder(mean_sd=0.05),
-        faults=Faults(slips=(Slip(2, 9, (3e-3, 4e-3, 0.0)),)),
-    )
-    rig = simulation.make_rig(3, mass=1500.0)
-    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(2), 1).dwells(0)
-    result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
-    first = result.suspicions[0].causes[0]
-    assert (first.code, first.subject) == ("sensor-slipped", ("ncp3",))
-    assert result.reasons
 
 
 def test_noise_that_is_overstated_is_said_with_what_the_residuals_support() -> None:

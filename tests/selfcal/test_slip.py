@@ -14,7 +14,7 @@ from tdfscal.findings import Finding
 from tdfscal.records import Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Contact, Drift, Faults, Options, Recorder, Slip
+from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip
 
 from .campaigns import calibrated
 
@@ -80,12 +80,6 @@ def test_the_posture_and_the_turn_are_stated() -> None:
         "sensor-slipped",
         "residuals-large",
     }
-
-
-def test_a_drift_is_not_called_a_slip() -> None:
-    (result,) = runs(Faults(drifts=(Drift(0, (1.0, 1.0, 1.0)),)), seed=3, trials=1)
-    assert not turned(result)
-    assert result.suspicions
 
 
 def in_last_postures(share: float, seed: int) -> SelfCalibration:

@@ -16,7 +16,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
-from tdfscal.selfcal.estimator import Fit, estimate, evaluate, fit
+from tdfscal.selfcal.estimator import Fit, estimate, evaluate
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
 from tdfscal.selfcal.mounting_search import profile
 from tdfscal.selfcal.outliers import fit_robust
@@ -30,36 +30,6 @@ RIG = replace(
 )
 BATCH = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(11), 2)
 RESULT = calibrated(BATCH, RIG, 0)
-
-
-def test_covariance_is_positive_definite_and_gives_rpy_std() -> None:
-    C = RESULT.uncertainty.covariance
-    assert np.array_equal(C, C.T) or np.allclose(C, C.T, rtol=1e-12, atol=0)
-    assert np.linalg.eigvalsh(C).min() > 0
-    # By differences of to_rpy, not by the Jacobian under test.
-    h, R = 1e-6, RESULT.fit.state.rotation
-    for i in range(3):
-        J = np.stack(
-            [
-                (so3.to_rpy(so3.exp(h * e) @ R[i]) - so3.to_rpy(so3.exp(-h * e) @ R[i])) / (2 * h)
-                for e in np.eye(3)
-            ],
-            axis=1,
-        )
-        block = C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
-        assert np.allclose(
-            np.sqrt(np.diagonal(J @ block @ J.T)), RESULT.uncertainty.rpy_std[i], rtol=1e-6
-        )
-
-
-def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
-    bare = replace(RIG, declared=replace(RIG.declared, force_sensitivity=0.0), gravity_tilt_std=0.0)
-    other = fit(bare, RESULT.fit.postures, RESULT.fit.state)
-    spread = evaluate(other, information(other), 1.0)
-    assert not spread.contributions["sensitivity"].any()
-    assert not spread.contributions["gravity"].any()
-    full = evaluate(RESULT.fit, information(RESULT.fit), 1.0)
-    assert (spread.rpy_std < full.rpy_std).all()
 
 
 def test_monte_carlo_agrees_with_the_covariance() -> None:

@@ -147,17 +147,6 @@ def test_noise_correlation() -> None:
         assert products.mean() == pytest.approx(expected, abs=4.0 * error)
 
 
-def test_seed_draws_the_same_machine_whatever_is_recorded() -> None:
-    rig = loose_rig()
-    one = simulate_campaign(rig, Options(postures=4), np.random.default_rng(12))
-    recorder = Recorder(force_rate=37.0, noise_correlation=0.1)
-    two = simulate_campaign(rig, Options(postures=4, recorder=recorder), np.random.default_rng(12))
-    means = simulate_campaign(rig, Options(postures=4, rows="postures"), np.random.default_rng(12))
-    for other in (two, means):
-        np.testing.assert_array_equal(one.force, other.force)
-        np.testing.assert_array_equal(one.truth.rotation, other.truth.rotation)
-
-
 def test_given_commands_are_driven() -> None:
     rig = exact_rig()
     first = simulate_campaign(rig, still(postures=5, squeeze=300.0), np.random.default_rng(14))

@@ -76,15 +76,3 @@ def test_tilt_limit_is_the_papers() -> None:
     force = SMOOTH.wrench(q)
     assert not force[0, :2].any()
     assert abs(force[1, 4]) > 0.0
-
-
-def test_coulomb_at_speed() -> None:
-    gears = GearPair()
-    q = np.zeros((1, 6))
-    q[0, :3] = [7e-5, 0.0, 0.1]
-    rate = np.zeros((1, 6))
-    rate[0, 2] = 1.0
-    force = gears.wrench(q, rate)[0]
-    normal = 2 * gears.stiffness * 2e-5
-    assert force[2] == pytest.approx(-gears.friction * normal, rel=1e-6)
-    assert gears.wrench(q, -rate)[0, 2] == pytest.approx(gears.friction * normal, rel=1e-6)

@@ -71,12 +71,3 @@ def test_verdicts_of_means() -> None:
     assert beside(1.0, 0.9, 0.1, "<") == "undecided"
     assert beside(1.0, 1.3, 0.1, "<") == "differs"
     assert beside(1.0, 0.7, 0.1, ">") == "differs"
-
-
-def test_verdicts_of_draws_go_by_the_spread_of_the_runs() -> None:
-    draws = np.exp(RNG.normal(size=40))
-    for paper, expected in ((1.0, "possible"), (20.0, "differs"), (0.01, "differs")):
-        item = Beside("Fig. 0", "x", "", paper, mean(draws), draws=draws)
-        assert item.verdict == expected
-    few = Beside("Fig. 0", "x", "", 1.0, mean(draws[:2]), draws=draws[:2])
-    assert few.verdict == "undecided"

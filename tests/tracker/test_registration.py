@@ -6,7 +6,6 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.numerics.alignment import align
 from tdfscal.numerics.registration import MirroredError, extend, register
 from tdfscal.records import FloatArray
 
@@ -91,16 +90,6 @@ def test_minimum_is_that_of_a_general_optimiser() -> None:
     std = np.sqrt(np.diag(fit.covariance))
     assert np.all(np.abs(best.x) * 1e-3 < 1e-4 * std)
     assert cost(np.zeros(6)) == pytest.approx(fit.chi2, rel=1e-9)
-
-
-def test_many_sets_at_once_are_the_single_ones() -> None:
-    rng = np.random.default_rng(5)
-    x, R = cloud(rng), rotation(rng)
-    y = x @ R.T + rng.normal(size=(7, 6, 3)) * 1e-5
-    many = align(y, np.broadcast_to(x, y.shape), stacked(C, 6), stacked(D, 6))
-    for k in range(7):
-        one = register(y[k], x, stacked(C, 6), stacked(D, 6))
-        assert np.abs(one.rotation - many.rotation[k]).max() < 1e-11
 
 
 def test_mirrored_points_are_refused() -> None:

@@ -58,14 +58,6 @@ def test_smoother_is_the_least_squares_answer(walk: Walk) -> None:
     np.testing.assert_allclose(found[150:], best[150:], atol=1e-7)
 
 
-def test_noise_is_measured_under_walk_and_jolts() -> None:
-    rng = np.random.default_rng(3)
-    signal = np.cumsum(0.5 * rng.standard_normal((20_000, 3)), axis=0)
-    signal[::500] += 200.0
-    signal += np.array([1.0, 2.0, 3.0]) * rng.standard_normal(signal.shape)
-    assert measured_noise(signal) == pytest.approx(np.sqrt(14.0 / 3.0), rel=0.03)
-
-
 def log(noise: float = 2.0) -> Samples:
     """30 000 samples at 200 Hz with a gap of a second in the middle, and a force that ramps."""
     rng = np.random.default_rng(4)

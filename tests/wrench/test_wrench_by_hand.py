@@ -47,19 +47,6 @@ def standing(count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return 0.01 * np.arange(float(count)), np.tile(rig.hinge, (count, 1, 1)), force
 
 
-def test_uncertainty_of_turned_thirds_of_the_weight() -> None:
-    rig = exact()
-    found = wrenches(given(), *standing(5))
-    total = np.zeros(6)
-    for hinge in rig.hinge:
-        for d in STD * np.eye(3):
-            f = np.cross(d, standing(1)[2][0, 0])
-            total += np.concatenate([f, np.cross(hinge, f)]) ** 2
-    assert np.allclose(found.calibration_std, np.sqrt(total), rtol=1e-9, atol=1e-9)
-    assert np.allclose(found.std, found.calibration_std, rtol=1e-12, atol=1e-12)
-    assert np.abs(found.value).max() < 1e-9
-
-
 def test_what_is_declared_per_posture_adds_to_a_samples_uncertainty() -> None:
     rig = exact()
     noise = wrenches(given(DeclaredUncertainty(force_noise=0.7), 0.0), *standing(3))

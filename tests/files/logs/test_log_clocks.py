@@ -195,15 +195,6 @@ def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> 
     assert warnings(60, 101) == ["/f begins 3 s after the others", "/f ends 5 s before the others"]
 
 
-def test_each_file_of_a_campaign_is_looked_at(tmp_path: Path) -> None:
-    first = write(tmp_path / "a.mcap", dying(0, 101))
-    second = write(tmp_path / "b.mcap", skewed(1_750_000_000.0, set()))
-    found = in_words(read_log([first, second], replace(ONE, time_source="header"), ("a",)).findings)
-    assert [w for w in found if "the others" in w] == [
-        f"{first}: /f ends 5 s before the others; postures without all signals are not used"
-    ]
-
-
 def clock(name: str, time: np.ndarray, rows: str = "timeseries") -> Clock:
     made = Clock(name, "postures" if rows == "postures" else "timeseries", after=-5.0)
     made.ascending(time)

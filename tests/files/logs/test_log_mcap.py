@@ -82,29 +82,6 @@ def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.force[0].value, [[4.0, 5.0, 6.0]])
 
 
-def test_joint_state_by_joint_name(tmp_path: Path) -> None:
-    kind = "sensor_msgs/msg/JointState"
-    header = STORE.types["std_msgs/msg/Header"]
-    stamp = STORE.types["builtin_interfaces/msg/Time"]
-    messages = []
-    expected = []
-    rng = np.random.default_rng(3)
-    for k in range(30):
-        order = list(rng.permutation(["x1", "y1", "z1", "other"]))
-        values = rng.normal(size=4)
-        expected.append([values[order.index(n)] for n in ("x1", "y1", "z1")])
-        joint = STORE.types[kind](
-            header(stamp(sec=1, nanosec=k), "f"), order, values, np.zeros(0), -values
-        )
-        messages.append(("/j", 100 + k, bytes(STORE.serialize_cdr(joint, kind))))
-    path = write(tmp_path / "log.mcap", small_mcap({"/j": ros(kind)}, messages))
-    three = tuple(f"/j.position[{n}]" for n in ("x1", "y1", "z1"))
-    efforts = tuple(f'/j.effort["{n}"]' for n in ("x1", "y1", "z1"))
-    log = read_log([path], LogMapping(("a",), (three,), (efforts,)), ("a",))
-    np.testing.assert_array_equal(log.position[0].value, expected)
-    np.testing.assert_array_equal(log.force[0].value, -np.array(expected))
-
-
 @pytest.mark.parametrize(
     ("kind", "path"),
     [

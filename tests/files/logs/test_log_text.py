@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +10,9 @@ import numpy as np
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
-import zstandard
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.logs import iter_log, read_log
+from tdfscal.logs import read_log
 from tdfscal.logs.text.rows import RowParser
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import write
@@ -104,22 +102,6 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
         read(tmp_path, content.replace(b"t,", b"time,", 1).replace(b"a.x [mm]", b"a.x [m]"), None)
 
 
-@pytest.mark.parametrize("pack", [gzip.compress, zstandard.compress])
-def test_compressed(tmp_path: Path, pack: object) -> None:
-    assert callable(pack)
-    content = pack(text(HEADER, *ROWS))
-    for suffix in (".csv.gz", ".csv.zst", ".csv"):
-        log = read_log([write(tmp_path / f"log{suffix}", content)], MAPPING, ONE)
-        assert_plain(log)
-        assert log.inputs[0].integrity == ("verified" if pack is gzip.compress else "unverified")
-    cut = read_log([write(tmp_path / "cut.csv.gz", content[:-1])], MAPPING, ONE)
-    assert cut.inputs[0].integrity == "unverified"
-    damaged = bytearray(content)
-    damaged[len(content) // 2] ^= 255
-    with pytest.raises(DataError, match=r"damaged|not a finite|cells"):
-        read_log([write(tmp_path / "log.csv", bytes(damaged))], MAPPING, ONE)
-
-
 @pytest.mark.parametrize(
     ("content", "match"),
     [
@@ -179,18 +161,6 @@ def test_last_line_without_end_is_read_where_its_last_number_is_whole(
 def test_a_header_that_comes_again(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"line 4.* the recorder was started anew"):
         read(tmp_path, text(HEADER, *ROWS, HEADER, *ROWS))
-
-
-def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
-    count = 200_000
-    lines = [f"{k * 1e-3:.3f},{k},2,3,4,5,{-k}" for k in range(count)]
-    path = write(tmp_path / "log.csv", text(HEADER, *lines))
-    pieces = list(iter_log([path], MAPPING, ONE))
-    assert max(p.position[0].time.size for p in pieces) <= 1 << 16
-    assert [len(p.inputs) for p in pieces] == [0] * (len(pieces) - 1) + [1]
-    log = read_log([path], MAPPING, ONE)
-    np.testing.assert_array_equal(log.position[0].value[:, 0], np.arange(count))
-    np.testing.assert_array_equal(log.force[0].value[:, 2], -np.arange(count))
 
 
 def test_mapping_is_checked(tmp_path: Path) -> None:
