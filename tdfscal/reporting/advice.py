@@ -8,11 +8,12 @@ from math import ceil
 
 import numpy as np
 
-from tdfscal.catalogue import CATALOGUE
+from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
+from tdfscal.findings import Finding
 from tdfscal.planning.recorded_postures import HARDER
 from tdfscal.records import ANGLES
 from tdfscal.reporting.headline import (
@@ -91,19 +92,19 @@ def advise(c: Calibration) -> tuple[str, ...]:
     """Return sentences in the order in which to act: the first is the cure that counts most."""
     if c.status == "rejected":
         each: dict[str, str] = {}  # one that is told apart by its numbers only is the same
-        for cure in filter(None, _cures(c)):
-            each.setdefault(re.sub("`[^`]*`", "", cure), cure)
+        for said in filter(None, _cures(c)):
+            each.setdefault(re.sub("`[^`]*`", "", said), said)
         first, *others = tuple(each.values())[:_TRIED] or (
             "record again: hold each posture for 3 s and touch nothing",
         )
         return (
             begun(first, "."),
-            *(f"If that does not mend it: {cure}." for cure in others),
+            *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
     advice = [*_of_thedraft_lines(c), *_of_the_exact(c)]
     advice += [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
-    looks = (*dict.fromkeys(f.cure or "" for f in not_whole(c)), *_of_those_left_out(c))
+    looks = (*_of_what_is_missing(c), *_of_those_left_out(c))
     advice += (begun(looked, ".") for looked in looks)
     new = "new postures" if c.motion is None else "a motion without contact"
     advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
@@ -201,7 +202,13 @@ def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     for r in sorted(rejected, key=lambda r: r.code == "posture-frozen"):
         if r.code in SPOILT:
             first.setdefault(CATALOGUE[r.code].cure, r.reason)
-    yield from (f"{cure}: {reason}" for cure, reason in first.items())
+    yield from (f"{told}: {reason}" for told, reason in first.items())
+
+
+def _of_what_is_missing(c: Calibration) -> Iterator[str]:
+    """To fetch the rest of what was cut short, all files at once."""
+    if found := not_whole(c):
+        yield cure(Finding(found[0].code, tuple(name for each in found for name in each.subject)))
 
 
 def _of_those_left_out(c: Calibration) -> Iterator[str]:

@@ -129,6 +129,17 @@ def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibrat
     assert any(cut.cure[1:] in advice for advice in report.advice)
 
 
+def test_of_two_recorders_cut_short_one_line_asks_for_both_files(tmp_path: Path) -> None:
+    folder = apart(tmp_path / "two", played("self", 7), Apart())
+    for name in ("cnc.csv", "daq.csv"):
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(content[: 7 * len(content) // 10])
+    asked = [told for told in calibration_report(calibrate([folder], trials=0)).advice
+             if told.startswith("Copy ")]  # fmt: skip
+    assert len(asked) == 1
+    assert asked[0].count(".csv") == 2
+
+
 @pytest.fixture(scope="module")
 def months(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Campaigns a month apart of one rig, tared anew each; the amplifier has a wall clock."""
