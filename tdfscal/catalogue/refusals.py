@@ -73,10 +73,10 @@ axis-saturated refuses
   -> check the range of the sensor and of its amplifier, and squeeze less
   @ log forces
 hinges-off refuses
-  the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of
-  ~ is not where it is stated, by {by:m}{more: or more|}|}{servo:{hinge:, or|:} the
+  the NCP positions miss the hinge pattern of rig.yaml by {size}{scale:: the positions
+  of {servo} are out of scale, by {scale:+.1%}|}{hinge:{scale:, or|:} the hinge of ~
+  is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
   servo coordinates of ~ are offset, by {by:m}{more: or more|}|}
-  ? scale ; a scale of {servo} that is off by {scale:+.1%} would do it too
   ? fits ; it would fit with {fits}
   -> {fits:correct the position fields of the log block in rig.yaml|measure
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again

@@ -158,6 +158,7 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         facts |= {
             "by": float(np.linalg.norm(cause.amount)),
             "more": bool(np.isinf(cause.std).any()),
+            "either": "hinge" in facts or "scale" in facts,
         }
     raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
 

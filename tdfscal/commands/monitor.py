@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -151,7 +152,7 @@ def monitor(
         ),
     ],
     since: Annotated[
-        str | None, Option("alarms raised before count no more", metavar="DATE")
+        str | date | None, Option("alarms raised before count no more", str, "DATE")
     ] = None,
     html: options.Page = None,
     command: options.CommandLine = "tdfscal.monitor",
@@ -214,10 +215,11 @@ def monitor(
     )
 
 
-def _date(text: str | None) -> float:
+def _date(since: str | date | None) -> float:
     """Months since 1970 of a date; −∞ without one. Raises UsageError."""
-    if text is None:
+    if since is None:
         return -np.inf
+    text = since if isinstance(since, str) else since.isoformat()
     try:
         begin = stated_date(text).begin
     except ValueError as error:

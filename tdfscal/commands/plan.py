@@ -238,7 +238,8 @@ def plan(
             count = postures or DEFAULT_POSTURES
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
-            found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
+            aim, telling = 1e-3 * target, progress.stage
+            found = plan_for_target(known.rig, request, aim, rng, given=before, progress=telling)
     return PlanResult(found, one(output), command, notes)
 
 

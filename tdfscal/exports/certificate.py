@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.exports.statements import number, origin
+from tdfscal.exports.statements import content_digest, number, origin
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
@@ -81,7 +81,7 @@ def _linear(c: Calibration) -> bool:
 def _told(c: Calibration) -> list[str]:
     """What a reader must know of the numbers: warnings first, then the report's own facts."""
     digest = traceability.report_digest(c)
-    facts = [("Report", f"{digest[:8]}, content SHA-256 {digest}")]
+    facts = [("Report", f"{digest[:8]}, {content_digest(c)}")]
     facts += [("Unconfirmed", f.told) for f in c.found(UNCONFIRMED)]
     facts += [("REJECTED", f.told) for f in c.reasons]
     facts += [("Warning", text) for text in traceability.warnings(c)]

@@ -245,7 +245,7 @@ def csv_table(c: Calibration) -> str:
         "measured": c.measured.end if c.measured else "",
         "created": c.created,
         "software": f"{c.software.name} {c.software.version}",
-        "content_sha256": report_digest(c),
+        "content_sha256": "" if c.unsealed else report_digest(c),
         "convention": c.convention,
         "remarks": "; ".join(cautions(c)),
     }

@@ -20,7 +20,7 @@ def origin(c: Calibration) -> list[str]:
     lines = [
         f"Installation rotations of the force sensors of: {c.rig.name}",
         f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
-        f"{c.created}, {c.status}, content SHA-256 {report_digest(c)}",
+        f"{c.created}, {c.status}, {content_digest(c)}",
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
         *cautions(c),
@@ -28,6 +28,12 @@ def origin(c: Calibration) -> list[str]:
     if c.status == "rejected":
         lines.append("REJECTED by the quality gate: not for use on a machine")
     return lines
+
+
+def content_digest(c: Calibration) -> str:
+    """The digest of the content; of a file that keeps none it vouches for nothing."""
+    own = " as it was read; the file itself keeps none" if c.unsealed else ""
+    return f"content SHA-256 {report_digest(c)}{own}"
 
 
 def cautions(c: Calibration) -> list[str]:

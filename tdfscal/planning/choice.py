@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 
@@ -258,8 +259,11 @@ def plan_for_target(
     rng: np.random.Generator,
     *,
     given: Fit | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> Plan:
     """Plan with the fewest postures whose every angle is expected within `target`, rad.
+
+    progress : told how many postures are tried.
 
     Raises
     ------
@@ -275,7 +279,9 @@ def plan_for_target(
             f"{1e3 * target:.3g} mrad is asked for",
             hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
         )
-    return planner.plan(_fewest(planner, target))
+    count = _fewest(planner, target, progress)
+    progress(f"choosing {count} postures")
+    return planner.plan(count)
 
 
 def plan_for_contact(
@@ -301,11 +307,12 @@ def plan_for_contact(
     return planner.plan(count)
 
 
-def _fewest(planner: Planner, target: float) -> int:
+def _fewest(planner: Planner, target: float, progress: Callable[[str], None]) -> int:
     """Fewest postures within the target: variances fall as the inverse of their number."""
     count = next(count for count in range(1, MOST + 1) if planner.scaled(count) <= target)
     low, high = 0, np.inf
     while high - low > 1:
+        progress(f"trying {count} postures")
         reached = planner.expected(count).largest
         low, high = (low, count) if reached <= target else (count, high)
         count = int(np.clip(np.ceil(count * (reached / target) ** 2), low + 1, high - 1))

@@ -24,6 +24,8 @@ from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTER
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
 _NO_PART = ("campaign-unsound", "campaign-unusable", "campaign-left-out")
 _SLIP = "sensor-slipped"
+#: Months that read as such in a sentence.
+_SAID = 0.05
 
 _ADVICE = {
     "load": (
@@ -222,7 +224,8 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     elif due.earliest - life.month[-1] >= LONGEST_INTERVAL:
         said = "within two years, though no limit is reached till then"
     else:
-        said = f"by {day(due.earliest)}, as far as these {months:.1f} months tell"
+        told = f"these {months:.1f} months" if months >= _SAID else "so few days"
+        said = f"by {day(due.earliest)}, as far as {told} tell"
     return f"{said} ({now}); check monthly (tdfscal validate)"
 
 

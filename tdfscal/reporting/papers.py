@@ -86,7 +86,10 @@ def measured_by(measured: MeasuredResult | None) -> str:
 
 def measured_when(measured: MeasuredResult) -> str:
     """From when to when data were recorded, and what says so."""
-    span = " to ".join(dict.fromkeys((utc(measured.begin), utc(measured.end))))
+    begin, end = measured.begin, measured.end
+    if begin.endswith("T00:00:00Z") and end.endswith("T23:59:59Z"):  # a date alone is days
+        begin, end = begin[:10], end[:10]
+    span = " to ".join(dict.fromkeys((utc(begin), utc(end))))
     return f"{span}, {measured_by(measured)}"
 
 

@@ -136,7 +136,7 @@ def capability_report(
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
-        verdict="NOT AS IT IS" if bad else "NO THRESHOLDS FOR A MACHINE" if noiseless else "",
+        verdict="NOT FIT FOR USE" if bad else "NO THRESHOLDS FOR A MACHINE" if noiseless else "",
         accepted=not (bad or noiseless),
         claim="" if noiseless else _claim(request),
         reasons=tuple(map(told, (*bad, *noiseless))),

@@ -85,6 +85,8 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
     if report.summary and not whole:
         room = LINES - _FILES - above - sum(1 + len(c) + len(b) for c, b in found)
         counts = _fitting(sentences, room)
+        if not report.accepted:  # and what would mend it is not left out
+            counts[-1] = len(report.advice)
     yield from found
     shown = "-v or --html FILE shows"
     for caption, items, count in zip(captions, sentences, counts, strict=True):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
+from tdfscal.catalogue import sentence
 from tdfscal.checks.faulty_sensors import screen
 from tdfscal.checks.log_against_rig import (
     check_geometry,
@@ -76,6 +77,8 @@ def test_a_positioner_that_is_out_of_scale(scale: float) -> None:
     finding = refused(MADE, off).finding
     assert finding is not None
     assert finding.values["servo"] == MADE.supports[1]
+    assert "rig.yaml by" in sentence(finding)
+    assert sentence(finding).index("out of scale") < sentence(finding).index("offset")
     share = finding.values["scale"]
     assert isinstance(share, float)
     assert share == pytest.approx(scale, abs=4 * scale**2)

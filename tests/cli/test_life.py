@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from datetime import UTC, date, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -156,6 +157,8 @@ def test_a_turned_sensor_alarms_and_is_named_in_its_month(
     assert abs(size - 1e3 * np.linalg.norm(truth)) < 2 * half
     said = cli("monitor", *files, "-q").out
     assert re.search(r"next calibration +now", said)
+    for since in (date(2099, 1, 1), datetime(2099, 1, 1, tzinfo=UTC), "2099-01-01"):
+        assert len(tdfscal.monitor(*files, since=since).to_dict()["older_alarms"]) == 1
     later = monitored(cli, 0, *files, "--since", "2099-01-01")
     assert len(later["older_alarms"]) == 1
 

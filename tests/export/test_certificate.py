@@ -186,6 +186,12 @@ def test_dates_serials_and_conditions_are_those_of_the_measurement(tmp_path: Pat
     check(text, tmp_path)
 
 
+def test_a_date_without_a_time_is_a_day() -> None:
+    day = {"begin": "2026-11-20T00:00:00Z", "end": "2026-11-20T23:59:59Z", "source": "rig"}
+    text = certificate(by_hand({**C.model_dump(), "measured": day}))
+    assert "Measured: 2026-11-20, by the rig file" in text
+
+
 def test_matrices_stand_in_full() -> None:
     """Rotations and the covariance of all, to the last bit, by row."""
     lists = {

@@ -85,7 +85,9 @@ def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
 def test_a_target_takes_as_few_postures_as_it_needs() -> None:
     rig = reference_rig()
     request = Request(limits(rig, squeeze=800.0), candidates=100)
-    plan = plan_for_target(rig, request, 0.6e-3, RNG(6))
+    told = list[str]()
+    plan = plan_for_target(rig, request, 0.6e-3, RNG(6), progress=told.append)
+    assert len(told) > 1
     assert plan.expected.rpy_std.max() <= 0.6e-3
     fewer = make_plan(rig, request, len(plan) - 1, RNG(6))
     assert fewer.expected.rpy_std.max() > 0.6e-3

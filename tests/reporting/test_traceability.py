@@ -161,5 +161,6 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
     for c, marks in ((stated(), 0), (load_calibration(path), 0), (load_calibration(bare), 1)):
         assert sum("not sealed" in text for text in calibration_report(c).warnings) == marks
         assert sum("not sealed" in str(text) for text in lines(c)) == marks
+        assert sum("the file itself keeps none" in str(text) for text in lines(c)) == 2 * marks
         both = several_report(put_side_by_side((("a", stated()), ("b", c))))
         assert sum("not sealed" in text for text in both.warnings) == marks
