@@ -27,6 +27,7 @@ _UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 #: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
 _WALL_CLOCK = (631152000.0, 4102444800.0)
+_EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 
@@ -105,7 +106,8 @@ class _Words(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if "|" in format_spec:
-            return format_spec.split("|")[0 if value else 1].replace("~", visible(str(value)))
+            said = without_exponent(str(value)) if isinstance(value, float) else str(value)
+            return format_spec.split("|")[0 if value else 1].replace("~", visible(said))
         if format_spec == "time":
             first, last = map(when, map(round, value or (0, 0)))
             return f", between {first} and {last}" if value else ""
@@ -116,10 +118,10 @@ class _Words(Formatter):
         if format_spec in _UNITS:
             return quantity(value, format_spec, getattr(value, "beside", ()))
         if isinstance(value, Sequence) and not isinstance(value, str):
-            value = ", ".join(format(each, format_spec) for each in value)
+            value = ", ".join(without_exponent(format(each, format_spec)) for each in value)
         if isinstance(value, str):
             return visible(value)
-        return str(format(value, format_spec))
+        return without_exponent(str(format(value, format_spec)))
 
 
 _FORMAT = _Words()
@@ -161,7 +163,7 @@ def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] =
     name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
     if largest == 0.0:
         name, factor = ways[0]
-    said = ", ".join(f"{value * factor:.3g}" for value in each)
+    said = ", ".join(rounded(value * factor, 3) for value in each)
     said = said if isinstance(size, int | float) else f"({said})"
     return f"{said} {name}".rstrip()
 
@@ -181,9 +183,16 @@ def when(time: float) -> str:
     return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
+def without_exponent(number: str) -> str:
+    """Return a formatted number, whatever its size, without an exponent."""
+    if not _EXPONENT.fullmatch(number):
+        return number
+    return np.format_float_positional(float(number), trim="-", sign=number.startswith("+"))
+
+
 def rounded(size: float, digits: int = 2) -> str:
     """Return a size with so many significant digits, without an exponent."""
-    return f"{float(f'{size:.{digits}g}'):.9g}"
+    return without_exponent(f"{size:.{digits}g}")
 
 
 def upwards(size: float, digits: int = 1) -> str:
@@ -191,4 +200,4 @@ def upwards(size: float, digits: int = 1) -> str:
     size = max(abs(size), np.finfo(float).tiny)
     digits += digits == 2 and f"{size:e}"[0] == "1"
     step = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
-    return f"{float(f'{np.ceil(size / step - _EPS) * step:.{digits}g}'):g}"
+    return rounded(np.ceil(size / step - _EPS) * step, digits)

@@ -10,6 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
+from tdfscal.catalogue.entry import rounded
 from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
@@ -107,7 +108,10 @@ def advise(c: Calibration) -> tuple[str, ...]:
     looks = (*_of_what_is_missing(c), *_of_those_left_out(c))
     advice += (begun(looked, ".") for looked in looks)
     new = "new postures" if c.motion is None else "a motion without contact"
-    advice.append(f"Prove it on {new}, monthly: tdfscal validate {_file(c)} LOG")
+    how = f"tdfscal validate {_file(c)} LOG"
+    if c.command.startswith("tdfscal."):  # as Python names it
+        how = "tdfscal.validate(calibration, log)"
+    advice.append(f"Prove it on {new}, monthly: {how}")
     better = tuple(_forecasts(c))
     if better:
         return (*advice, f"The {within(c)} of now would be {', '.join(better)}.")
@@ -149,7 +153,7 @@ def _forecasts(c: Calibration) -> Iterator[str]:
         found.append((share, "with `--samples all`, which uses the moves between the stops"))
     for share, change in sorted(found):
         if share < _WORTH:
-            yield f"{half * share:.2g} {change}"
+            yield f"{rounded(half * share)} {change}"
 
 
 def _bearable(c: Calibration) -> str:

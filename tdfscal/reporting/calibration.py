@@ -7,6 +7,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
@@ -210,7 +211,10 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         ]
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
-            ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
+            (
+                "Residuals",
+                f"force {rounded(f.rms_force)} N, moment {rounded(f.rms_moment)} N·m (rms)",
+            ),
             ("Fit", chi_squared(f.chi2, f.dof, None if c.motion else f.p_value) + _scaled(c)),
         ]
     if c.tracker is not None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import told
+from tdfscal.catalogue.entry import rounded
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
@@ -196,12 +197,12 @@ def _facts(
 
 
 def _walk(life: Life) -> str:
-    stated = f"declared {1e3 * life.declared:.2g} mrad/√month"
+    stated = f"declared {rounded(1e3 * life.declared)} mrad/√month"
     if life.walk is None:
         return f"{stated}; too few checks, or days, to estimate it"
     low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
-    seen = f"{1e3 * life.walk.value:.2g} mrad/√month" if life.walk.value > 0 else "none"
-    return f"{seen} by the history (95 %: {low:.2g} to {high:.2g} mrad/√month); {stated}"
+    seen = f"{rounded(1e3 * life.walk.value)} mrad/√month" if life.walk.value > 0 else "none"
+    return f"{seen} by the history (95 %: {rounded(low)} to {rounded(high)} mrad/√month); {stated}"
 
 
 def _turned(alarms: Sequence[Alarm]) -> bool:
@@ -213,7 +214,7 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     if slipped or _turned(alarms):
         return "now: the mounting has changed"
     due, name = life.due, life.supports[life.due.sensor]
-    now = f"{name} is at {1e3 * due.now:.2g} of {1e3 * due.limit:.2g} mrad"
+    now = f"{name} is at {rounded(1e3 * due.now)} of {1e3 * due.limit:.2g} mrad"
     if due.now >= due.limit:
         return f"now: {now}"
     months = life.month[-1] - life.month[0]

@@ -263,7 +263,7 @@ def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:
 def chi_squared(chi2: float, dof: int, p: float | None) -> str:
     """A test in words; none where the noise's spectrum was fitted to the same residuals."""
     tested = "spectrum fitted to it" if p is None else p_text(p)
-    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, {tested}"
+    return f"χ² = {rounded(chi2, 4)} for {dof} degrees of freedom, {tested}"
 
 
 def told_clock(

@@ -156,7 +156,7 @@ def _verdict(c: Comparison) -> str:
 
 
 _DEPARTED = (
-    "Validate the newest on a held-out log: tdfscal validate CALIBRATION LOG.",
+    "Validate the newest on a held-out log (tdfscal validate).",
     "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
     "one of them understates its uncertainty.",
 )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
 from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
@@ -198,11 +199,11 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
     more, all_of_them = exceeding(c, half_width), _by_effect(c)
     named = more or [q for q in all_of_them if _effects(q).max() > _NOTABLE * half_width]
     parts = [
-        f"{q.name} ({_typical_error(q)}{by} by {1e3 * _effects(q).max():.2g} mrad)"
+        f"{q.name} ({_typical_error(q)}{by} by {rounded(1e3 * _effects(q).max())} mrad)"
         for q, by in zip(named[:_NAMED], (" would move an angle", *[""] * _NAMED), strict=False)
     ]
     if len(more) > 1:
-        parts.append(f"together by {1e3 * _together(all_of_them):.2g} mrad")
+        parts.append(f"together by {rounded(1e3 * _together(all_of_them))} mrad")
     taken = "They may be off by more, for these are taken" if more else "Taken"
     return f"{taken} as exact: {'; '.join(parts)}." if parts else ""
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult, ResidualWrench
 from tdfscal.files.rig.reading import LoadedRig
@@ -329,7 +330,7 @@ def _provenance(v: Tested, origin: Origin) -> Section:
         calibration_fact(origin.name, c),
         *origin.making.facts,
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
-        ("Test", f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom, {chi2_test(v)}"),
+        ("Test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
         ("Single changes", f"the likeliest by chance alone: {search_test(v)}"),
         ("Decision rule", _RULE),
         ("Taken as exact", "; ".join(exact_names(c)) or "nothing"),

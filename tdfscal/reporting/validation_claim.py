@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.catalogue import cure, told
+from tdfscal.catalogue.entry import rounded
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.records import FloatArray
@@ -161,9 +162,10 @@ def reasons(v: Tested) -> list[str]:
 
 def _rejecting(v: Tested) -> str:
     """The tests that reject, the one that decides first; what does not reject is left out."""
+    size = rounded(v.chi2, 4)
     both = [
         (v.judged.search_p < SEARCH_LIMIT, "a single change explains more of it than chance would"),
-        (v.judged.p_value < CHI2_LIMIT, f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom"),
+        (v.judged.p_value < CHI2_LIMIT, f"χ² = {size} for {v.dof} degrees of freedom"),
     ]
     tests = (search_test(v), chi2_test(v))
     said = [
@@ -176,10 +178,10 @@ def _sure(v: Tested) -> str:
     """What would have been detected."""
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
-        f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch, behind a new "
-        f"tare too, would have been detected with {DETECTION_POWER:.0%} probability"
+        f"A single sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, behind "
+        f"a new tare too, would have been detected with {DETECTION_POWER:.0%} probability"
     )
-    missed = f" It has to hold to ± {1e3 * v.limit:.2g} mrad: such turns go unseen." * v.blind
+    missed = f" It has to hold to ± {rounded(1e3 * v.limit)} mrad: such turns go unseen." * v.blind
     if twist > np.pi / 4:
         return f"{text}; a turn about the vertical would not show here.{missed}"
-    return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad.{missed}"
+    return f"{text}, about the vertical by more than {rounded(1e3 * twist)} mrad.{missed}"

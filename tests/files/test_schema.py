@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tdfscal.files.calibration.document import Calibration, dump_calibration
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.rig.reading import load_rig, parse_rig
 from tdfscal.files.schema import schemas, write_schemas
 from tests.files.edits import DROP, edited
 from tests.files.sample_documents import RIG, calibration
@@ -70,6 +70,16 @@ def test_schema_is_one_says_which_and_takes_the_sample(name: str) -> None:
 def test_field_rigs_validate(name: str) -> None:
     path = ROOT / "../shared/field_logs" / name / "rig.yaml"
     assert valid("rig", yaml.safe_load(path.read_text(encoding="utf-8")))
+
+
+def test_the_rig_of_a_calibration_is_a_rig_file(tmp_path: Path) -> None:
+    """Its digest is that of the file it came from, and binds none that is written anew."""
+    content = sample("calibration")["rig"]
+    assert content["sha256"]
+    assert valid("rig", content)
+    path = tmp_path / "rig.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    assert load_rig(path).sha256 != content["sha256"]
 
 
 BAD: list[tuple[str, str, Any]] = [

@@ -25,6 +25,7 @@ from tdfscal.files.field_types import (
     Positive,
     PositiveVector,
     Quantity,
+    Sha256,
     Std,
     Stds,
     Strict,
@@ -352,6 +353,7 @@ class RigFile(Strict):
     )
     tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
     acceptance: AcceptanceBlock = block("limits of the quality gate", AcceptanceBlock)
+    sha256: Sha256 | None = key("of the rig file, in a calibration", None)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -132,7 +132,7 @@ def advice(cell: str, decimal: str) -> str:
     return "each cell must be a finite number"
 
 
-SEPARATORS: Final = (",", ";", "\t", " ")
+SEPARATORS: Final = (",", ";", "\t", "|", " ")
 """What may stand between cells; a space stands for any run of spaces."""
 SEARCHED: Final = 64
 """Lines among which a header is looked for."""
@@ -276,7 +276,7 @@ def scope_head(lines: Sequence[str]) -> Head | None:
     Raises DataError where its channels are sampled at different times.
     """
     for number, line in enumerate(lines[: SEARCHED - 1]):
-        for separator in (";", "\t", ",", ":", " "):
+        for separator in (";", "\t", ",", ":", "|", " "):
             cells = _cells(line, separator)
             if cells[0] != "Name" or len(cells) < 3 or number + 1 == len(lines):
                 continue

@@ -38,7 +38,7 @@ def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> N
     np.testing.assert_allclose(log.force[0].time - start, FRAME["time"], rtol=0, atol=5e-7)
 
 
-@pytest.mark.parametrize("delimiter", [" ", ",", ";", "\t"])
+@pytest.mark.parametrize("delimiter", [" ", ",", ";", "\t", "|"])
 @pytest.mark.parametrize("preamble", ["", "# no names here\n"])
 def test_columns_without_a_header_have_numbers(
     tmp_path: Path, delimiter: str, preamble: str
