@@ -120,6 +120,10 @@ rig-renamed warns
 calibration-unsealed notes
   {subject} has no `content_sha256`, by which an edited file is known: what stands
   in it once only is taken on trust
+calibration-misdated warns
+  the calibration says that it was computed on {created}
+  ? future , which is in the future
+  ? late , before its data were recorded ({end})
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties
   (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})

@@ -29,6 +29,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import CampaignInfo, FloatArray, Rig
+from tdfscal.reporting.traceability import misdated
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned
@@ -108,7 +109,7 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
 
 
 def _findings(calibration: Calibration, path: str, rig: str) -> tuple[Finding, ...]:
-    found = unsealed(calibration, path)
+    found = (*unsealed(calibration, path), *misdated(calibration))
     if calibration.rig.name != rig:
         names: dict[str, Value] = {"own": calibration.rig.name, "other": rig}
         found = (Finding("rig-renamed", (path,), values=names), *found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import PurePath
@@ -14,8 +15,15 @@ from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
-from tdfscal.files.calibration.parts import ConformityResult, ExactQuantityResult, FindingResult
+from tdfscal.files.calibration.parts import (
+    ConformityResult,
+    ExactQuantityResult,
+    FindingResult,
+    instant,
+    seconds,
+)
 from tdfscal.files.rig.model import AcceptanceBlock
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
@@ -31,7 +39,8 @@ from tdfscal.significance import (
     QUESTIONED,
 )
 
-#: Days of a month.
+#: Seconds by which clocks and time zones may differ; days of a month.
+_DAY = 86400.0
 _MONTH = 30.4375
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
 #: Sensors beside each other in a table: 80 letters hold so many.
@@ -120,10 +129,21 @@ def warnings(c: Calibration) -> tuple[str, ...]:
 
 
 def doubts(c: Calibration) -> tuple[str, ...]:
-    """That a file was edited, and whose certificate had ended when the data were recorded."""
+    """That a file was edited, that its dates cannot be, whose certificate had ended before."""
     ended = overdue(c.rig.record(), _day(c), "this calibration")
     papers = (f"{sentence(found)}{by_file(c.measured)}" for found in ended)
-    return (*((UNSEALED,) if c.unsealed else ()), *papers)
+    dates = map(sentence, misdated(c))
+    return (*((UNSEALED,) if c.unsealed else ()), *dates, *papers)
+
+
+def misdated(c: Calibration) -> tuple[Finding, ...]:
+    """Dates that cannot be: computed in the future, or before the data were there."""
+    made, end = seconds(c.created), recorded(c).end
+    wrong: dict[str, Value] = {"future": made > time.time() + _DAY, "late": end > made + _DAY}
+    if not any(wrong.values()):
+        return ()
+    wrong |= {"created": utc(c.created), "end": utc(instant(end))}
+    return (Finding("calibration-misdated", values=wrong),)
 
 
 def _contact(found: ConformityResult, exact: str) -> str:

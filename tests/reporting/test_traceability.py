@@ -12,6 +12,7 @@ import pytest
 
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
+from tdfscal.exports.statements import cautions
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.headline import headline
@@ -149,6 +150,21 @@ def test_the_certificate_warns_as_the_report_does() -> None:
     fit = facts(c)["Fit"]
     assert "1.87" in fit
     assert f"Fit: {fit}" in written
+
+
+def test_dates_that_cannot_be_are_told_wherever_the_calibration_goes() -> None:
+    day = {"begin": "2024-11-20T00:00:00Z", "end": "2024-11-21T00:00:00Z", "source": "rig"}
+    cases = {
+        "2024-11-20T12:00:00Z": "",  # by the clock of another time zone
+        "2020-01-01T00:00:00Z": "before its data were recorded (2024-11-21 00:00:00 UTC)",
+        "2999-01-01T00:00:00Z": "2999-01-01 00:00:00 UTC, which is in the future",
+    }
+    for created, said in cases.items():
+        c = changed(stated(), measured=day, created=created)
+        for told in (calibration_report(c).warnings, tuple(map(str, lines(c))), cautions(c)):
+            dated = [text for text in told if "says that it was computed" in text]
+            assert len(dated) == bool(said)
+            assert all(said in text for text in dated)
 
 
 def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ class Calibration(Strict):
     convention: parts.Convention = key("the equation that applies a rotation")
     supports: tuple[parts.SupportResult, ...] = key("one entry per support", min_length=3)
     covariance: parts.Covariance = key("of the rotations of all supports together")
-    parameters: Parameters | None = key("all that were free, together", None)
+    parameters: Parameters | None = key("all that were free, less what the rig states, SI", None)
     terminal: parts.TerminalResult = key("mass and barycentre after the adjustment")
     fit: parts.FitResult | None = key("how the model fits", None)
     observability: parts.ObservabilityResult | None = key("what the data determine", None)
