@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.calibration.parts import Method
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
@@ -28,8 +29,6 @@ from tdfscal.selfcal.result import Estimator, SelfCalibration
 
 if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
-
-Method = Literal["self", "tracker", "joint"]
 
 
 @options.command("calibrate campaign -o calibration.yaml --html report.html", output="content")

@@ -17,10 +17,8 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, gain, inverse, p_value
 from tdfscal.numerics.least_squares import block_diagonal, gauss_newton
-from tdfscal.records import FloatArray, Rotations
+from tdfscal.records import ANGLES, FloatArray, Rotations
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, EXPANDED_COVERAGE, INCOMPATIBLE
-
-ANGLES = ("roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import parts
-from tdfscal.files.calibration.consistency import ALTERED, CHANGED, check
+from tdfscal.files.calibration.consistency import ALTERED, CHANGED, Status, check
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
 from tdfscal.files.hashing import content_sha256
@@ -32,10 +32,10 @@ class Calibration(Strict):
     """
 
     format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
-    status: Literal["accepted", "provisional", "rejected"] = key(
+    status: Status = key(
         "the gate's verdict; provisional: accepted, but lines of the rig file are unconfirmed"
     )
-    method: Literal["self", "tracker", "joint"] = key("self, tracker, or joint of both")
+    method: parts.Method = key("self, tracker, or joint of both")
     estimator: Literal["ml", "linear"] | None = key("linear: the paper's method", None)
     created: parts.Instant = key("UTC: when the result was computed")
     measured: parts.MeasuredResult | None = key("when the data were recorded", None)

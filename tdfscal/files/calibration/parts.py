@@ -62,6 +62,7 @@ CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, ra
 (COVARIANCE_DEFINITION,) = get_args(CovarianceDefinition)
 
 
+Method = Literal["self", "tracker", "joint"]
 Angle = Literal["roll", "pitch", "yaw"]
 #: A turn about an axis of the BCS goes by the angle's name where it is that angle.
 Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
@@ -537,7 +538,7 @@ class HistoryEntry(Strict):
 
     created: Instant = key("UTC: when it was computed")
     measured: MeasuredResult | None = key("when its data were recorded", None)
-    method: Literal["self", "tracker", "joint"] = key("self, tracker or joint")
+    method: Method = key("self, tracker or joint")
     sha256: Sha256 = key("of the calibration's file")
 
 
