@@ -29,7 +29,8 @@ from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.comparison.shared_data import Readings
 from tdfscal.errors import UsageError
-from tdfscal.estimation.observation import eliminate, of_estimate
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import own_readings, readings_of
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -38,13 +39,21 @@ from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, p
 from tdfscal.files.calibration.parts import CampaignResult, HistoryEntry
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
-from tdfscal.model.calibrated import constants_known, free_constants, information_of, with_rotations
+from tdfscal.model.calibrated import (
+    Calibrated,
+    constants_known,
+    free_constants,
+    information_of,
+    with_rotations,
+)
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import DETECTION_POWER, alarm_level
+
+_TOUCHED = "stretch-touched"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,7 +267,12 @@ def _updated(
     level = float(alarm_level(month - since))
     misfit, this = _contribution(informed, own, read, means, level)
     if misfit.p_value <= level:
-        rejected = judged(read).rejected
+        alone = judged(read)
+        rejected, estimate = alone.rejected, alone.recorded.estimate
+        if estimate is not None:  # by the earlier angles a turned sensor's motion looks touched
+            itself = _by_itself(informed, read, estimate, level)
+            misfit = itself if itself.p_value <= level else misfit
+            own = replace(own, findings=tuple(f for f in own.findings if f.code != _TOUCHED))
         found, said = [misfit_finding(misfit, since=earlier.name)], own.findings
         if rejected is not None:
             found = [*wanted([rejected])]
@@ -274,6 +288,13 @@ def _updated(
     campaigns, history = (*earlier.campaigns, this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
     return Calibration.of(from_self(own, origin, notes))
+
+
+def _by_itself(rig: Rig, read: Read, estimate: Calibrated, level: float) -> Misfit:
+    """A motion that was calibrated by itself against all that was known before it."""
+    reference = starting_state(rig)
+    part = of_estimate(estimate, stated(Priors(read.rig), reference), reference)
+    return misfit_of(rig, read.name, part, level)
 
 
 def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:

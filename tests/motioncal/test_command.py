@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
 import tdfscal
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import statistics
@@ -59,6 +63,25 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert len(check.to_frame()) == len(result.motion.residual.time)
     with pytest.raises(DataError, match="no static dwell"):
         tdfscal.validate(target, minute, samples="static")
+
+
+def test_a_sensor_that_turned_before_a_motion_is_named_and_nothing_touched_it(
+    minute: Path, tmp_path: Path
+) -> None:
+    """By an update as by a history: the earlier angles do not make a contact of it."""
+    known = tdfscal.calibrate(minute, trials=0)
+    turned = shutil.copytree(minute, tmp_path / "turned")
+    table = pq.read_table(turned / "log.parquet")
+    names = [name for name in table.column_names if name.startswith("ncp2.f")]
+    force = np.column_stack([table[name].to_numpy() for name in names])
+    for name, values in zip(names, (force @ so3.exp(np.array([0.02, 0.0, 0.0]))).T, strict=True):
+        table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    pq.write_table(table, turned / "log.parquet")
+    updated = tdfscal.update(known, turned, trials=0)
+    (found,) = updated.reasons
+    assert (found.code, found.subject) == ("misfit-turned", ("ncp2",))
+    assert found.size == pytest.approx(0.02, abs=1e-3)
+    assert not updated.found("stretch-touched")
 
 
 def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
