@@ -36,7 +36,7 @@ from tdfscal.significance import (
     HARMFUL_SHIFT,
     LONGEST_INTERVAL,
     MOST_REJECTED,
-    QUESTIONED,
+    UNDECLARED_ERROR,
 )
 
 #: Seconds by which clocks and time zones may differ; days of a month.
@@ -340,8 +340,8 @@ def _decision_rule(c: Calibration) -> str:
             f"where p < {CERTAINLY_UNDECLARED:g} an angle or a zero by more than {CERTAIN_SHIFT:g}"
         )
         rule += (
-            f": an undeclared error does that the residuals suspect (level: {QUESTIONED:.1%} of "
-            f"faultless campaigns at most) and that moves {harm} of its standard uncertainties"
+            f": an undeclared error does that the residuals suspect (level: {UNDECLARED_ERROR:.1%} "
+            f"of faultless campaigns at most) and that moves {harm} of its standard uncertainties"
             f"{_FIXED}"
         )
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"

@@ -20,6 +20,7 @@ from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import exceeding
+from tdfscal.significance import UNDECLARED_ERROR
 from tests.reporting.samples import changed, fit_with, sample, saved, surveyed
 
 
@@ -117,6 +118,10 @@ def test_a_limit_with_the_defaults_value_is_called_that() -> None:
     """A calibration file has all limits: whether the rig file stated one is not known."""
     for given, usual in ((stated(acceptance={"angle_std": 2e-3}), 1), (stated(), 2)):
         assert facts(given)["Decision rule"].count("[the default value]") == usual
+    level = f"{100 * UNDECLARED_ERROR:.1f}"  # as the theory has it
+    assert f"level: {level}% of faultless campaigns" in facts(given)["Decision rule"]
+    theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+    assert f"any of them in {level} % of sound campaigns" in theory
 
 
 def test_conformity_stands_beside_the_rule() -> None:
