@@ -50,9 +50,9 @@ class ExportResult(Result):
         return self.content if self.output is None else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return format, the calibration's status, and the content or its place."""
+        """Return the format, the calibration's status, and the content or its place."""
         where = {"content": self.content} if self.output is None else {"output": str(self.output)}
-        return {"format": self.format, "calibration_status": self.calibration.status, **where}
+        return {"to": self.format, "calibration_status": self.calibration.status, **where}
 
     def table(self) -> dict[str, list[Any]]:
         """One row per angle that is exported, in rad."""

@@ -40,7 +40,7 @@ def schema(
     *,
     progress: options.Telling = SILENT,
 ) -> SchemaResult:
-    """Write the JSON Schemas of the rig, calibration and point files.
+    """Write the JSON Schemas of rig, calibration and point files, and of results (`--json`).
 
     Raises
     ------

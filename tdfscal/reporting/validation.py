@@ -171,7 +171,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
 
 
 def _of_the_postures(v: Validation) -> dict[str, Any]:
-    wrenches = {"uncalibrated": v.nominal, "calibrated": v.calibrated}
+    wrenches = {"uncalibrated": v.nominal, "calibrated": v.calibrated, "std": v.std}
     return {
         "postures": [
             {
@@ -179,7 +179,6 @@ def _of_the_postures(v: Validation) -> dict[str, Any]:
                 "start": v.dwells.start[k],
                 "end": v.dwells.end[k],
                 **{n: dict(zip(COMPONENTS, w[row], strict=True)) for n, w in wrenches.items()},
-                "std": v.std[row],
             }
             for row, k in enumerate(v.used)
         ],

@@ -245,6 +245,10 @@ def file_content(calibration: Calibration) -> dict[str, Any]:
     for support in content["supports"]:
         for name in ("rotation", "rpy_interval", "quaternion_xyzw"):
             support.setdefault(name, None)
+    content["findings"] = [
+        {name: finding.get(name) for name in parts.FindingResult.model_fields}
+        for finding in content["findings"]
+    ]
     return {**content, "content_sha256": digest}
 
 

@@ -1,4 +1,4 @@
-"""The published JSON Schemas of the file formats, generated from the models."""
+"""The published JSON Schemas: of the file formats, made of the models; of what `--json` prints."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
+from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.outputs import make_folder
 from tdfscal.files.points.reading import PointFile
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import to_json, write_text
+from tdfscal.files.yaml import read_document
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -40,6 +42,12 @@ def _described_last(schema: dict[str, Any]) -> dict[str, Any]:
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Return each format's schema by its file name, the same at every call."""
+    files = _of_files()
+    blocks = files["calibration.schema.json"]["$defs"]
+    return files | {"results.schema.json": _of_results(blocks)}
+
+
+def _of_files() -> dict[str, dict[str, Any]]:
     return {
         f"{name}.schema.json": {
             "$schema": DIALECT,
@@ -49,6 +57,47 @@ def schemas() -> dict[str, dict[str, Any]]:
         }
         for name, (model, title) in _MODELS.items()
     }
+
+
+def _of_results(of_files: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of what `--json` prints, by command under `$defs`.
+
+    of_files : blocks of the calibration file, some of which stand in results too.
+    """
+    path = Path(__file__).with_name("results.yaml")
+    told: dict[str, Any] = read_document(path, TdfscalError).content
+    blocks, commands = told["blocks"], told["commands"]
+
+    def block(keys: dict[str, Any]) -> dict[str, Any]:
+        """`+` adds the keys of a shared block; NAME stands for any name."""
+        if "NAME" in keys:
+            return {"type": "object", "additionalProperties": {"description": keys["NAME"]}}
+        whole = blocks.get(keys.get("+"), {}) | keys
+        properties = {k.replace("[]", ""): one(k, v) for k, v in whole.items() if k != "+"}
+        return {"type": "object", "properties": properties, "additionalProperties": False}
+
+    def one(key: str, said: Any) -> dict[str, Any]:
+        text = "its keys" if isinstance(said, dict) else said.removeprefix("→ ")
+        holds: dict[str, Any] = {}
+        if text != said:
+            within = block(said) if isinstance(said, dict) else {"$ref": _ref(text)}
+            holds = {"anyOf": [within, {"type": "null"}]}
+        for _ in range(key.count("[]")):
+            holds = {"type": ["array", "null"], "items": holds}
+        return holds | {"description": text}
+
+    shared = {name: of_files[name] for name in ("FindingResult", "MeasuredResult")}
+    return {
+        "$schema": DIALECT,
+        "$id": "urn:tdfscal:schema:results:1",
+        "anyOf": [{"$ref": _ref(name)} for name in commands],
+        "$defs": shared | {name: block(keys) for name, keys in (blocks | commands).items()},
+        "title": "tdfscal: what a command prints with --json, by command under $defs",
+    }
+
+
+def _ref(text: str) -> str:
+    return f"#/$defs/{text.partition(':')[0]}"
 
 
 def write_schemas(folder: Path | str) -> tuple[Path, ...]:
