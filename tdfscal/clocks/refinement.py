@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.tracks import Track
 from tdfscal.numerics.distributions import widening
-from tdfscal.numerics.streams import line_through, times_of_passing
+from tdfscal.numerics.streams import Line, line_through, times_of_passing
 from tdfscal.records import FloatArray
 
 _LONGEST = 60.0  # s; a longer way from rest to rest is no single move
@@ -44,8 +44,7 @@ def moves(positions: Sequence[Track], span: float, period: float) -> list[tuple[
     edges = np.flatnonzero(np.diff(still.astype(int)))
     rests = [(time[a + reach], time[b - 1 + reach]) for a, b in zip(edges[::2], edges[1::2],
              strict=True) if (b - a) * step >= _REST]  # fmt: skip
-    between = [(float(a[1]), float(b[0])) for a, b in pairwise(rests)]
-    return [m for m in between if m[1] - m[0] <= _LONGEST]
+    return [(float(a[1]), float(b[0])) for a, b in pairwise(rests)]
 
 
 def lag_by_moves(
@@ -54,14 +53,15 @@ def lag_by_moves(
     way: Sequence[tuple[float, float]],
     lag: float,
     period: float,
-) -> tuple[FloatArray, FloatArray, float] | None:
-    """Line of the lag (2,), in the middle of the moves, s, and its rate; stds (2,); that middle.
+) -> Line | None:
+    """Line of the lag, s, through the moves that show it; None where too few do.
 
-    None where too few moves show it. positions, forces : with whether each is on the second clock.
+    positions, forces : with whether each is on the second clock.
     way : moves, s, of the first clock. lag : to begin with, right to a part of a rest.
     """
     found = []
-    for begin, end in way[:: max(-(-len(way) // _MOST), 1)]:
+    single = [(begin, end) for begin, end in way if end - begin <= _LONGEST]
+    for begin, end in single[:: max(-(-len(single) // _MOST), 1)]:
         time = np.arange(begin - _REST, end + _REST, max(0.005, 0.25 * period))
         passed = []
         for streams in (positions, forces):
@@ -76,8 +76,7 @@ def lag_by_moves(
     time, late = np.array(found).T
     # Forces on the second clock pass late where it is ahead; positions, early.
     sign = 1.0 if any(second for _, second in forces) else -1.0
-    line = line_through(time, lag + sign * late, _LEAST_OF_MOVES * period)
-    return np.array([line.value, line.rate]), np.array([line.std, line.rate_std]), line.middle
+    return line_through(time, lag + sign * late, _LEAST_OF_MOVES * period)
 
 
 def _passing(value: FloatArray, time: FloatArray, begin: float, end: float) -> FloatArray | None:

@@ -20,6 +20,7 @@ from tdfscal.clocks.tracks import (
 )
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
+from tdfscal.numerics.streams import Line
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
 _WIDTH = 0.1  # s, of a bin of activity
@@ -205,12 +206,12 @@ class Search:
                 slowest,
             )
         # By one of several amplifiers the balance would tell how its sensors settle.
-        better = self._in_part or (by_moves and by_moves[1][0] ** 2 < covariance[0, 0])
+        better = self._in_part or (by_moves and by_moves.std**2 < covariance[0, 0])
         if by_moves is not None and better:
-            line, std, middle = by_moves
-            share = self.prior.rate_std**2 / (self.prior.rate_std**2 + std[1] ** 2)
-            line = line * np.array([1.0, share])
-            covariance = np.diag(std**2 * np.array([1.0, share]))
+            middle = by_moves.middle
+            share = self.prior.rate_std**2 / (self.prior.rate_std**2 + by_moves.rate_std**2)
+            line = np.array([by_moves.value, by_moves.rate * share])
+            covariance = np.diag([by_moves.std**2, by_moves.rate_std**2 * share])
         line, covariance = self._with_stated(line, covariance)
         # At the first stamp of the first clock, where the offset is told.
         back = np.array([1.0, -middle])
@@ -219,9 +220,7 @@ class Search:
         offset_std = float(np.sqrt(back @ covariance @ back))
         return RecorderClock(name, self.first.begin, offset, offset_std, rate, rate_std)
 
-    def _by_moves(
-        self, candidate: Candidate, slowest: float
-    ) -> tuple[FloatArray, FloatArray, float] | None:
+    def _by_moves(self, candidate: Candidate, slowest: float) -> Line | None:
         if not (self.positions and self.forces):
             return None
         # Of each kind what the second holds, or else all.
@@ -229,7 +228,7 @@ class Search:
         first = lag_by_moves(both[0], both[1], self._moves(candidate.lag), candidate.lag, slowest)
         if first is None:
             return None
-        lag = float(first[0][0])
+        lag = first.value
         return lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) or first
 
     @cached_property

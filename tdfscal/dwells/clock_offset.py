@@ -11,15 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.clocks import forces_behind
+from tdfscal.clocks.refinement import lag_by_moves
+from tdfscal.clocks.tracks import Track
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.streams import line_through, times_of_passing
-from tdfscal.records import BoolArray, Dwells, FloatArray
+from tdfscal.records import Dwells
 
-_LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
-_MARGIN = 0.5  # s looked at beyond the dwells' edges
-_FEWEST, _MOST = 5, 100  # moves
+_MOST = 100  # moves
 _LEAST = 100  # bins in which forces seconds behind are looked for
 _SAME = 0.6  # s, up to which two lags are one
 
@@ -81,36 +80,17 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
 
     bins : of the whole log. dwells : found in it.
     """
-    n = len(bins.supports)
-    mean = bins.mean.transpose(1, 2, 0).reshape(6 * n, -1)  # (6n, B), positions first
-    kinds = (
-        (mean[: 3 * n], bins.count[:, :n], dwells.position.reshape(-1, 3 * n)),
-        (mean[3 * n :], bins.count[:, n:], dwells.force.reshape(-1, 3 * n)),
-    )
-    found = []
-    for k in evenly(max(len(dwells) - 1, 0), _MOST):
-        end, start = dwells.end[k], dwells.start[k + 1]
-        if start - end > _LONGEST:
-            continue
-        part = slice(*np.searchsorted(bins.start, [end - _MARGIN, start + _MARGIN]))
-        time = bins.start[part] + 0.5 * bins.width
-        position, force = (
-            _passing(
-                value[:, part],
-                np.asarray((count[part] > 0).all(axis=1)),
-                time,
-                level[k : k + 2],
-                end,
-            )
-            for value, count, level in kinds
-        )
-        if position is not None and force is not None:
-            found.append((float(np.mean(position)), float(np.mean(force - position))))
-    if len(found) < _FEWEST:
+    n, middle = len(bins.supports), bins.start + 0.5 * bins.width
+    streams = [
+        (Track.of(middle[seen], bins.mean[seen, k]), k >= n)
+        for k, seen in enumerate(bins.count.T > 0)
+    ]
+    between = evenly(max(len(dwells) - 1, 0), _MOST)
+    way = [(float(dwells.end[k]), float(dwells.start[k + 1])) for k in between]
+    line = lag_by_moves(streams[:n], streams[n:], way, 0.0, float(bins.period.max()))
+    if line is None:
         return None
-    time, late = np.array(found).T
-    line = line_through(time, late, 0.1 * float(bins.period.max()))
-    return Offset(line.value, line.std, len(time), line.rate, line.rate_std, line.span)
+    return Offset(line.value, line.std, line.moves, line.rate, line.rate_std, line.span)
 
 
 def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
@@ -130,16 +110,3 @@ def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
         return found
     lag = found.size if found.values["late"] else -found.size
     return None if abs(lag - offset.seconds) <= _SAME else found
-
-
-def _passing(
-    value: FloatArray, known: BoolArray, time: FloatArray, level: FloatArray, end: float
-) -> FloatArray | None:
-    """Times (3,), s, at which streams pass the levels on the way; None where it is unclear.
-
-    value : (3n, T), known in some bins (T,), at times (T,), s. level : (2, 3n), before and after.
-    end : s, of the dwell before.
-    """
-    if not known.all():
-        value, time = value[:, known], time[known]
-    return times_of_passing(value.T, time, level, [time < end])

@@ -52,7 +52,7 @@ _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gau
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """value at the middle of the moves, s, and its growth, rate; standard errors; span, s.
+    """value at the middle of the moves, s, and its growth, rate; standard errors; their span, s.
 
     Three standard errors cover 99.73 %: those of few moves are wider by Student's distribution.
     """
@@ -63,6 +63,7 @@ class Line:
     rate_std: float
     middle: float
     span: float
+    moves: int
 
 
 def times_of_passing(
@@ -107,7 +108,7 @@ def line_through(time: FloatArray, value: FloatArray, least: float) -> Line:
     spread *= widening(_EFFICIENCY * (len(time) - 2))
     std = float(np.hypot(spread / np.sqrt(len(time)), least))
     rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / span))
-    return Line(offset, std, rate, rate_std, middle, span)
+    return Line(offset, std, rate, rate_std, middle, span, len(time))
 
 
 def covered(spans: Iterable[tuple[float, float]]) -> float:
