@@ -251,7 +251,7 @@ ACTS: tuple[tuple[str, Act], ...] = (
     (r"ind what touched the terminal or a sensor at .* look at F. of (ncp\d)", _look_at),
     (r"asten the sensor of (ncp\d)", lambda w, m: _mended(w, m[1], "slips", "zero_shifts")),
     (r"ind what touched the terminal at postures ([\d, …]+)", _free),
-    (r"ook at the sensor's cable and amplifier: the (.) axis of the sensor of (ncp\d)", _repair),
+    (r"ook at the sensor's cable and amplifier.*: the (.) axis of the sensor of (ncp\d)", _repair),
     (r"queeze the NCPs ([\d.]+) times as hard",
      lambda w, m: _driven(w, squeeze=float(m[1]) * w.options.squeeze)),
     (r"queeze the NCPs against each other so that",
