@@ -237,21 +237,6 @@ def test_a_calibration_of_another_rig_is_replaced_only_by_its_name(
     assert "Other rig" in place.read_text()
 
 
-def test_a_rejection_tells_of_what_lies_in_the_result_s_place(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Cli
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    rig = yaml.safe_load((built / "campaign" / "rig.yaml").read_text())
-    Path("strict.yaml").write_text(yaml.safe_dump(rig | {"acceptance": {"angle_std": 1e-9}}))
-    line = ("calibrate", built / "campaign", "--rig", "strict.yaml", "--trials", 0, "-q")
-    done = cli(*line)
-    assert (done.status, "earlier run" in done.err) == (1, False)
-    cli(*line, "--allow-rejected", ends=1)
-    os.utime("calibration.yaml", (86400, 86400))
-    assert "calibration.yaml of an earlier run (1970-01-02" in cli(*line).err
-    assert "earlier run" not in cli(*line, "--allow-rejected").err
-
-
 def test_an_option_in_a_name_s_place_is_told(cli: Cli) -> None:
     ended = cli("calibrate", "--html", "-q", SAMPLES / "csv", ends=2)
     assert "a file's name is missing before -q" in ended.err

@@ -67,14 +67,6 @@ def test_files_of_no_recorder(tmp_path: Path) -> None:
         calibrate([folder / "cnc.csv", folder / "forces.csv"], rig=folder / "rig.yaml", trials=0)
 
 
-def test_recorders_of_different_campaigns(tmp_path: Path) -> None:
-    folder = apart(tmp_path / "two", played("self", 7), Apart())
-    other = apart(tmp_path / "other", played("self", 8), Apart())
-    (other / "daq.csv").replace(folder / "daq.csv")
-    with pytest.raises(DataError, match="different campaigns"):
-        calibrate([folder], trials=0)
-
-
 def test_a_file_with_its_newest_rows_first(tmp_path: Path) -> None:
     folder = apart(tmp_path / "two", played("self", 7), Apart())
     header, *rows = (folder / "daq.csv").read_text().splitlines()

@@ -58,7 +58,6 @@ CAUSES: dict[str, tuple[Callable[[float], Log], float, str]] = {
     "1 Hz": (lambda stop: slow(stop, 1.0), 4.0, "sampled too slowly"),
     "stops of 0.1 s": (short, 0.1, "stops are too short"),
     "forces filtered, 0.5 s": (lambda stop: filtered(stop, 0.5, "force"), 4.0, "filter"),
-    "forces filtered, 2 s": (lambda stop: filtered(stop, 2.0, "force"), 4.0, "filter"),
 }
 
 

@@ -54,7 +54,6 @@ RANGE = {
         rate=50, travel=4e-6, move=0.04, stiffness=2e7, stops=(1.0,) * 20, position_noise=1e-6
     ),
     "correlated noise": Recipe(force_tau=0.05, rate=500, stops=STOPS),
-    "coarse positions, 50 Hz": Recipe(rate=50, position_noise=0.2e-6, quantum=1e-6, stops=STOPS),
     "drift of -0.5 N/s": Recipe(drift=-0.5, stops=(4.0,) * 12),
     "settling of 0.5 s": settling(30.0, 0.5, 0.0, 5.5, 10),
     "settling of 3 s": settling(30.0, 3.0, 0.0, 27.0, 6),

@@ -54,12 +54,12 @@ def test_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float)
 @pytest.mark.parametrize("tau", [0.0, 0.05])
 def test_errors_of_the_means_are_as_large_as_stated(tau: float) -> None:
     total, dof = 0.0, 0
-    for seed in range(4):
+    for seed in range(2):
         recorded = record(Recipe(rate=100, stops=(2.0,) * 25, move=1.0, force_tau=tau, seed=seed))
         z2 = squared_z(recorded, find_dwells(recorded.log))
         total += z2.sum()
         dof += 3 * z2.size
-    # 900 errors; the stated variances themselves are uncertain by some percent.
+    # 450 errors; the stated variances themselves are uncertain by some percent.
     low, high = chi2.ppf([1e-4, 1 - 1e-4], dof) / dof
     assert low * 0.95 < total / dof < high * 1.05
 

@@ -94,16 +94,14 @@ def in_last_postures(share: float, seed: int) -> SelfCalibration:
     return calibrated(batch, RIG, 0)
 
 
-@pytest.mark.parametrize("seed", [0, 12])
-def test_a_step_gives_way_to_contact_that_is_likelier(seed: int) -> None:
-    result = in_last_postures(1.0, seed)
+def test_a_step_gives_way_to_contact_that_is_likelier() -> None:
+    result = in_last_postures(1.0, 12)
     assert sorted(result.rejected) == [12, 13]
     assert not result.suspicions
 
 
-@pytest.mark.parametrize("seed", [1, 14])
-def test_a_step_about_as_likely_as_contact_is_named_beside_it(seed: int) -> None:
-    result = in_last_postures(0.3, seed)
+def test_a_step_about_as_likely_as_contact_is_named_beside_it() -> None:
+    result = in_last_postures(0.3, 1)
     assert sorted(result.rejected) == [12, 13]
     assert [(doubt.kind, doubt.tied) for doubt in result.suspicions] == [("jump", True)]
 

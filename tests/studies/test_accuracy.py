@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from studies import campaigns
 from studies.campaigns import Setting, errors
@@ -27,6 +28,7 @@ def test_maximum_likelihood_is_that_of_the_product() -> None:
         assert (np.abs(found[k] - theirs) < 1e-9 * own.uncertainty.rpy_std).all()
 
 
+@pytest.mark.slow
 def test_processes_change_no_number() -> None:
     one, two = (
         errors(RIG, FEW, ("linear", "angles"), 12, np.random.SeedSequence(3), workers=workers)

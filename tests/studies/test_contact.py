@@ -30,7 +30,7 @@ def work(gears: GearPair, q: FloatArray, *, rub: bool) -> tuple[float, float]:
     return float(part.sum()), float(np.abs(part).sum())
 
 
-@pytest.mark.parametrize("depth", [0.0, 1.5e-3, 3.0e-3, 0.008, 0.1, 1.0 / 3.0])
+@pytest.mark.parametrize("depth", [0.0, 3.0e-3, 1.0 / 3.0])
 def test_contact_without_friction_conserves_energy(depth: float) -> None:
     rng = np.random.default_rng(1)
     for _ in range(2):

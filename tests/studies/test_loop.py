@@ -80,6 +80,7 @@ def test_rest_is_the_static_simulators() -> None:
     np.testing.assert_allclose(R, rest.pose.rotation[:, 0], atol=1e-11)
 
 
+@pytest.mark.slow
 def test_forces_balance_in_motion() -> None:
     """Pressed ever harder on its seat, the wrench of a controller that knows the truth is the
     contact, as late as its filters are.
@@ -230,6 +231,7 @@ def test_perfect_calibration_leaves_only_noise() -> None:
     assert np.abs(d[:, :3]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_false_force_displaces_by_its_stiffness() -> None:
     """Free space, untared: K (x − x_d) = false wrench."""
     truth, controller = truths(2), IDEAL

@@ -48,13 +48,8 @@ def scaled(
     return change
 
 
-SENSORS = [((0, axis), (2, axis)) for axis in range(3)]
 MISTAKES = {
     "channels": (exchanged(((0, 0), (1, 0))), "Fx of ncp1 and Fx of ncp2 exchanged"),
-    "sensors": (
-        exchanged(*SENSORS),
-        "the sensors of ncp1 taken from ncp3 and ncp3 taken from ncp1",
-    ),
     "axes": (exchanged(((1, 0), (1, 1))), "Fx and Fy of ncp2 exchanged"),
     "sign": (scaled(-1.0, 2, 1), "the opposite sign of Fy of ncp3"),
     "unit": (scaled(1 / 9.80665, 0), "kgf"),
