@@ -33,9 +33,9 @@ REFUSALS: dict[str, Entry] = {
     ),
     **entries("""
 angles-determined notes
-  every angle{but: of a sensor but ~|} is determined by the data; the weakest
-  turn is {angle} of {subject}, {unknown:more than 1 rad|{mrad:.3g} mrad} (standard
-  uncertainty of the turn about that axis of the BCS)
+  every angle{but: of a sensor but ~|} is determined by the data; the weakest is
+  {angle} of {subject}, {unknown:more than 1 rad|{mrad:.3g} mrad} (standard
+  uncertainty about that axis of the BCS)
 estimate-unsettled refuses
   the estimate did not settle in {number:.0f} iterations
   -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a

@@ -86,7 +86,8 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     """
     name, loaded = read_source(calibration)
     embedded = loaded.loaded_rig(name)  # not its campaign: the logs are of another
-    own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()))
+    document = {**embedded.document, "campaign": None}
+    own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()), document=document)
     campaign = resolve(paths, rig, fallback=own)
     if not campaign.logs:
         raise UsageError(

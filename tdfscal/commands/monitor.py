@@ -34,29 +34,12 @@ from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
-from tdfscal.reporting.layout import LISTED, Drawing, Report, provenance, utc
+from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
 from tdfscal.reporting.papers import Making, day_measured, overdue
 from tdfscal.reporting.traceability import calibration_fact, report_digest
 
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """What a check was: as pages say it, and as plain JSON values."""
-
-    fact: tuple[str, str]
-    document: dict[str, Any]
-
-    @classmethod
-    def of(cls, check: Earlier | Read) -> Source:
-        """When it was measured, and the digest of its calibration or rig file."""
-        when = MeasuredResult.model_validate(check.measured)
-        said: dict[str, Any] = {"measured": when.model_dump()}
-        if isinstance(check, Earlier):
-            said |= {"content_sha256": report_digest(check.file)}
-            return cls(calibration_fact(check.name, check.file), said)
-        digest = check.log.campaign.rig.sha256
-        text = f"{check.name}, of {day_measured(when)}, rig file SHA-256 {digest}"
-        return cls(("Campaign", text), said | {"rig_sha256": digest})
+#: What a check was: as pages say it, and as plain JSON values.
+Source = tuple[tuple[str, str], dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -83,21 +66,16 @@ class MonitorResult(Result):
         """Lay out verdict, what was not judged, alarms, state, angles."""
         from tdfscal.reporting.history import chart_rule, history_report
 
-        origin = provenance(
-            *(source.fact for source in self.checks),
-            *self.making.facts,
-            *chart_rule(self.life),
-            inputs=self.making.inputs,
-            page_only=False,
-        )
-        report = history_report(
-            self.life, self.alarms, self.findings, drawings, self.rig.certificates, origin
-        )
+        checks = (fact for fact, _ in self.checks)
+        origin = self.making.section(*checks, *chart_rule(self.life), page_only=False)
+        certificates = self.rig.certificates
+        report = history_report(self.life, self.alarms, self.findings, drawings, certificates)
         rest = [found for found in self.findings if not found.rejects]
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
             warnings=tuple(map(told, (*rest, *self._overdue))),
+            sections=(*report.sections, origin),
             created=utc(self.making.created),
         )
 
@@ -109,8 +87,8 @@ class MonitorResult(Result):
         content = history_document(self.life, self.alarms, unjudged=unjudged)
         found = documents((*self.findings, *self._overdue))
         said = {"rig": self.rig.name, **self.making.document(), **content, "findings": found}
-        for check, source in zip(said["checks"], self.checks, strict=True):
-            check |= source.document
+        for check, (_, source) in zip(said["checks"], self.checks, strict=True):
+            check |= source
         return said
 
     @property
@@ -210,7 +188,7 @@ def monitor(
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         (*lost, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
-        tuple(map(Source.of, ordered)),
+        tuple(map(_source, ordered)),
         Making(command, tuple(file for read in reads for file in read.inputs)),
     )
 
@@ -227,6 +205,18 @@ def _date(since: str | date | None) -> float:
             f"{text!r} is no date", where="--since", hint="write it as 2026-03-01"
         ) from error
     return Measured(begin, begin, "rig").month
+
+
+def _source(check: Earlier | Read) -> Source:
+    """When a check was measured, and the digest of its calibration or rig file."""
+    when = MeasuredResult.model_validate(check.measured)
+    if isinstance(check, Earlier):
+        fact, key = calibration_fact(check.name, check.file), "content_sha256"
+        digest = report_digest(check.file)
+    else:
+        digest, key = check.log.campaign.rig.sha256, "rig_sha256"
+        fact = "Campaign", f"{check.name}, of {day_measured(when)}, rig file SHA-256 {digest}"
+    return fact, {"measured": when.model_dump(), key: digest}
 
 
 def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationSource], list[Path]]:

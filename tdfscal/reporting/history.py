@@ -103,13 +103,11 @@ def history_report(
     findings: Sequence[Finding] = (),
     drawings: tuple[Drawing, ...] = (),
     certificates: Sequence[tuple[str, str]] = (),
-    origin: Section | None = None,
 ) -> Report:
     """Lay out a history; alarms : those that count, of all in `life`.
 
     findings : those that reject are of campaigns that take no part, though the result wants them,
-    and are said first. certificates : day on which a sensor's own ends, and its support. origin :
-    of what it was made.
+    and are said first. certificates : day on which a sensor's own ends, and its support.
     """
     unjudged = rejecting(findings)
     lost = [found for found in findings if found.code in _NO_PART]
@@ -141,7 +139,6 @@ def history_report(
             Section("State", (facts,)),
             *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
-            *((origin,) if origin is not None else ()),
         ),
         advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
     )

@@ -18,13 +18,12 @@ from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.errors import visible
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import ANGLES, InputFile, LogMapping, RecorderClock
+from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.parts import (
         ClockResult,
-        Input,
         LeftOutStretch,
         RejectedPosture,
         ResidualWrench,
@@ -197,20 +196,6 @@ def by_angle(names: Iterable[str], *columns: Cell) -> tuple[Row, ...]:
 def mrad(values: Any, form: str = ".3f") -> Cell:
     """Cells of values (n, 3), rad, in mrad."""
     return lambda i, j: format(1e3 * values[i, j], form)
-
-
-def provenance(
-    *facts: tuple[str, str], inputs: Iterable[Input | InputFile], page_only: bool = True
-) -> Section:
-    """What a result was made of: facts, and files with their digests."""
-    files = tuple(
-        ("Input file", "; ".join(
-            filter(None, (f"{f.path}, {f.bytes:,} bytes", f.integrity, f.note,
-                          f"SHA-256 {f.sha256}"))
-        ))
-        for f in inputs
-    )  # fmt: skip
-    return Section("Where this result comes from", (Facts((*facts, *files)),), page_only=page_only)
 
 
 def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:

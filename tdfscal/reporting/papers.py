@@ -9,34 +9,42 @@ from typing import Any
 
 from tdfscal import __version__
 from tdfscal.files.calibration.parts import MeasuredResult, instant
-from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Rig, SensorInfo
 from tdfscal.reporting.layout import Block, Facts, Section, Table, utc
 
-Said = tuple[tuple[str, str], ...]
 _SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 
 
 @dataclass(frozen=True, slots=True)
 class Making:
-    """How a check was made. created : UTC, ISO 8601."""
+    """How a result was made. created : UTC, ISO 8601."""
 
     command: str
     inputs: tuple[InputFile, ...]
     created: str = field(default_factory=lambda: instant(time.time()))
+    version: str = __version__
 
-    @property
-    def facts(self) -> Said:
-        """Command, time and program, as pages say them."""
-        program = f"tdfscal {__version__}"
-        return ("Command", self.command), ("Created", utc(self.created)), ("Software", program)
+    def section(self, *facts: tuple[str, str], page_only: bool = True) -> Section:
+        """What a result was made of: command, program, facts, and files with their digests."""
+        parts = (
+            (f"{f.path}, {f.bytes:,} bytes", f.integrity, f.note, f"SHA-256 {f.sha256}")
+            for f in self.inputs
+        )
+        rows = (
+            ("Command", self.command),
+            ("Created", utc(self.created)),
+            ("Software", f"tdfscal {self.version}"),
+            *facts,
+            *(("Input file", "; ".join(filter(None, each))) for each in parts),
+        )
+        return Section("Where this result comes from", (Facts(rows),), page_only=page_only)
 
     def document(self) -> dict[str, Any]:
         """Return it under the keys of a calibration file, as plain JSON values."""
         return {
             "created": self.created,
-            "software": {"name": "tdfscal", "version": __version__},
+            "software": {"name": "tdfscal", "version": self.version},
             "command": self.command,
             "inputs": [asdict(file) for file in self.inputs],
         }
@@ -57,23 +65,11 @@ def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> tuple[Section
     return (Section("Campaign and sensors", blocks),) if blocks else ()
 
 
-def stated_facts(rig: Rig) -> tuple[tuple[str, str | None], ...]:
-    """What a rig file states of the rig's serial number, people and place."""
-    said = rig.campaign
+def stated_facts(rig: Rig, measured: MeasuredResult | None) -> list[tuple[str, str | None]]:
+    """What is told of the rig's serial number, dates, people and place."""
+    said, when = rig.campaign, None if measured is None else measured_when(measured)
     people = ("Operator", said.operator), ("Site", said.site), ("Note", said.note)
-    return ("Serial number", rig.serial), *people
-
-
-def campaign_document(loaded: LoadedRig, measured: MeasuredResult) -> dict[str, Any]:
-    """Return the same as plain JSON values."""
-    rig = loaded.rig
-    named = zip(rig.supports, rig.sensors, strict=False)
-    return {
-        "rig": {"name": rig.name, "serial": rig.serial, "sha256": loaded.sha256},
-        "measured": measured.model_dump(),
-        "campaign": asdict(rig.campaign),
-        "sensors": [{"name": name, **asdict(each)} for name, each in named],
-    }
+    return [("Serial number", rig.serial), ("Measured", when), *people]
 
 
 def measured_by(measured: MeasuredResult | None) -> str:

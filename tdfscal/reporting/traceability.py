@@ -26,9 +26,8 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
-from tdfscal.reporting import layout
 from tdfscal.reporting.layout import METHODS, Section, Table, utc
-from tdfscal.reporting.papers import by_file, day_measured, measured_when, overdue
+from tdfscal.reporting.papers import Making, by_file, day_measured, overdue, stated_facts
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
@@ -68,21 +67,13 @@ _DECLARED = {
 
 
 def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """What is told of the rig's serial number, dates, people, place, conditions; of instruments
-    that were used.
-    """
-    stated = c.rig.campaign
-    facts = [("Serial number", c.rig.serial)]
-    if c.measured is not None:
-        facts.append(("Measured", measured_when(c.measured)))
-    facts.append(("Next due", _next_due(c)))
-    if stated is not None:
-        facts += [("Operator", stated.operator), ("Site", stated.site)]
-        if any(method != "self" for method in (c.method, *(one.method for one in c.history))):
-            facts.append(("Tracker", stated.tracker))
-        if c.method != "tracker" and math.isfinite(c.rig.terminal.mass.std):
-            facts.append(("Scale", stated.scale))
-        facts.append(("Note", stated.note))
+    """The same of a calibration, with its conditions, the instruments used, what it stands on."""
+    rig = c.rig.record()
+    facts = [*stated_facts(rig, c.measured), ("Next due", _next_due(c))]
+    if any(method != "self" for method in (c.method, *(one.method for one in c.history))):
+        facts.append(("Tracker", rig.campaign.tracker))
+    if c.method != "tracker" and math.isfinite(rig.mass.std):
+        facts.append(("Scale", rig.campaign.scale))
     if c.dwells is not None and c.dwells.temperature is not None:
         warm = c.dwells.temperature
         facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
@@ -285,18 +276,15 @@ def provenance(c: Calibration, digest: str) -> Section:
 
     digest : see `report_digest`.
     """
-    return layout.provenance(
+    inputs = tuple(each.record() for each in c.inputs)
+    return Making(c.command, inputs, c.created, c.software.version).section(
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
-        ("Command", c.command),
-        ("Created", utc(c.created)),
         ("Content", f"SHA-256 {digest}"),
-        ("Software", f"{c.software.name} {c.software.version}"),
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
         *assumptions(c),
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
-        inputs=c.inputs,
         page_only=False,
     )
 

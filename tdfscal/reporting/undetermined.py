@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import PurePath
 
 import numpy as np
 
-from tdfscal import __version__
 from tdfscal.catalogue import cure, sentence
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
@@ -22,6 +20,7 @@ from tdfscal.reporting.figures import residuals, space, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, begun
+from tdfscal.reporting.papers import Making
 from tdfscal.selfcal.result import Undetermined
 
 Seen = Undetermined | UndeterminedMotion
@@ -89,13 +88,11 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         "forces" if moving else "timeline": layout.listed("Left out", _left_out(attempt)),
     }
     limit = 1e3 * rig.rig.acceptance.identifiable
-    origin = layout.provenance(
-        ("Command", attempt.command),
-        ("Software", f"tdfscal {__version__}"),
+    making = Making(attempt.command, attempt.inputs)
+    origin = making.section(
         ("Rig file", f"{rig.path}, SHA-256 {rig.sha256}"),
         ("Decision rule", f"determined where a turn's standard uncertainty is below {limit:.3g} "
          "mrad (acceptance.identifiable) and at most half of what was stated before"),
-        inputs=attempt.inputs,
     )  # fmt: skip
     return Report(
         title=rig.rig.name,
@@ -113,7 +110,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         ),
         warnings=attempt.messages,
         advice=tuple(_advice(attempt)),
-        created=layout.utc(datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")),
+        created=layout.utc(making.created),
     )
 
 

@@ -18,14 +18,7 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
-from tdfscal.reporting.papers import (
-    Making,
-    campaign,
-    campaign_document,
-    day_measured,
-    measured_when,
-    stated_facts,
-)
+from tdfscal.reporting.papers import Making, campaign, day_measured, stated_facts
 from tdfscal.reporting.traceability import (
     calibration_fact,
     exact_names,
@@ -98,11 +91,11 @@ class Origin:
         c = self.calibration
         own = c.model_dump(mode="json", include={"method", "status", "created", "measured"})
         own |= {"name": self.name, "content_sha256": report_digest(c)}
-        own["taken_as_exact"] = exact_names(c)
         return {
             **self.making.document(),
-            **campaign_document(self.rig, self.measured),
-            "calibration": own,
+            "measured": self.measured.model_dump(),
+            "rig": {**self.rig.document, "sha256": self.rig.sha256},
+            "calibration": own | {"taken_as_exact": exact_names(c)},
         }
 
 
@@ -268,13 +261,17 @@ def validation_report(
         return report
     c = origin.calibration
     rig, when = origin.rig.rig, origin.measured
-    told_of_it = ("Measured", measured_when(when)), *stated_facts(rig)
+    papers = campaign(stated_facts(rig, when), rig)
     return replace(
         report,
         subtitle=f"validation of {origin.name}, a {layout.METHODS[c.method]}{measured_on(c)}, on "
         f"{extent(v)} of {day_measured(when)}",
         created=layout.utc(origin.making.created),
-        sections=(*report.sections, *campaign(told_of_it, rig), _provenance(v, origin)),
+        sections=(
+            *report.sections,
+            *papers,
+            _provenance(v, origin),
+        ),
     )
 
 
@@ -325,14 +322,12 @@ def _posture_table(v: Validation, most: int) -> Table:
 def _provenance(v: Tested, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
-    return layout.provenance(
+    return origin.making.section(
         calibration_fact(origin.name, c),
-        *origin.making.facts,
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
         ("Test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
         ("Single changes", f"the likeliest by chance alone: {search_test(v)}"),
         ("Decision rule", _RULE),
         ("Taken as exact", "; ".join(exact_names(c)) or "nothing"),
         ("Convention", c.convention),
-        inputs=origin.making.inputs,
     )

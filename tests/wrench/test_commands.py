@@ -232,7 +232,7 @@ def test_the_embedded_rig_serves_where_there_is_no_other(
     edited(found, lambda d: d.update(rig={**d["rig"], "campaign": other}, content_sha256=None))
     seen = run(capsys, "validate", found, log, "--json")
     assert seen.status == 0
-    assert json.loads(seen.out)["campaign"]["operator"] is None  # the log's own is not known
+    assert json.loads(seen.out)["rig"]["campaign"] is None  # the log's own is not known
 
 
 def test_a_rejected_calibration_is_used_with_a_loud_warning(
