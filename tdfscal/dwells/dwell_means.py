@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -23,7 +24,6 @@ import numpy.typing as npt
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
-from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Real = TypeVar("Real", bound=np.floating)
@@ -199,15 +199,10 @@ def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
     mean, scatter, drift = (np.zeros(shape) for _ in range(3))
     length, count = np.ones(shape), np.zeros(shape[:2], dtype=np.int64)
 
-    def measure(part: list[int]) -> None:
+    for part in _portions(extents):
         rows, first, size = _together([extents[k] for k in part])
-
-        def total(x: FloatArray) -> FloatArray:
-            return np.asarray(np.add.reduceat(x, first, axis=-1))
-
-        def spread(x: FloatArray | IntArray) -> FloatArray:
-            return np.repeat(x, size, axis=-1)
-
+        total = partial(np.add.reduceat, indices=first, axis=-1)
+        spread = partial(np.repeat, repeats=size, axis=-1)
         # (S, 1, R) and (S, 3, R), or (S, ..., K) of the dwells.
         w = bins.count.T[:, None, rows].astype(np.float64)
         x = np.where(w > 0, _taken(bins.mean, rows), 0.0)
@@ -232,8 +227,6 @@ def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
         ):
             result[part] = found.transpose(2, 0, 1)
         count[part] = n[:, 0].T
-
-    in_threads(measure, _portions(extents))
     return _Own(mean, scatter, count, drift, length)
 
 

@@ -30,7 +30,6 @@ from tdfscal.dwells.noise_level import (
 )
 from tdfscal.dwells.ringing import Ringing, find_ringing
 from tdfscal.findings import Finding
-from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG
 
@@ -83,7 +82,7 @@ def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) ->
     reach = 2**SCALES - 1  # bins that the widest difference takes beyond its first
     levels = [np.empty(max(bins - 2 ** (scale + 1) + 1, 0)) for scale in range(SCALES)]
 
-    def exceeded(begin: int) -> None:
+    for begin in range(0, bins, _SPAN):
         some = slice(begin, begin + _SPAN)
         rows = signal.value[:, begin : begin + _SPAN + reach]
         for scale, (_, difference) in enumerate(differences(rows, SCALES)):
@@ -91,8 +90,6 @@ def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) ->
             own = limit[scale][:, None]
             excess -= own if noisier is None else own * noisier[:, some][:, : excess.shape[1]]
             levels[scale][some] = excess.max(axis=0)
-
-    in_threads(exceeded, range(0, bins, _SPAN))
     return levels
 
 
