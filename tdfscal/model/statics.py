@@ -52,7 +52,6 @@ __all__ = [
     "free",
     "postures",
     "wrench",
-    "zeros",
 ]
 
 #: Rounds in which forces that nobody measures and the lean of the terminal agree.

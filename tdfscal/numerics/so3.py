@@ -38,11 +38,6 @@ def information_of_crossing(weight: FloatArray, covariance: FloatArray) -> Float
     return np.asarray((w * c - wc) * np.eye(3) - w * covariance - c * weight + mixed)
 
 
-def _sinc(x: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return sin(x)/x without a branch that loses digits; np.sinc is sin(πx)/(πx)."""
-    return np.asarray(np.sinc(x / np.pi))
-
-
 def _angle(v: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Length of v by √(v·v), which unlike a norm is analytic in v."""
     return np.asarray(np.sqrt(np.sum(v * v, axis=-1)))[..., None, None]
@@ -58,7 +53,7 @@ def exp(v: npt.ArrayLike) -> FloatArray:
     v = np.asarray(v)
     half = _angle(v)[..., 0, 0] / 2
     w = np.cos(half)
-    x, y, z = np.moveaxis(0.5 * _sinc(half)[..., None] * v, -1, 0)
+    x, y, z = np.moveaxis(0.5 * np.sinc(half / np.pi)[..., None] * v, -1, 0)  # sin(πx)/(πx)
     return _matrix(
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -85,7 +80,7 @@ def left_jacobian(v: npt.ArrayLike) -> FloatArray:
     safe = np.where(near, 1.0, a)
     # (a − sin a)/a³ cancels near 0; its series there is exact to 1e-17.
     b = np.where(near, 1 / 6 - a**2 / 120 + a**4 / 5040, (safe - np.sin(safe)) / safe**3)
-    return np.asarray(np.eye(3) + 0.5 * _sinc(a / 2) ** 2 * k + b * (k @ k))
+    return np.asarray(np.eye(3) + 0.5 * np.sinc(a / (2 * np.pi)) ** 2 * k + b * (k @ k))
 
 
 def project(M: npt.ArrayLike) -> FloatArray:

@@ -272,10 +272,7 @@ def _typical_error(quantity: ExactQuantityResult) -> str:
 
 
 def provenance(c: Calibration, digest: str) -> Section:
-    """What the result was made of, with which program, under which conventions and rules.
-
-    digest : see `report_digest`.
-    """
+    """What the result was made of, with which program, by which rules; see `report_digest`."""
     inputs = tuple(each.record() for each in c.inputs)
     return Making(c.command, inputs, c.created, c.software.version).section(
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),

@@ -175,8 +175,7 @@ class _Told:
     @cached_property
     def slip(self) -> Suspicion | None:
         """The likeliest slip."""
-        usable = self.usable
-        noise = usable.measured_noise
+        usable, noise = self.usable, self.usable.measured_noise
         return find_slip(self.known, usable.time, usable.number, noise_from_residuals=noise)
 
     def by_all(self) -> _Told:
@@ -187,9 +186,8 @@ class _Told:
 
 def _by_all(rig: Rig, result: Fit) -> Fit:
     """The fit by all of the postures: the result itself where it leaves none out."""
-    if result.rig is rig and result.weight.all():
-        return result
-    return fit(rig, result.postures, result.state)
+    same = result.rig is rig and result.weight.all()
+    return result if same else fit(rig, result.postures, result.state)
 
 
 def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, FloatArray | None]:
