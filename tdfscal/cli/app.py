@@ -188,6 +188,7 @@ def _plainly_typed(command: Any) -> None:
 
 def run() -> int:
     """Run the command that the command line asks for; return the exit status."""
+    memory.limit_threads()  # a command's module loads the libraries
     if not sys.warnoptions:  # what concerns a user is in the result
         warnings.simplefilter("ignore")
     if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 from tdfscal import memory
 from tdfscal.cli.interruption import Signalled, current
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
-from tdfscal.memory import limit_threads
 
 if TYPE_CHECKING:
     from tdfscal.commands.arguments import Progress
@@ -153,7 +152,6 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
 
     Raises TdfscalError by cause.
     """
-    limit_threads()
     import logging
 
     from tdfscal.files.outputs import together
