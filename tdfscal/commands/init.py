@@ -129,8 +129,9 @@ def _why_not(info: LogInfo) -> str:
         text.removeprefix(str(first)).lstrip(":, ").rstrip(".")
         for text in (*info.problems, *info.guess.notes)
     ]
-    decisive = [text for text in said if none in text]
-    return "; ".join(dict.fromkeys(decisive or said)) or none
+    if decisive := [text for text in said if none in text]:
+        said = [*decisive, *(text for file in info.contents for text in file.problems)]
+    return "; ".join(dict.fromkeys(said)) or none
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:

@@ -127,6 +127,8 @@ _HINTS = {
 def _unknown_key(model: type[BaseModel], place: Place) -> tuple[str, str]:
     key, known = str(place[-1]), _known_keys(model, place[:-1])
     near, hint = nearest(key, known), "rename or remove it"
+    if key.isdecimal():
+        return f"unknown key `{key}`", "write decimals with a point: in braces a comma ends a value"
     if near is None:
         near = nearest(key, known, cutoff=0.0) or known[0]
         hint = f"remove it; known here are {', '.join(known)}"

@@ -53,6 +53,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
     digest = report_digest(c)
+    left = tuple(finding.text.partition("; ")[0] for finding in c.found("campaign-left-out"))
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
@@ -62,7 +63,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         accepted=c.accepted,
         provisional=c.status == "provisional",
         claim=headline(c) if c.accepted else "",
-        reasons=tuple(finding.text for finding in c.reasons),
+        reasons=(*(finding.text for finding in c.reasons), *left),
         tiles=_tiles(c),
         summary=(_summary(c),),
         sections=(

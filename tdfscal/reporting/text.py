@@ -94,6 +94,9 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
             yield [f"{caption}: {len(items)}; {shown} them"], []
         elif items:
             rest = [f"  … {len(items) - count} more: {shown} all"] if count < len(items) else []
+            if count == len(items) - 1:  # its line says as much as that there is one
+                begin = textwrap.shorten(" ".join(items[count]), width() - 2, placeholder=" … (-v)")
+                rest = [f"  {begin}"]
             yield [caption], [*(line for item in items[:count] for line in item), *rest]
     if report.number and (whole or not report.summary):
         yield [f"Report {report.number}"], []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -28,6 +29,7 @@ from tests.words import in_words
 BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 NCPS = (1, 2, 3)
+SAMPLE = Path(__file__).parents[2] / "sample_data" / "csv" / "log.csv"
 KINDS = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
 
 
@@ -298,6 +300,28 @@ def test_a_name_that_reads_as_a_number_is_a_text(tmp_path: Path) -> None:
     """089 is a number in YAML 1.2 and none in 1.1; a folder of campaigns may be called so."""
     log = tmp_path / "089" / "log.csv"
     log.parent.mkdir()
-    shutil.copy(Path(__file__).parents[2] / "sample_data" / "csv" / "log.csv", log)
+    shutil.copy(SAMPLE, log)
     tdfscal.init(log, output=log.with_name("rig.yaml"))
     assert tdfscal.load_rig(log.with_name("rig.yaml")).rig.name == "089"
+
+
+@pytest.mark.parametrize("name", ["{axis}{ncp}_mm", "{axis}{ncp}mm", "{axis}_{ncp}_mm"])
+def test_a_unit_behind_the_axis_hides_no_position(name: str, tmp_path: Path) -> None:
+    log, table = tmp_path / "log.csv", pd.read_csv(SAMPLE)
+    names = {f"NCP{k}_ActPos{a}": name.format(axis=a, ncp=k) for k in NCPS for a in "XYZ"}
+    table.rename(columns=names).to_csv(log, index=False)
+    drafted = yaml.safe_load(tdfscal.init(log).yaml)
+    assert drafted["log"]["length_unit"] == "mm"
+    assert len(drafted["supports"]) == 3
+    table.rename(columns={old: f"{new}_odd" for old, new in names.items()}).to_csv(log, index=False)
+    with pytest.raises(DataError, match="neither by their names"):
+        tdfscal.init(log)
+
+
+def test_a_clock_with_a_point_among_commas_is_said(tmp_path: Path) -> None:
+    table = pd.read_csv(SAMPLE)
+    first = table.columns[0]
+    table[first] = table[first].map("{:.3f}".format)  # a text: it keeps its point
+    table.to_csv(tmp_path / "log.csv", index=False, sep=";", decimal=",")
+    with pytest.raises(DataError, match=f"{re.escape(first)}.* has numbers with a point"):
+        tdfscal.init(tmp_path / "log.csv")

@@ -215,7 +215,8 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
     pools: list[Any] = []
     for extra in ((), (loud,)):
         target = tmp_path / f"pool{len(pools)}.yaml"
-        cli("calibrate", *folders(months, 0, 2), *extra, "--trials", 0, "-o", target, "-q")
+        done = cli("calibrate", *folders(months, 0, 2), *extra, "--trials", 0, "-o", target, "-q")
+        assert ("takes no part" in " ".join(done.out.split())) == bool(extra)
         pools.append(yaml.safe_load(target.read_text()))
     without, beside = pools
     assert beside["covariance"] == without["covariance"]

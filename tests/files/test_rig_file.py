@@ -166,6 +166,7 @@ FAULTS = [
     ("500.0, std: 0.2", "500.0, std: -0.2", "terminal.mass.std", "0 or above"),
     ("500.0, std: 0.2", "500.0, std: .nan", "terminal.mass.std", "0 or above"),
     ("500.0, std: 0.2", "500.0, std: unknwon", "terminal.mass.std", "`unknown`"),
+    ("500.0, std: 0.2", "500.0, std: 0,2", "terminal.mass.2", "a point"),
     ("500.0, std: 0.2", "500.0, stdev: 0.2", "terminal.mass.stdev", "`std`"),
     ("value: [0.01, -0.015, 0.25]", "value: [0.01, -0.015]", "terminal.barycenter", "three"),
     ("value: [0.01, -0.015, 0.25]", "value: 0.25", "terminal.barycenter.value", "three"),

@@ -148,6 +148,7 @@ class _Table:
         self.names = [split_label(cell)[0] for cell in cells[: self._width]]
         self.units = stated[: self._width]
         self.dated: set[int] = set()
+        self._pointed: set[str] = set()  # columns of numbers by the other decimal
         self._odd: list[int] = []  # numbers of cells of the lines that have others
 
     def parsed(self, block: bytes, *, whole: bool) -> pa.Table:
@@ -179,6 +180,8 @@ class _Table:
             first = column[0].as_py() if pa.types.is_string(column.type) and len(column) else ""
             if is_number(first, self.decimal):  # a spoilt cell is a hole; the reading names it
                 cells = [number_in(cell, self.decimal) for cell in column.to_pylist()]
+                if self.decimal == "," and all(cell is None for cell in cells):
+                    self._pointed.add(self.names[k])
                 table = table.set_column(k, str(k), pa.array(cells, pa.float64()))
             if is_date_time(first):
                 seconds = seconds_of_all(column, zoned=has_zone(first))
@@ -188,13 +191,19 @@ class _Table:
         return table
 
     def problems(self) -> list[str]:
-        """What is wrong with the lines that were left out."""
+        """What is wrong with columns that are not read and with the lines that were left out."""
+        pointed = [
+            f"{name} has numbers with a point, and the decimal of this file is a comma: they are "
+            "not read; export them alike"
+            for name in sorted(self._pointed)
+        ]
         if not self._odd:
-            return []
+            return pointed
         found = ", ".join(str(n) for n in sorted(set(self._odd))[:3])
         found += " cell" if found == "1" else " cells"
         many = "a line has" if len(self._odd) == 1 else f"{len(self._odd)} lines have"
         return [
+            *pointed,
             f"{many} {found} where a row has {self._width}; the file may be damaged there: "
-            "record or export it again"
+            "record or export it again",
         ]
