@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.checks import log_against_rig
 from tdfscal.commands import options
 from tdfscal.commands.arguments import (
     SILENT,
@@ -23,7 +22,7 @@ from tdfscal.commands.arguments import (
     one,
     triple,
 )
-from tdfscal.commands.campaign import find_logs, resolve, rig_named
+from tdfscal.commands.campaign import resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_angle
@@ -222,11 +221,10 @@ def plan(
         found = plan_motion(known.rig, moving, rng)
     else:
         before, usual = None, 0.0 if known.rig.declared.force_noise else DEFAULT_NOISE
-        if seen is not None and len(seen):
-            usual = scatter_of(at_rest(known.rig, seen), known.rig)
         if seen is not None and given:
             before = recorded(known.rig, seen, noise or DEFAULT_NOISE)
-            usual = scatter_of(before.postures, known.rig)
+        if seen is not None and len(seen):
+            usual = scatter_of(at_rest(known.rig, seen), known.rig) or usual
         request = Request(
             limits=limits,
             noise=usual if noise is None else noise,
@@ -244,15 +242,11 @@ def plan(
 
 
 def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
-    """Dwells of what is given, or of the logs beside the rig file, and mean hinge centres (n, 3).
+    """Dwells of what is given, or else lies beside the rig file, and hinge centres (n, 3), m, BCS.
 
-    These are those of the dwells, or of all samples where nothing rests; m, BCS.
-
-    Raises UsageError where there is no log, DataError where it contradicts the rig file.
+    These are means over the dwells, or over all samples where nothing rests.
     """
-    apart = rig.tracker.paths if rig.tracker else ()
-    beside = [] if given else find_logs(rig.path.parent, apart=apart, recorders=rig.log)
-    campaign = resolve(given or beside or [rig.path.parent], rig.path)
+    campaign = resolve(given or [rig.path.parent], rig.path)
     if not campaign.logs:
         raise UsageError("there is no log to build on", where=", ".join(map(str, given)))
     log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
@@ -264,10 +258,7 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
 
     progress.stage("reading the log and finding the dwells")
     dwells = log.noted(find_dwells(watched()))
-    if not len(dwells):
-        return dwells, np.nanmean(means, axis=0)
-    log_against_rig.check_geometry(rig.rig, dwells.position, dwells.force)
-    return dwells, dwells.position.mean(axis=0)
+    return dwells, np.nanmean(dwells.position if len(dwells) else means, axis=0)
 
 
 def _travels(travel: Travel) -> dict[str | None, tuple[float, ...]]:

@@ -128,10 +128,8 @@ class Planner:
                 hint="ask for more candidates",
             )
         if count not in self._selected:
-            near = min(self._selected, key=lambda other: abs(other - count), default=None)
-            start = () if near is None else self._selected[near].tolist()
             base = self.held + count * self.scatter
-            chosen, covariance = choose(self.rows, base, self.objective, count - returns, start)
+            chosen, covariance = choose(self.rows, base, self.objective, count - returns)
             first = int(np.argmax(gains(self.rows[chosen], covariance, self.objective)))
             self._selected[count] = np.concatenate([chosen[[first]], np.delete(chosen, first)])
         return self._selected[count], returns

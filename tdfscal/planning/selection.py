@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from tdfscal.records import FloatArray, IntArray
@@ -52,16 +50,10 @@ def updated(C: FloatArray, J: FloatArray, sign: float = 1.0) -> FloatArray:
     return np.asarray(C - sign * T.T @ np.linalg.solve(S, T))
 
 
-def greedy(
-    J: FloatArray, base: FloatArray, L: FloatArray, count: int, start: Sequence[int] = ()
-) -> list[int]:
-    """Choose `count` candidates, each once, the most useful first, on top of `base` (p, p).
-
-    start : chosen already.
-    """
-    chosen = list(start[:count])
-    C = inverse(base + information(J[chosen])) if chosen else inverse(base)
-    while len(chosen) < count:
+def greedy(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> list[int]:
+    """Choose `count` candidates, each once, the most useful first, on top of `base` (p, p)."""
+    C, chosen = inverse(base), list[int]()
+    for _ in range(count):
         gain = gains(J, C, L)
         gain[chosen] = -1.0
         best = int(np.argmax(gain))
@@ -71,15 +63,14 @@ def greedy(
 
 
 def choose(
-    J: FloatArray, base: FloatArray, L: FloatArray, count: int, start: Sequence[int] = ()
+    J: FloatArray, base: FloatArray, L: FloatArray, count: int
 ) -> tuple[IntArray, FloatArray]:
     """Minimise tr(L (base + Σ JᵀJ)⁻¹ Lᵀ) over `count` of the candidates: greedy, then exchange.
 
     J : (N, m, p), whitened rows. base : (p, p), information held already, positive definite.
-    L : (r, p). Each candidate is taken at most once. start : those to begin with, as of
-    another count. Returns their indices and the covariance.
+    L : (r, p). Each candidate is taken at most once. Returns their indices and the covariance.
     """
-    chosen = greedy(J, base, L, count, start)
+    chosen = greedy(J, base, L, count)
     for _ in range(_SWEEPS):
         C = inverse(base + information(J[chosen]))
         value = objective(C, L)
