@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,8 @@ from tdfscal.records import BoolArray, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 
+#: Bytes of a file that no other one has.
+_PIECE = 2048
 #: Mappings of one recorder, of several, or of the default names.
 Recorders = LogMapping | Sequence[LogMapping] | None
 
@@ -148,6 +151,10 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
                     pending = as_log(ascending, request)
                 said = streams.findings(file)
             except DataError as error:
+                for other in bags:
+                    if other != path and _holds(other, path):
+                        copy = f"{error.what}; rows of it stand in {other}: it is a copy of it"
+                        raise error.restated(what=copy, where=str(path)) from error
                 seen: Set[str] = frozenset()
                 with suppress(DataError):  # of a damaged file nothing is known
                     seen = open_log(path, bag).contents().filled if error.fields else seen
@@ -162,6 +169,18 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
             said = [streams.truncated(file), *said]
         findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
         yield replace(pending, inputs=(entry,), findings=findings)
+
+
+def _holds(other: Path, path: Path) -> bool:
+    """Whether the middle of a file stands in another one."""
+    size = path.stat().st_size
+    with path.open("rb") as file, other.open("rb") as beside:
+        file.seek(size // 2)
+        piece = file.read(_PIECE)
+        if len(piece) < _PIECE or other.stat().st_size < _PIECE:
+            return False
+        with mmap(beside.fileno(), 0, access=ACCESS_READ) as whole:
+            return whole.find(piece) >= 0
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:

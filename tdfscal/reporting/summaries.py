@@ -138,8 +138,9 @@ def capability_report(
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
         verdict="NOT FIT FOR USE" if bad else "NO THRESHOLDS FOR A MACHINE" if noiseless else "",
         accepted=not (bad or noiseless),
-        claim=f"{'Without noise a' if noiseless else 'A'}t most {request.false_stops:g} false stops an hour and axis; "
-        f"the smallest contact exceeds its threshold with {request.detect:.4g} probability.",
+        claim=f"{'But for noise, at' if noiseless else 'At'} most {request.false_stops:g} false "
+        "stops an hour and axis; the smallest contact exceeds its threshold with "
+        f"{request.detect:.4g} probability.",
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
