@@ -5,10 +5,11 @@ And the same recording in two campaigns: told by its files, its hours, its dwell
 
 from __future__ import annotations
 
+import re
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from itertools import combinations
@@ -42,6 +43,7 @@ _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
 _DAY = 86400.0
+_DAY_IN_NAME = re.compile(r"(?<!\d)(20\d\d)-?(\d\d)-?(\d\d)(?!\d)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,8 +220,19 @@ def measured(log: LogPass) -> Measured:
 
 
 def misdated(log: LogPass) -> list[Finding]:
-    """Say so where the rig file states another day than the log's clock, which holds."""
+    """Say so where the rig file states another day than the log's clock, which holds.
+
+    Or the log's name than its file's date, by more than a month.
+    """
     date, found = log.rig.campaign.date, measured(log)
+    if found.source == "file":
+        names = ((str(path), _DAY_IN_NAME.search(path.name)) for path in log.campaign.logs)
+        for name, named in names:
+            with suppress(ValueError):  # digits that are no day
+                begin = stated_date("-".join(named.groups())).begin if named else found.begin
+                if abs(begin - found.begin) > 31 * _DAY:
+                    days: dict[str, Value] = {"date": day(begin), "clock": day(found.begin)}
+                    return [Finding("log-misdated", (name,), values=days)]
     if date is None or found.source != "log":
         return []
     stated = stated_date(date)

@@ -6,6 +6,7 @@ import io
 import math
 import re
 import sys
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -76,6 +77,11 @@ def test_a_summary_fits_a_terminal() -> None:
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22
     assert "Warnings: 9; -v or --html FILE shows them" in lines
+    # Of one sentence that does not fit its begin stands where "1 more" would.
+    quiet = replace(calibration_report(loud), warnings=(), advice=("Look. " * 90, "Then " * 30))
+    *_, last = as_text(quiet, whole=False).splitlines()
+    assert last.startswith("  - Then Then")
+    assert last.endswith("… (-v)")
 
 
 @pytest.mark.parametrize(
@@ -154,7 +160,7 @@ def test_a_pipe_gets_plain_text_and_a_terminal_a_frame(
 def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     """A nominal yaw 20 mrad away, written a whole turn off: the short way round is shown."""
     c = sample().calibration
-    assert "turn" not in render(c)
+    assert "turn from the nominal" not in render(c)
     rig = c.rig.model_dump(mode="json", exclude_none=True)
     yaw = c.mounted[1].rpy[2]
     near = yaw - 0.02
