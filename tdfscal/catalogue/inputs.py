@@ -32,7 +32,7 @@ log-missing warns
   -> copy the log into the campaign folder, or name it
 log-misdated warns
   the name of {subject} says {date}, its file's date {clock}, which stands for when it was recorded
-  -> state `campaign: {{date: {date}}}` in rig.yaml, where the name is right
+  -> state the day as campaign.date in rig.yaml
 campaign-misdated warns
   {subject}: campaign.date is {date}, the log's clock says {clock}, which holds
   -> correct the one that is wrong

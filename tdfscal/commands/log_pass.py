@@ -9,7 +9,7 @@ import re
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from itertools import combinations
@@ -43,7 +43,7 @@ _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
 _DAY = 86400.0
-_DAY_IN_NAME = re.compile(r"(?<!\d)(20\d\d)-?(\d\d)-?(\d\d)(?!\d)")
+_MONTH_IN_NAME, _MONTH = re.compile(r"(?<!\d)(20\d\d)-?(0[1-9]|1[0-2])-?[0-3]\d(?!\d)"), 31 * _DAY
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,19 +220,13 @@ def measured(log: LogPass) -> Measured:
 
 
 def misdated(log: LogPass) -> list[Finding]:
-    """Say so where the rig file states another day than the log's clock, which holds.
-
-    Or the log's name than its file's date, by more than a month.
-    """
+    """Say so where rig file and log's clock, or the log's name and its file, are of other days."""
     date, found = log.rig.campaign.date, measured(log)
-    if found.source == "file":
-        names = ((str(path), _DAY_IN_NAME.search(path.name)) for path in log.campaign.logs)
-        for name, named in names:
-            with suppress(ValueError):  # digits that are no day
-                begin = stated_date("-".join(named.groups())).begin if named else found.begin
-                if abs(begin - found.begin) > 31 * _DAY:
-                    days: dict[str, Value] = {"date": day(begin), "clock": day(found.begin)}
-                    return [Finding("log-misdated", (name,), values=days)]
+    for path in log.campaign.logs if found.source == "file" else ():
+        named = _MONTH_IN_NAME.search(path.name)
+        if named and abs(stated_date(f"{named[1]}-{named[2]}-15").begin - found.begin) > 2 * _MONTH:
+            named_on = {"date": f"{named[1]}-{named[2]}", "clock": day(found.begin)}
+            return [Finding("log-misdated", (str(path),), values=named_on)]
     if date is None or found.source != "log":
         return []
     stated = stated_date(date)

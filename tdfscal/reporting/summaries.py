@@ -17,7 +17,6 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:  # each command loads its own
     from tdfscal.detection.capability import Capability, Remedy, Request
-    from tdfscal.planning.candidates import Limits
     from tdfscal.planning.moving_plan import MovingPlan
     from tdfscal.planning.plan import Plan
     from tdfscal.planning.predicted_information import Forecast
@@ -203,7 +202,8 @@ def _postures(plan: Plan, table: Table) -> Report:
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
         f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
         f"{limits.squeeze:g} N, {request.noise:.3g} N noise per axis and posture beside the rig "
-        f"file's; home {_home(limits)}",
+        f"file's; home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
+        f"{', the mean of what was recorded' if limits.recorded else ''}",
         table,
         *_contact(plan),
         f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
@@ -211,12 +211,6 @@ def _postures(plan: Plan, table: Table) -> Report:
         f"{plan.improvement:.2f} times better. Travel used about the middle: "
         f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
     )
-
-
-def _home(limits: Limits) -> str:
-    """Where the terminal's LCS origin stands at home."""
-    place = ", ".join(f"{v:.3f}" for v in limits.home)
-    return f"({place}) m{', the mean of what was recorded' if limits.recorded else ''}"
 
 
 def _contact(plan: Plan) -> Iterator[Block]:
@@ -249,7 +243,7 @@ def _motion(plan: MovingPlan, table: Table) -> Report:
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
         f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
-        f"a second; home {_home(limits)}",
+        "a second",
         table,
         f"Mean {1e3 * plan.expected.mean:.3g} mrad; random ones within the same limits "
         f"{1e3 * plan.random.mean:.3g} mrad: the plan is {plan.improvement:.2f} times better.",
