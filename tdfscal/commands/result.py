@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-#: Lines of a result's repr, and rows of its table in a notebook, at most.
-_LINES = 6
+#: Letters that a result's repr says of it, and rows of its table in a notebook, at most.
+_LINE = 100
 _ROWS = 60
 
 
@@ -111,9 +112,8 @@ class Result(ABC):
         return self.text
 
     def __repr__(self) -> str:
-        first = self.text.strip().split("\n\n", 1)[0].splitlines()
-        more = [" …"] if len(first) > _LINES else []
-        return "\n".join([f"{type(self).__name__}: {first[0]}", *first[1:_LINES], *more])
+        first = self.text.strip().partition("\n\n")[0]
+        return f"{type(self).__name__}: {shorten(first, _LINE, placeholder=' …')}"
 
     def _repr_html_(self) -> str:
         """Return verdict and tables as a notebook shows them, angles in mrad."""

@@ -272,10 +272,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
         "mapping_yaml": mapping_block(info) if guess else None,
         "mapping_notes": list(info.guess.notes),
         "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
-        "inputs": [
-            {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
-            for i in info.inputs
-        ],
+        "inputs": [asdict(file) for file in info.inputs],
         "clocks": [asdict(replace(clock, activity=None)) for clock in info.clocks],
         "time_offset": offset,
         "dwells": dwells,

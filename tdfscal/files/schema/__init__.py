@@ -42,13 +42,7 @@ def _described_last(schema: dict[str, Any]) -> dict[str, Any]:
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Return each format's schema by its file name, the same at every call."""
-    files = _of_files()
-    blocks = files["calibration.schema.json"]["$defs"]
-    return files | {"results.schema.json": _of_results(blocks)}
-
-
-def _of_files() -> dict[str, dict[str, Any]]:
-    return {
+    made = {
         f"{name}.schema.json": {
             "$schema": DIALECT,
             "$id": f"urn:tdfscal:schema:{name}:1",
@@ -57,6 +51,8 @@ def _of_files() -> dict[str, dict[str, Any]]:
         }
         for name, (model, title) in _MODELS.items()
     }
+    blocks = made["calibration.schema.json"]["$defs"]
+    return made | {"results.schema.json": _of_results(blocks)}
 
 
 def _of_results(of_files: dict[str, Any]) -> dict[str, Any]:
