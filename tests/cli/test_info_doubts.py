@@ -159,6 +159,7 @@ def restamped(
 @pytest.mark.parametrize(
     ("stamp", "why"),
     [
+        (lambda k, t: 0, "are all zero"),
         (lambda k, t: t // 10**9 * 10**9, "repeat the time of the sample before"),
         (lambda k, t: t + 3 * 10**9 * (k > 2500), "leave their usual distance to the recorder's"),
     ],

@@ -264,7 +264,6 @@ def test_moves_that_shake_beyond_the_threshold_reject_the_path(
     assert said["size"] > min(threshold[axis] for axis in said["subject"])
 
 
-@pytest.mark.slow
 def test_a_plan_drives_for_the_contact_that_is_stated(places: Places, tmp_path: Path) -> None:
     text = (places.free / "rig.yaml").read_text()
     counts = []

@@ -67,6 +67,7 @@ def test_rows_are_the_plan() -> None:
         (["--force-limit", "100"], 2, "the weight alone puts"),
         (["--tilt", "70"], 2, "tilt limit"),
         (["--postures", "5", "--target", "1"], 2, "two different things"),
+        (["--target", "0.001"], 4, "is asked for"),
         (["--given", "nowhere"], 2, "no such file"),
     ],
 )
