@@ -170,8 +170,13 @@ def _real(path: Path) -> Path:
 def _is_recorded(entry: Path) -> bool:
     if entry.stem == "calibration" or not looks_recorded(entry):
         return False
+    return _may_be_read(entry)
+
+
+def _may_be_read(entry: Path) -> bool:
+    """Whether what a folder holds is a log by its name, and no result of tdfscal."""
     # A pipe is not opened here: that might never end.
-    return not (entry.is_file() and is_own_result(entry))
+    return is_log(entry) and not (entry.is_file() and is_own_result(entry))
 
 
 def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
@@ -316,6 +321,8 @@ def is_other_result(path: Path) -> bool:
 def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
     """Return the files behind a command's arguments, in whatever state they are.
 
+    What tdfscal itself wrote into a folder is not read there, and a run made again replaces it.
+
     paths : campaign folders, logs, recordings, each with its rig; other files. rig : a rig file
     that is named, or its folder. The point files that it names are protected when it is read.
     """
@@ -323,7 +330,7 @@ def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
     for path in (*paths, *found):
         with contextlib.suppress(OSError):
             folder = path.is_dir() and not is_log(path)
-            for log in (entry for entry in path.iterdir() if is_log(entry)) if folder else (path,):
+            for log in filter(_may_be_read, path.iterdir()) if folder else (path,):
                 found += [log, *log.rglob("*")]
                 with contextlib.suppress(TdfscalError):
                     found += read_bag(log).files if log.is_dir() else ()  # also named elsewhere
