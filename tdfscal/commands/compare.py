@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, rigs_apart, told
-from tdfscal.checks.same_rig import other_rig
+from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import provisional, read_sources, sources_of
@@ -119,35 +118,30 @@ def compare(
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
     read = read_sources(sources)
     rejected = tuple(name for name, c in read if not c.accepted)
-    first, rigs = read[0], [c.rig.record() for _, c in read]
+    first = read[0]
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
-    for other, rig in zip(read[1:], rigs[1:], strict=True):
+    for other in read[1:]:
         pair, remark = compared(first, other)
-        found = _obstacle(pair, rejected, other_rig(rigs[0], rig))
+        found = _obstacle(pair, rejected)
         if pair.obstacle is not None and found is not pair.obstacle:
             remark = (*remark, pair.obstacle)
         pairs.append(replace(pair, obstacle=found))
         remarks.append(remark)
     drafts = (told(found) for name, c in read for found in provisional(name, c))
     renamed = (
-        f"{first[0]} is of {rigs[0].name}, {name} of {rig.name}"
-        for (name, _), rig in zip(read[1:], rigs[1:], strict=True)
-        if rig.name != rigs[0].name
+        f"{first[0]} is of {first[1].rig.name}, {name} of {c.rig.name}"
+        for name, c in read[1:]
+        if c.rig.name != first[1].rig.name
     )
     return CompareResult(judged_together(pairs), rejected, (*drafts, *renamed), tuple(remarks))
 
 
-def _obstacle(
-    pair: Comparison, rejected: tuple[str, ...], differences: tuple[Finding, ...]
-) -> Finding | None:
+def _obstacle(pair: Comparison, rejected: tuple[str, ...]) -> Finding | None:
     """A calibration that was rejected, or of another rig, verifies nothing, whatever it says.
 
     Nor does one that stands on the same recordings.
     """
-    if differences:
-        found = rigs_apart(differences, "compared-other-rig")
-        return replace(found, subject=pair.names[1:], rejects=True)
     blamed = tuple(name for name in pair.names if name in rejected)
-    if not blamed:
+    if not blamed or (pair.obstacle is not None and pair.obstacle.rejects):
         return pair.obstacle
     return Finding("compared-rejected", blamed, values={"names": " and ".join(blamed)})

@@ -46,9 +46,8 @@ class Several:
 
     @property
     def agrees(self) -> bool:
-        """Every later one is a result of its own, compatible with the first."""
-        pairs = self.history.against_first
-        return not self.departs and all(np.isfinite(pair.p_value) for pair in pairs)
+        """Every later one is a result of its own and of the same rig, compatible with the first."""
+        return not self.departs and all(p.obstacle is None for p in self.history.against_first)
 
     @property
     def departs(self) -> bool:
@@ -93,7 +92,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
     return Report(
         title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
         subtitle=f"{len(view.names)} calibrations side by side, in the order of measurement",
-        verdict="NOT COMPATIBLE" if view.departs else "COMPATIBLE" if view.agrees else _NO_RESULTS,
+        verdict=_headline(view),
         accepted=view.agrees,
         provisional=any(c.status == "provisional" for c in view.content),
         reasons=tuple(_verdict(step) for step in view.history.against_first if not step.verified),
@@ -110,6 +109,12 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         warnings=_warnings(view),
         advice=(_keep(view),) if view.agrees else _DEPARTED,
     )
+
+
+def _headline(view: Several) -> str:
+    if any(pair.obstacle and pair.obstacle.rejects for pair in view.history.against_first):
+        return "NOT COMPARABLE"
+    return "NOT COMPATIBLE" if view.departs else "COMPATIBLE" if view.agrees else _NO_RESULTS
 
 
 def letter(index: int) -> str:

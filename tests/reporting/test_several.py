@@ -122,6 +122,26 @@ def test_other_rigs_are_refused() -> None:
         put_side_by_side([("a", JANUARY), ("b", sample(n=6).calibration)])
 
 
+def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A serial that both state tells two rigs apart, whatever the angles say."""
+
+    def of(calibration: Calibration, serial: str) -> Calibration:
+        content = calibration.model_dump()
+        content["rig"]["serial"] = serial
+        return by_hand(content)
+
+    mine, other = of(JANUARY, "R-1"), of(FEBRUARY, "R-2")
+    paths = [saved(c, tmp_path, name) for c, name in ((mine, "a.json"), (other, "b.json"))]
+    for command in ("report", "compare"):
+        said = " ".join(run(capsys, command, *paths).out.split())
+        assert "R-2 instead of R-1" in said or "R-1 instead of R-2" in said
+        assert "COMPATIBLE" not in said
+        assert "Keep" not in said
+    same = several([("a", mine), ("b", of(FEBRUARY, "R-1"))])
+    assert same.verdict == "COMPATIBLE"
+    assert several([("a", mine), ("b", other)]).verdict == "NOT COMPARABLE"
+
+
 @pytest.fixture
 def files(tmp_path: Path) -> list[Path]:
     named = {"a.yaml": JANUARY, "b.json": FEBRUARY, "c.yaml": MARCH}

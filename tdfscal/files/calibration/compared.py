@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.catalogue import rigs_apart
+from tdfscal.checks.same_rig import other_rig
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
@@ -33,11 +35,25 @@ def compared(
 ) -> tuple[Comparison, tuple[Finding, ...]]:
     """First minus second, by what they have in common; and what there is to say of that.
 
-    Of no two results the differences stand alone, with what keeps them from being two. order :
-    whose sensors' order holds, by default the first's.
+    Of no two results the differences stand alone, with what keeps them from being two; of two rigs
+    nothing agrees, whatever the numbers say. order : whose sensors' order holds, by default the
+    first's.
 
     Raises DataError where they are of different supports.
     """
+    pair, said = _by_recordings(first, second, order)
+    differences = other_rig(first[1].rig.record(), second[1].rig.record())
+    if not differences:
+        return pair, said
+    apart = rigs_apart(differences, "compared-other-rig")
+    known = () if pair.obstacle is None else (pair.obstacle,)
+    apart = replace(apart, subject=(second[0],), rejects=True)
+    return replace(pair, obstacle=apart), (*said, *known)
+
+
+def _by_recordings(
+    first: Named, second: Named, order: Rotations | None
+) -> tuple[Comparison, tuple[Finding, ...]]:
     (a, A), (b, B) = first, second
     order = A.rotations() if order is None else order
     given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
