@@ -46,7 +46,7 @@ _CHANGES = {
     "tare": "with zeros known to {:g} N by a tare",
 }
 #: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
-_BEARABLE = ", within what sensors and hinges bear"
+_BEARABLE = ", if sensors and hinges bear it"
 #: Lines of a draft that are cited with their values.
 _CITED = 2
 #: Keys that state the uncertainty of what was taken as exact.
