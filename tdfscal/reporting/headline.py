@@ -85,6 +85,8 @@ def _rests_on(c: Calibration) -> str:
         parts.append(f"{c.motion.seconds:.0f} s of motion")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{c.fit.postures} postures{_besides(c.fit.rejected)}")
+    if parts:  # zeros or load take it
+        parts[-1] += " free of contact (a constant one may hide)"
     if c.tracker is not None:
         alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
@@ -98,7 +100,7 @@ def _rests_on(c: Calibration) -> str:
         source, _ = source_words(c.budget.sources[int(share.argmax())])
         if not c.history:  # given at once, none before another
             source = source.replace("earlier campaigns", "the other campaigns")
-        of = f"{share.max():.0%} of the variance of {angle.angle} of {angle.support}"
+        of = f"{share.max():.0%} of {angle.support}'s {angle.angle} variance"
         limit = f"; limited by {source} ({of})"
     return f"It rests on {', '.join(parts)}{limit}."
 

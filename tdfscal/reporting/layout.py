@@ -57,7 +57,7 @@ class Table:
     def brief(self) -> Table:
         """The same, cut to `ROWS` rows and the number of the others."""
         more = len(self.rows) - ROWS
-        if more <= 0:
+        if more <= 1:  # that there is one takes its line
             return self
         last = (f"… {more} more", *[""] * (len(self.header) - 1))
         return replace(self, rows=(*self.rows[:ROWS], last))
@@ -80,7 +80,7 @@ class Items:
     def brief(self) -> Items:
         """The same, cut to `LISTED` sentences and the number of the others."""
         more = len(self.items) - LISTED
-        if more <= 0:
+        if more <= 1:
             return self
         kept = (*self.items[:LISTED], f"… and {more} more; --html FILE or --json lists them all")
         return Items(self.caption, kept)

@@ -88,15 +88,18 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
         if not report.accepted:  # and what would mend it is not left out
             counts[-1] = len(report.advice)
     yield from found
-    shown = "-v or --html FILE shows"
+    shown, cut = "-v or --html FILE shows", " … (-v)"
     for caption, items, count in zip(captions, sentences, counts, strict=True):
         if items and not count:
-            yield [f"{caption}: {len(items)}; {shown} them"], []
+            hidden = f"{len(items)}; {shown} them"
+            if len(items) == 1:  # its begin says more than that there is one
+                hidden = " ".join(items[0]).strip(" -")
+            yield [textwrap.shorten(f"{caption}: {hidden}", width(), placeholder=cut)], []
         elif items:
             rest = [f"  … {len(items) - count} more: {shown} all"] if count < len(items) else []
             if count == len(items) - 1:  # its line says as much as that there is one
-                begin = textwrap.shorten(" ".join(items[count]), width() - 2, placeholder=" … (-v)")
-                rest = [f"  {begin}"]
+                begun = " ".join(items[count])
+                rest = [f"  {textwrap.shorten(begun, width() - 2, placeholder=cut)}"]
             yield [caption], [*(line for item in items[:count] for line in item), *rest]
     if report.number and (whole or not report.summary):
         yield [f"Report {report.number}"], []

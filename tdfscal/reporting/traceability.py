@@ -211,11 +211,11 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
     named = more or [q for q in all_of_them if _effects(q).max() > _NOTABLE * half_width]
     parts = [
         f"{q.name} ({_typical_error(q)}{by} by {rounded(1e3 * _effects(q).max())} mrad)"
-        for q, by in zip(named[:_NAMED], (" would move an angle", *[""] * _NAMED), strict=False)
+        for q, by in zip(named[:_NAMED], (" moves one", *[""] * _NAMED), strict=False)
     ]
     if len(more) > 1:
         parts.append(f"together by {rounded(1e3 * _together(all_of_them))} mrad")
-    taken = "They may be off by more, for these are taken" if more else "Taken"
+    taken = "They may be off by more; taken" if more else "Taken"
     return f"{taken} as exact: {'; '.join(parts)}." if parts else ""
 
 

@@ -57,7 +57,8 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, np.nd
 
 def german_excel(frame: pd.DataFrame, folder: Path) -> Path:
     units = {"time": "time [s]"} | {
-        name: f"{name} [{'mm' if 'Pos' in name else 'N'}]" for name in frame.columns[1:]
+        name: f"{name.replace('TDFS', 'Prüf')} [{'mm' if 'Pos' in name else 'N'}]"
+        for name in frame.columns[1:]
     }
     path = folder / "Messung.csv"
     frame.rename(columns=units).to_csv(
@@ -263,6 +264,7 @@ def test_a_newcomer_needs_two_commands(
     cli("init", "Messung.csv", "-o", "rig.yaml", "-q", ends=0)
     done = cli("calibrate", ".", "--trials", "0", "-q", ends=0)
     assert "PROVISIONAL" in done.out
+    assert "force: [Prüf1_Fx, " in Path("rig.yaml").read_text("utf-8")
     angles = [s["rpy"] for s in yaml.safe_load(Path("calibration.yaml").read_text())["supports"]]
     np.testing.assert_allclose(angles, reference.rpy, rtol=0, atol=1e-9)
 
@@ -281,7 +283,7 @@ def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
 def test_one_wrong_cell(frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path) -> None:
     """A number beyond all bounds stands alone and is left out; what is no number is refused."""
     path = german_excel(frame[0], tmp_path)
-    text = path.read_bytes().decode("utf-8-sig").splitlines(keepends=True)
+    text = path.read_bytes().decode("cp1252").splitlines(keepends=True)
     at = len(text) // 2
     first, _, rest = text[at].split(";", 2)
     for cell in ("1e300", "nan"):

@@ -72,6 +72,7 @@ def test_a_summary_fits_a_terminal() -> None:
         )
         told = re.search(r"each by itself within ± ([\d.]+) mrad \(95 %\)", said)
         assert told
+        assert ("constant" in said) == (c.method != "tracker")  # contact that no residual shows
         assert 1e3 * half <= float(told[1]) < 1.1e3 * half
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()

@@ -186,7 +186,7 @@ _OneLine.add_representer(str, represent_text)
 
 
 def _flow(value: Any) -> str:
-    text = yaml.dump(
-        value, Dumper=_OneLine, default_flow_style=True, sort_keys=False, width=1_000_000
-    )
+    layout: dict[str, Any] = {"default_flow_style": True, "sort_keys": False, "width": 1_000_000}
+    prints = "\\" not in repr(value)  # all but what steers a terminal stands as it is
+    text: str = yaml.dump(value, Dumper=_OneLine, allow_unicode=prints, **layout)
     return text.removesuffix("...\n").strip()
