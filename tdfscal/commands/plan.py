@@ -253,7 +253,8 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
 
     def watched() -> Iterator[Log]:
         for piece in log.watched():
-            means.append([series.value.mean(axis=0) for series in piece.position])
+            seen = [series.value for series in piece.position]
+            means.append([x.mean(axis=0) if len(x) else np.full(3, np.nan) for x in seen])
             yield piece
 
     progress.stage("reading the log and finding the dwells")

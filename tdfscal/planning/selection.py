@@ -9,6 +9,8 @@ from tdfscal.records import FloatArray, IntArray
 _SWEEPS = 12
 #: A swap must lower the objective by this share, or rounding would swap for ever.
 _WORTH = 1e-6
+#: Candidates whose gains are worked out together.
+_AT_ONCE = 32
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
@@ -43,6 +45,26 @@ def gains(J: FloatArray, C: FloatArray, L: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("kmr,kmr->k", Q, np.linalg.solve(S, Q)))
 
 
+def best_gain(
+    J: FloatArray, C: FloatArray, L: FloatArray, taken: list[int], least: float
+) -> tuple[int, float]:
+    """The candidate with the largest of the `gains`, and that; −1 where none is above `least`.
+
+    No gain exceeds |L C Jᵀ|², S being 1 at least: few candidates are asked for their own.
+    """
+    Q = (J.reshape(-1, len(C)) @ (C @ L.T)).reshape(len(J), -1)
+    bound = np.einsum("kr,kr->k", Q, Q)
+    bound[taken] = -1.0
+    best, order, first = -1, np.argsort(-bound), 0
+    while first < len(order) and bound[order[first]] > least:
+        some = np.sort(order[first : first + _AT_ONCE])
+        some, first = some[bound[some] > least], first + _AT_ONCE
+        gain = gains(J[some], C, L)
+        if gain.max() > least:
+            best, least = int(some[gain.argmax()]), float(gain.max())
+    return best, least
+
+
 def updated(C: FloatArray, J: FloatArray, sign: float = 1.0) -> FloatArray:
     """Covariance with rows J (m, p) added, or with sign −1 taken away."""
     T = J @ C
@@ -54,9 +76,7 @@ def greedy(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> list[i
     """Choose `count` candidates, each once, the most useful first, on top of `base` (p, p)."""
     C, chosen = inverse(base), list[int]()
     for _ in range(count):
-        gain = gains(J, C, L)
-        gain[chosen] = -1.0
-        best = int(np.argmax(gain))
+        best, _ = best_gain(J, C, L, chosen, -1.0)
         chosen.append(best)
         C = updated(C, J[best])
     return chosen
@@ -78,12 +98,10 @@ def choose(
         for place, old in enumerate(chosen):
             without = updated(C, J[old], -1.0)
             held = objective(without, L)
-            gain = gains(J, without, L)
-            gain[chosen] = -1.0
-            new = int(np.argmax(gain))
-            if held - gain[new] < value * (1 - _WORTH):
+            new, gain = best_gain(J, without, L, chosen, held - value * (1 - _WORTH))
+            if new >= 0:
                 chosen[place], C = new, updated(without, J[new])
-                value, swapped = held - float(gain[new]), True
+                value, swapped = held - gain, True
         if not swapped:
             break
     return np.array(chosen), inverse(base + information(J[chosen]))
