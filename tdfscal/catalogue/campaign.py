@@ -263,10 +263,10 @@ noise-understated warns
 noise-overstated warns
   the residuals are only {number:.2g} times what the stated uncertainties explain:
   those may be overstated, and so the angles' own
-  -> {force_noise:this campaign supports `uncertainty.force_noise: ~` (N) beside the
-    dwells' own scatter|}{positioner:this campaign supports
-    `uncertainty.positioner: ~` (m)|}{neither:see whether the rig file states more
-    noise or drift than there is|}; write less once a second one says so too
+  -> see whether the rig file states more noise or drift than there is, and write less
+    once a second campaign says so too{force_noise:; this one supports
+    `uncertainty.force_noise: ~` (N) beside the dwells' own scatter|}{positioner:; this
+    one supports `uncertainty.positioner: ~` (m)|}
 mass-exact warns
   the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
   the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and

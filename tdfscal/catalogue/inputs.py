@@ -17,6 +17,21 @@ STOPS: dict[str, str] = {
 }
 
 LOGS: dict[str, Entry] = entries("""
+samples-few refuses
+  the log holds fewer than two samples
+  -> record again
+times-alike refuses
+  most samples of a signal carry one and the same time
+  -> record with times that resolve the sample interval
+samples-sparse refuses
+  by its times the log has a sample every {number:.3g} s; dwells are found where there is one
+  every {limit:g} s or oftener
+  -> in the log block of rig.yaml state `rows: postures` where each row is the mean of a posture,
+    `time.unit` as ms (or us, ns) where the times are in that
+temperature-unreadable refuses
+  a temperature field holds no number
+  -> name a field in °C, or take log.temperature and drift.temperature out
+  @ log.temperature
 log-truncated warns
   {subject}: the file ends within a record at byte {byte}, as one that was cut short
   does: it is read as far as it is whole, to {at}

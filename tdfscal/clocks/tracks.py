@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.records import BoolArray, FloatArray, RecorderActivity, RecorderClock, Series
 
 _WIDTH = 0.02  # s; well below any move's length
@@ -124,7 +125,7 @@ class Reduction:
         for number, held in sorted(self._sums.items()):
             sums = _joined(np.concatenate(held))
             if len(sums) < 2:
-                raise DataError("the log holds fewer than two samples", hint="record again")
+                raise DataError(Finding("samples-few"))
             means = sums[:, 2:] / sums[:, 1:2]
             found[number] = Track.of(means[:, 0].copy(), means[:, 1:].copy())
         period = max(self._periods.values(), default=self._width)

@@ -178,20 +178,13 @@ def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
             break
     joined = [np.concatenate(known) for known in times]
     if not joined or min(len(t) for t in joined) < 2:
-        raise DataError("the log holds fewer than two samples", hint="record again")
+        raise DataError(Finding("samples-few"))
     period = np.array([np.median(np.diff(t)) for t in joined])
     if not np.all(period > 0):
-        raise DataError(
-            "most samples of a signal carry one and the same time",
-            hint="record with times that resolve the sample interval",
-        )
+        raise DataError(Finding("times-alike"))
     if period.max() > _SLOWEST:
-        raise DataError(
-            f"by its times the log has a sample every {period.max():.3g} s; dwells are found where "
-            f"there is one every {_SLOWEST:g} s or oftener",
-            hint="in the log block of rig.yaml state `rows: postures` where each row is the mean "
-            "of a posture, `time: {unit: ms}` (or us, ns) where the times are in that",
-        )
+        values: dict[str, Value] = {"limit": _SLOWEST}
+        raise DataError(Finding("samples-sparse", (), float(period.max()), "s", values=values))
     return held, period, min(float(t[0]) for t in joined)
 
 

@@ -310,11 +310,7 @@ class Thermometer:
         columns = []
         for times, values in zip(self.time, self.value, strict=True):
             if not times:
-                raise DataError(
-                    "a temperature field holds no number",
-                    where="log.temperature",
-                    hint="name a field in °C, or take log.temperature and drift.temperature out",
-                )
+                raise DataError(Finding("temperature-unreadable"))
             time, value = np.concatenate(times), np.concatenate(values)
             total = np.append(0.0, np.cumsum(value))
             first, last = np.searchsorted(time, start), np.searchsorted(time, end, side="right")

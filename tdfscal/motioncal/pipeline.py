@@ -258,7 +258,7 @@ def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[
         suspicions=suspected,
         conformity=conformity,
     )
-    lost = covered((s.begin, s.end) for s in rejected)
+    lost = covered(rejected)
     if lost > MOST_REJECTED * (lost + result.seconds):
         values: dict[str, Value] = {"seconds": lost + result.seconds, "limit": MOST_REJECTED}
         reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)

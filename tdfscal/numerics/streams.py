@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -111,10 +112,10 @@ def line_through(time: FloatArray, value: FloatArray, least: float) -> Line:
     return Line(offset, std, rate, rate_std, middle, span, len(time))
 
 
-def covered(spans: Iterable[tuple[float, float]]) -> float:
-    """Length of what spans, each from and to, cover together."""
+def covered(spans: Iterable[Any]) -> float:
+    """Length of what spans, each with its begin and end, cover together."""
     total, reached = 0.0, -np.inf
-    for begin, end in sorted(spans):
-        total += max(0.0, end - max(begin, reached))
-        reached = max(reached, end)
+    for span in sorted(spans, key=lambda span: span.begin):
+        total += max(0.0, span.end - max(span.begin, reached))
+        reached = max(reached, span.end)
     return float(total)

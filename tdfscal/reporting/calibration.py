@@ -271,7 +271,7 @@ def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
 
 def _motion(m: MotionResult) -> list[tuple[str, str]]:
     """What the motion told besides the angles."""
-    lost = covered((s.begin, s.end) for s in m.rejected)
+    lost = covered(m.rejected)
     rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
     moments = ", ".join(
         f"{m.inertia.value[k][k]:.4g} ± {m.inertia.std[k][k]:.2g}" for k in range(3)

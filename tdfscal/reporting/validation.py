@@ -220,7 +220,7 @@ def validation_report(
     found = _residual(v)
     beside: tuple[Table, ...] = ()
     if isinstance(v, MovingValidation):
-        lost = covered((s.begin, s.end) for s in v.rejected)
+        lost = covered(v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
         table = layout.residual_table(found, "means over a second, about the barycentre")
         figure = "residual-over-time"

@@ -148,8 +148,8 @@ def _of_the_noise(known: Estimate[Fit], *, measured_noise: bool) -> list[Finding
         return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
     if stats.p_value > 1 - OVERSTATED_NOISE:
         less: dict[str, Value] = {key: f"{size:g}" for key, size in supported(known).items()}
-        p_value, values = 1 - stats.p_value, less or {"neither": True}
-        return [Finding("noise-overstated", size=stats.birge, p_value=p_value, values=values)]
+        p_value = 1 - stats.p_value
+        return [Finding("noise-overstated", size=stats.birge, p_value=p_value, values=less)]
     return []
 
 

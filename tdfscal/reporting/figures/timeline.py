@@ -172,7 +172,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
         return fig
 
     said = f"{slow.time[-1] - slow.time[0]:.0f} s of the log are in motion"
-    lost = covered((s.begin, s.end) for s in rejected)
+    lost = covered(rejected)
     said += f"; {lost:.0f} s in {len(rejected)} stretches (hatched) were left out." if lost else "."
     return Drawing("forces", "The log and its forces", said, paint)
 
