@@ -152,7 +152,7 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"or {longest} checks show it turned against all before, beyond drift.angle; and whether "
         f"all together depart. All tests of a check share its level, {life.level[-1]:.2g} of the "
         f"last, so that an unchanged rig raises at most {life.rate:.2g} alarms a year, however "
-        "often it is checked [program default]"
+        "often it is checked" + layout.FIXED
     )
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
     sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)

@@ -26,7 +26,7 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
-from tdfscal.reporting.layout import METHODS, Section, Table, utc
+from tdfscal.reporting.layout import FIXED, METHODS, Section, Table, utc
 from tdfscal.reporting.papers import Making, by_file, day_measured, overdue, stated_facts
 from tdfscal.significance import (
     CERTAIN_SHIFT,
@@ -302,22 +302,25 @@ def exact_names(c: Calibration) -> list[str]:
     return list(dict.fromkeys([*(q.name for q in _by_effect(c)), *exact]))
 
 
-#: Of a limit that no rig file states; of one that has the default's value, stated or not.
-_FIXED, _USUAL = " [program default]", " [the default value]"
+def _whose(limits: AcceptanceBlock, key: str) -> str:
+    """Whose limit of the rig file's it is; one that is stated as the default is none other."""
+    if getattr(limits, key) == getattr(AcceptanceBlock(), key):
+        return f" [the tool's own default; acceptance.{key} states another]"
+    return f" [the rig file's acceptance.{key}]"
 
 
 def _decision_rule(c: Calibration) -> str:
     """When a result is accepted (ISO/IEC 17025, 7.8.6)."""
-    limits, usual = c.rig.acceptance, AcceptanceBlock()
+    limits = c.rig.acceptance
     rule = (
         f"accepted where every angle's standard uncertainty is at most "
-        f"{1e3 * limits.angle_std:.3g} mrad{_USUAL * (limits.angle_std == usual.angle_std)}, the "
+        f"{1e3 * limits.angle_std:.3g} mrad{_whose(limits, 'angle_std')}, the "
         f"scatter at most {limits.birge_max:.2g} times what is stated (Birge ratio)"
-        f"{_USUAL * (limits.birge_max == usual.birge_max)}"
+        f"{_whose(limits, 'birge_max')}"
     )
     if c.method != "tracker":
         lost = "motion is left out" if c.motion is not None else "postures are rejected"
-        rule += f", at most {MOST_REJECTED:.0%} of the {lost}{_FIXED}"
+        rule += f", at most {MOST_REJECTED:.0%} of the {lost}{FIXED}"
     rule += ", and no finding rejects"
     if c.method != "tracker":
         harm = f"an angle by more than {HARMFUL_SHIFT:g}, or " if c.motion is None else ""
@@ -327,7 +330,7 @@ def _decision_rule(c: Calibration) -> str:
         rule += (
             f": an undeclared error does that the residuals suspect (level: {UNDECLARED_ERROR:.1%} "
             f"of faultless campaigns at most) and that moves {harm} of its standard uncertainties"
-            f"{_FIXED}"
+            f"{FIXED}"
         )
     rule += "; the limit is one of the uncertainty itself, so that no guard band stands before it"
     if c.status == "provisional":

@@ -67,7 +67,7 @@ _AGAIN = (
 )
 _RULE = (
     "still valid where neither χ² nor the search for a single change exceeds its limit; the limits "
-    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold [program default]"
+    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold" + layout.FIXED
 )
 _SAID = {
     "holds": ("still valid", _KEEP),

@@ -117,7 +117,9 @@ def test_what_is_exact_adds_up_in_each_angle(
 def test_a_limit_with_the_defaults_value_is_called_that() -> None:
     """A calibration file has all limits: whether the rig file stated one is not known."""
     for given, usual in ((stated(acceptance={"angle_std": 2e-3}), 1), (stated(), 2)):
-        assert facts(given)["Decision rule"].count("[the default value]") == usual
+        said = facts(given)["Decision rule"]
+        assert said.count("[the tool's own default;") == usual
+        assert said.count("2 mrad [the rig file's acceptance.angle_std]") == 2 - usual
     level = f"{100 * UNDECLARED_ERROR:.1f}"  # as the theory has it
     assert f"level: {level}% of faultless campaigns" in facts(given)["Decision rule"]
     theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
