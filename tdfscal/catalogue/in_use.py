@@ -116,12 +116,15 @@ provisional-in-use warns
   be confirmed, {several:first|namely} {lines}; its `findings` name each
   -> confirm them and calibrate again
 rig-renamed warns
-  {subject} is of {own}, the log's rig file of {other}
-calibration-unsealed notes
-  {subject} has no `content_sha256`, by which an edited file is known: what stands
-  in it once only is taken on trust
+  {subject} is of {own}, {than} of {other}
+serials-untold warns
+  {subject} states the serial of {whose}, {than} does not: whether it is the same one is not known
+  -> state it in both
+calibration-unsealed warns
+  {subject} has no `content_sha256`: it was edited since it was written, or another
+  program wrote it, and what stands in it once only is taken on trust
 calibration-misdated warns
-  the calibration says that it was computed on {created}
+  {subject} says that it was computed on {created}
   ? future , which is in the future
   ? late , before its data were recorded ({end})
 calibrations-compatible notes
@@ -157,8 +160,6 @@ compared-nested notes
   ? undated , over a time that a file's date tells
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
-calibration-rejected warns
-  {subject} is a rejected calibration
 exact-moves-untold warns
   {subject} does not tell how errors of what it took as exact ({names}) move it: none
   of them is counted here
@@ -231,8 +232,6 @@ campaign-remark warns
   {subject}: {said}
 campaign-noisy warns
   {subject} scatters {number:.2g} times as much as is stated, and counts with that
-checks-rejected warns
-  rejected by the quality gate: {subject}
 checks-undated warns
   nothing says when it was recorded, and the file's date stands for it: {subject}
   -> write each one's day as `campaign.date` in its rig.yaml

@@ -44,6 +44,24 @@ def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     return found + _hinges(first, other)
 
 
+def other_papers(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
+    """What leaves open whether two rigs are one, each with what it goes by: names, serials."""
+    (a, A), (b, B) = first, other
+    values: dict[str, Value] = {"own": A.name, "than": b, "other": B.name}
+    found = [Finding("rig-renamed", (a,), values=values)] if A.name != B.name else []
+    for (name, rig), (than, lacking) in ((first, other), (other, first)):
+        if whose := [what for what in _serials(rig) if what not in _serials(lacking)]:
+            found.append(Finding("serials-untold", (name,), values={"whose": whose, "than": than}))
+    return tuple(found)
+
+
+def _serials(rig: Rig) -> dict[str, str]:
+    """Serial numbers that are stated, by what they are of."""
+    sensors = zip(rig.supports, rig.sensors, strict=False)  # none: no papers
+    all_of = {"the rig": rig.serial} | {f"the sensor of {name}": s.serial for name, s in sensors}
+    return {what: serial for what, serial in all_of.items() if serial is not None}
+
+
 def _hinges(first: Rig, other: Rig) -> tuple[Finding, ...]:
     """Hinges that differ; or that all stand alike, in another LCS."""
     std = float(np.hypot(first.declared.hinge, other.declared.hinge))

@@ -11,7 +11,6 @@ from typing import Any, Self
 
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -21,7 +20,6 @@ from tdfscal.files.calibration.document import (
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.yaml import as_path
-from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 
@@ -31,8 +29,6 @@ CalibrationSource = str | PathLike[str] | CalibrationFile
 ANGLE_COLUMNS = "support angle value std low high"
 #: What a calibration goes by that no file holds.
 IN_MEMORY = "calibration"
-#: Lines of a draft that a sentence names.
-_LINES_SAID = 2
 
 
 class Calibration(Result, CalibrationFile):
@@ -133,22 +129,6 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
             hint="name the .yaml or .json file that calibrate wrote",
         )
     return str(path), Calibration.of(load_file(path))
-
-
-def provisional(name: str, calibration: CalibrationFile) -> tuple[Finding, ...]:
-    """Say so of an accepted calibration that rests on lines of a draft."""
-    if calibration.status != "provisional":
-        return ()
-    lines = [line for entry in calibration.found(UNCONFIRMED) for line in entry.subject]
-    said = {"lines": lines[:_LINES_SAID]}
-    return (Finding("provisional-in-use", (name,), len(lines), values=said),)
-
-
-def unsealed(calibration: CalibrationFile, name: str) -> tuple[Finding, ...]:
-    """Name a file that cannot tell whether it was edited; name : as by `read_source`."""
-    if name == IN_MEMORY or calibration.content_sha256 is not None:
-        return ()
-    return (Finding("calibration-unsealed", (name,)),)
 
 
 def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:

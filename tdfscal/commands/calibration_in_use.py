@@ -10,26 +10,24 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
-from tdfscal.checks.same_rig import contradictions
+from tdfscal.checks.same_rig import contradictions, other_papers
 from tdfscal.commands.arguments import PathLike, PathLikes, listed
 from tdfscal.commands.calibration import (
     Calibration,
     CalibrationSource,
-    provisional,
     read_source,
-    unsealed,
 )
 from tdfscal.commands.campaign import Campaign, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import CampaignInfo, FloatArray, Rig
-from tdfscal.reporting.traceability import misdated
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Samples, Tally, aligned
@@ -99,7 +97,8 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     other = campaign.rig.rig
     require_agreement(given.rig, other, str(campaign.rig.path))
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
-    found = _findings(loaded, name, other.name)
+    papers = other_papers((name, given.rig), (str(campaign.rig.path), other))
+    found = (*defects(name, loaded), *papers)
     return InUse(name, loaded, replace(given, rig=used), campaign, found)
 
 
@@ -107,17 +106,6 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
     """Raise UsageError where a rig, of the file `where`, is not the one that was calibrated."""
     if found := contradictions(calibrated, given):
         raise UsageError(rigs_apart(found, "rig-uncalibrated"), where=where)
-
-
-def _findings(calibration: Calibration, path: str, rig: str) -> tuple[Finding, ...]:
-    found = (*unsealed(calibration, path), *misdated(calibration))
-    if calibration.rig.name != rig:
-        names: dict[str, Value] = {"own": calibration.rig.name, "other": rig}
-        found = (Finding("rig-renamed", (path,), values=names), *found)
-    if not calibration.accepted:
-        why: dict[str, Value] = {"why": "; ".join(reason.text for reason in calibration.reasons)}
-        return (Finding("rejected-in-use", (path,), values=why), *found)
-    return (*provisional(path, calibration), *found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,13 @@ import numpy as np
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import provisional, read_sources, sources_of
+from tdfscal.commands.calibration import read_sources, sources_of
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
+from tdfscal.files.calibration.defects import defects
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
@@ -28,15 +29,13 @@ from tdfscal.reporting.text import render
 class CompareResult(Result):
     """The first calibration against each of the others.
 
-    pairs : one comparison each. rejected : names of those that the quality gate rejected.
-    beside : what is said of rigs whose names differ, and of drafts. remarks : of each pair, on
-    the data that both stand on.
+    pairs : one comparison each. remarks : of each, on the data that both stand on, their rigs'
+    papers. findings : what must be known of each calibration by itself.
     """
 
     pairs: tuple[Comparison, ...]
-    rejected: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
-    remarks: tuple[tuple[Finding, ...], ...] = ()
+    remarks: tuple[tuple[Finding, ...], ...]
+    findings: tuple[Finding, ...]
 
     @property
     def verified(self) -> bool:
@@ -45,28 +44,28 @@ class CompareResult(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Rejected and provisional calibrations, and rigs of other names."""
-        rejected = (f"{name} was rejected by the quality gate" for name in self.rejected)
-        return (*rejected, *self.beside)
+        """What must be known of each calibration by itself."""
+        return tuple(map(told, self.findings))
 
     @property
     def exit_status(self) -> int:
         """1 unless all are accepted and compatible."""
-        return 0 if self.verified and not self.rejected else 1
+        return 0 if self.verified else 1
 
     @property
     def text(self) -> str:
         """Verdict, differences and E_n of each pair."""
         each = zip(self.pairs, self.remarks, strict=True)
-        return "\n".join(render(comparison_report(pair, said)) for pair, said in each)
+        said = "\n".join(render(comparison_report(pair, said)) for pair, said in each)
+        return f"{said}\nAs a page, side by side: tdfscal report A B… --html FILE\n"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison, or all under `comparisons`, as plain JSON values."""
-        each = [
-            comparison_document(pair, {})
-            | {"findings": documents((*filter(None, [pair.obstacle]), *said))}
-            for pair, said in zip(self.pairs, self.remarks, strict=True)
-        ]
+        each = []
+        for pair, said in zip(self.pairs, self.remarks, strict=True):
+            own = (one for one in self.findings if set(one.subject) & set(pair.names))
+            found = documents((*filter(None, [pair.obstacle]), *said, *own))
+            each.append(comparison_document(pair, {}) | {"findings": found})
         if len(each) == 1:
             return each[0]
         return {"verified": self.verified, "comparisons": each}
@@ -106,6 +105,8 @@ def compare(
 ) -> CompareResult:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
 
+    `report A B… --html FILE` makes a page of it.
+
     Raises
     ------
     UsageError
@@ -127,13 +128,8 @@ def compare(
             remark = (*remark, pair.obstacle)
         pairs.append(replace(pair, obstacle=found))
         remarks.append(remark)
-    drafts = (told(found) for name, c in read for found in provisional(name, c))
-    renamed = (
-        f"{first[0]} is of {first[1].rig.name}, {name} of {c.rig.name}"
-        for name, c in read[1:]
-        if c.rig.name != first[1].rig.name
-    )
-    return CompareResult(judged_together(pairs), rejected, (*drafts, *renamed), tuple(remarks))
+    known = tuple(found for name, c in read for found in defects(name, c))
+    return CompareResult(judged_together(pairs), tuple(remarks), known)
 
 
 def _obstacle(pair: Comparison, rejected: tuple[str, ...]) -> Finding | None:

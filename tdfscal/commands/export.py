@@ -13,9 +13,7 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, one
 from tdfscal.commands.calibration import (
     Calibration,
-    provisional,
     read_source,
-    unsealed,
 )
 from tdfscal.commands.capability import CapabilityResult
 from tdfscal.commands.options import Option
@@ -24,6 +22,7 @@ from tdfscal.errors import DataError, RejectedError, UsageError
 from tdfscal.exports import FORMATS, WITH_THRESHOLDS
 from tdfscal.exports.formats import ContactThresholds
 from tdfscal.exports.statements import cautions
+from tdfscal.files.calibration.defects import below_accepted
 from tdfscal.files.yaml import read_document
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
@@ -108,7 +107,7 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    found = map(told, (*provisional(name, loaded), *unsealed(loaded, name)))
+    found = map(told, below_accepted(name, loaded))
     limits = None if capability is None else _thresholds(capability, loaded, to, allow_rejected)
     text = FORMATS[to](loaded, parent, limits)
     return ExportResult(to, text, loaded, one(output), (*found, *cautions(loaded)))

@@ -27,6 +27,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
+from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
@@ -154,8 +155,11 @@ def monitor(
     calibrations, folders = _sorted_out(sources_of(*files))
     known = [read_earlier(source) for source in calibrations]
     like = (known[0].name, known[0].rig) if known else None
-    for earlier in known[1:]:
-        require_one_rig((known[0].name, known[0].rig), (earlier.name, earlier.rig))
+    papers = [
+        found
+        for earlier in known[1:]
+        for found in require_one_rig((known[0].name, known[0].rig), (earlier.name, earlier.rig))
+    ]
     groups = [[folder] for folder in folders]
     if len(known) + len(groups) < 2:
         raise UsageError(
@@ -187,7 +191,7 @@ def monitor(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*lost, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
+        (*lost, *papers, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
         tuple(map(_source, ordered)),
         Making(command, tuple(file for read in reads for file in read.inputs)),
     )
@@ -242,11 +246,10 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
 def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:
     """What a reader of the history must know of its checks."""
     known = [check for check in checks if isinstance(check, Earlier)]
-    rejected = [e.name for e in known if not e.file.accepted]
-    dated = [check.name for check in checks if check.measured.source == "file"]
-    for code, names in (("checks-rejected", rejected), ("checks-undated", dated)):
-        if names:
-            yield Finding(code, _some(names))
+    for e in known:
+        yield from defects(e.name, e.file)
+    if dated := [check.name for check in checks if check.measured.source == "file"]:
+        yield Finding("checks-undated", _some(dated))
     never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]
     yield from (Finding("sensor-never-determined", (name,)) for name in never)
     for e in known:

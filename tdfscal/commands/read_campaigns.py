@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.checks.same_rig import different_constants
+from tdfscal.checks.same_rig import different_constants, other_papers
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import surveyed
 from tdfscal.commands.campaign import resolve
@@ -63,7 +63,7 @@ def read_campaigns(
             logs.append((str(group[0]), LogPass(resolve(group, rig), settings)))
     for name, log in logs:
         like = like or (name, log.rig)
-        require_one_rig(like, (name, log.rig))
+        log.messages += require_one_rig(like, (name, log.rig))
     reads = list[Read]()
     for name, log in logs:
         with unusable.noting(name):
@@ -129,10 +129,14 @@ def _read(name: str, log: LogPass) -> Read:
     )
 
 
-def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> None:
-    """Raise UsageError where two rigs, each with a name to call it by, state other constants."""
+def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
+    """Return what leaves open whether two rigs, each with what it goes by, are one.
+
+    Raises UsageError where they state other constants.
+    """
     if found := different_constants(first[1], other[1]):
         raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
+    return other_papers(first, other)
 
 
 @contextmanager

@@ -32,6 +32,7 @@ from tdfscal.errors import UsageError
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import own_readings, readings_of
+from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import from_self, published_std
@@ -280,9 +281,7 @@ def _updated(
             said = tuple(f for f in said if not f.rejects or f.code in PRECISION)
         own = replace(own, findings=(*found, *said))
     own = replace(own, findings=(*own.findings, *beside))
-    notes = [_could_have_missed(misfit, read.rig, earlier)]
-    if not earlier.file.accepted:
-        notes.append(Finding("calibration-rejected", (earlier.name,)))
+    notes = [_could_have_missed(misfit, read.rig, earlier), *defects(earlier.name, earlier.file)]
     if untold := _moves_untold(earlier.file):
         notes.append(Finding("exact-moves-untold", (earlier.name,), values={"names": untold}))
     campaigns, history = (*earlier.campaigns, this), earlier.history()

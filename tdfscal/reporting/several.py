@@ -12,22 +12,18 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.comparison.compatibility import Comparison, History, compare
 from tdfscal.files.calibration.compared import compared
+from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
-from tdfscal.reporting.traceability import UNSEALED, measured_on
+from tdfscal.reporting.traceability import measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 #: Said where calibrations stand on the same recordings.
 _NO_RESULTS = "NOT SEPARATE RESULTS"
-#: Of a calibration that is not accepted.
-_SAID = {
-    "rejected": "was rejected by the quality gate",
-    "provisional": "is provisional: lines of its rig file's draft are still to be confirmed",
-}
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
@@ -182,8 +178,7 @@ def _keep(view: Several) -> str:
 
 def _warnings(view: Several) -> tuple[str, ...]:
     named = list(zip(view.letters, view.content, strict=True))
-    found = [f"{name} {_SAID[s]}" for s in _SAID for name, c in named if c.status == s]
-    found += [f"{name} is {UNSEALED}" for name, c in named if c.unsealed]
+    found = [sentence(one) for name, c in named for one in defects(name, c)]
     rigs = [c.rig.model_dump(exclude={"sha256", "campaign"}) for c in view.content]
     if any(rig != rigs[0] for rig in rigs):
         found.append("the rig files differ between these calibrations")

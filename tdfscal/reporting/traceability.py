@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import PurePath
@@ -14,16 +13,14 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
+from tdfscal.files.calibration.defects import doubtful
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
 from tdfscal.files.calibration.parts import (
     ConformityResult,
     ExactQuantityResult,
     FindingResult,
-    instant,
-    seconds,
 )
 from tdfscal.files.rig.model import AcceptanceBlock
-from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import FIXED, METHODS, Section, Table, utc
@@ -38,8 +35,7 @@ from tdfscal.significance import (
     UNDECLARED_ERROR,
 )
 
-#: Seconds by which clocks and time zones may differ; days of a month.
-_DAY = 86400.0
+#: Days of a month.
 _MONTH = 30.4375
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
 #: Sensors beside each other in a table: 80 letters hold so many.
@@ -49,10 +45,6 @@ _CAPTION = (
 )
 _UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
           "of it": (100.0, "%")}  # fmt: skip
-UNSEALED = (
-    "not sealed: the calibration file was edited since it was written, or written by another "
-    "program"
-)
 #: Quantities named in one sentence, and the share of the half width from which on they are.
 _NAMED, _NOTABLE = 3, 0.1
 #: Standard uncertainties of the rig file's block, by the words for what they are of; those of which
@@ -123,18 +115,7 @@ def doubts(c: Calibration) -> tuple[str, ...]:
     """That a file was edited, that its dates cannot be, whose certificate had ended before."""
     ended = overdue(c.rig.record(), _day(c), "this calibration")
     papers = (f"{sentence(found)}{by_file(c.measured)}" for found in ended)
-    dates = map(sentence, misdated(c))
-    return (*((UNSEALED,) if c.unsealed else ()), *dates, *papers)
-
-
-def misdated(c: Calibration) -> tuple[Finding, ...]:
-    """Dates that cannot be: computed in the future, or before the data were there."""
-    made, end = seconds(c.created), recorded(c).end
-    wrong: dict[str, Value] = {"future": made > time.time() + _DAY, "late": end > made + _DAY}
-    if not any(wrong.values()):
-        return ()
-    wrong |= {"created": utc(c.created), "end": utc(instant(end))}
-    return (Finding("calibration-misdated", values=wrong),)
+    return (*map(sentence, doubtful("this calibration", c)), *papers)
 
 
 def _contact(found: ConformityResult, exact: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.catalogue import cure, rigs_apart, sentence
-from tdfscal.checks.same_rig import contradictions, different_constants, other_rig
+from tdfscal.checks.same_rig import contradictions, different_constants, other_papers, other_rig
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.significance import CONTRADICTION
@@ -108,6 +108,19 @@ def test_an_exchanged_sensor_is_told_where_both_files_name_theirs(
         assert "calibrate anew" in cure(rigs_apart([found], code))
     for same in (first, with_sensors(None, "T-2", "T-3"), RIG):
         assert compared(first, same) == compared(same, first) == ()
+
+
+def test_a_serial_that_one_of_two_states_is_named_with_who_does() -> None:
+    """What both state, alike or not, is no open question; nor is a name that both share."""
+    known = replace(RIG, serial="R-1", sensors=(*map(SensorInfo, ("T-1", "T-2", None)),))
+    part = replace(known, serial=None, sensors=(*map(SensorInfo, ("T-9", None, "T-3")),))
+    assert other_papers(("a", known), ("b", known)) == other_papers(("a", RIG), ("b", RIG)) == ()
+    first, second = other_papers(("a", known), ("b", part))
+    assert (first.subject, first.values["than"]) == (("a",), "b")
+    assert first.values["whose"] == ["the rig", "the sensor of ncp2"]
+    assert (second.subject, second.values["whose"]) == (("b",), ["the sensor of ncp3"])
+    (renamed,) = other_papers(("a", RIG), ("b", replace(RIG, name="another")))
+    assert (renamed.code, renamed.values["other"]) == ("rig-renamed", "another")
 
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.3, -0.1, 2.0)])

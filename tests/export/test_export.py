@@ -193,7 +193,7 @@ def test_every_export_says_that_a_file_was_edited_and_whose_certificate_had_ende
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"content_sha256": None}))
     said = " ".join(cli("export", path, "--to", to, ends=0).out.replace("*", " ").split())
-    assert "not sealed: the calibration file was edited" in said
+    assert "has no `content_sha256`: it was edited" in said
     assert "certificate of support_2's sensor ended on 2020-01-31" in said
 
 

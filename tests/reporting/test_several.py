@@ -137,6 +137,18 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFix
         assert "R-2 instead of R-1" in said or "R-1 instead of R-2" in said
         assert "COMPATIBLE" not in said
         assert "Keep" not in said
+    content = json.loads(paths[0].read_text())
+    content["created"] = "2099-01-01T00:00:00Z"
+    bare = tmp_path / "bare.json"
+    bare.write_text(json.dumps({k: v for k, v in content.items() if k != "content_sha256"}))
+    found = json.loads(
+        run(capsys, "compare", bare, saved(FEBRUARY, tmp_path, "f.json"), "--json").out
+    )
+    told = {each["code"]: each["subject"] for each in found["findings"]}
+    assert told == {
+        code: [str(bare)]
+        for code in ("serials-untold", "calibration-unsealed", "calibration-misdated")
+    }
     same = several([("a", mine), ("b", of(FEBRUARY, "R-1"))])
     assert same.verdict == "COMPATIBLE"
     assert several([("a", mine), ("b", other)]).verdict == "NOT COMPARABLE"

@@ -163,8 +163,8 @@ def test_dates_that_cannot_be_are_told_wherever_the_calibration_goes() -> None:
     day = {"begin": "2024-11-20T00:00:00Z", "end": "2024-11-21T00:00:00Z", "source": "rig"}
     cases = {
         "2024-11-20T12:00:00Z": "",  # by the clock of another time zone
-        "2020-01-01T00:00:00Z": "before its data were recorded (2024-11-21 00:00:00 UTC)",
-        "2999-01-01T00:00:00Z": "2999-01-01 00:00:00 UTC, which is in the future",
+        "2020-01-01T00:00:00Z": "before its data were recorded (2024-11-21T00:00:00Z)",
+        "2999-01-01T00:00:00Z": "2999-01-01T00:00:00Z, which is in the future",
     }
     for created, said in cases.items():
         c = changed(stated(), measured=day, created=created)
@@ -182,8 +182,11 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
     bare = tmp_path / "bare.json"
     bare.write_text(json.dumps(content), encoding="utf-8")
     for c, marks in ((stated(), 0), (load_calibration(path), 0), (load_calibration(bare), 1)):
-        assert sum("not sealed" in text for text in calibration_report(c).warnings) == marks
-        assert sum("not sealed" in str(text) for text in lines(c)) == marks
+        assert (
+            sum("has no `content_sha256`" in text for text in calibration_report(c).warnings)
+            == marks
+        )
+        assert sum("has no `content_sha256`" in str(text) for text in lines(c)) == marks
         assert sum("the file itself keeps none" in str(text) for text in lines(c)) == 2 * marks
         both = several_report(put_side_by_side((("a", stated()), ("b", c))))
-        assert sum("not sealed" in text for text in both.warnings) == marks
+        assert sum("has no `content_sha256`" in text for text in both.warnings) == marks

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.checks.same_rig import other_rig
+from tdfscal.checks.same_rig import other_papers, other_rig
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
@@ -42,7 +42,9 @@ def compared(
     Raises DataError where they are of different supports.
     """
     pair, said = _by_recordings(first, second, order)
-    differences = other_rig(first[1].rig.record(), second[1].rig.record())
+    a, b = ((name, c.rig.record()) for name, c in (first, second))
+    said = (*said, *other_papers(a, b))
+    differences = other_rig(a[1], b[1])
     if not differences:
         return pair, said
     apart = rigs_apart(differences, "compared-other-rig")
