@@ -170,8 +170,9 @@ moments-unlike-noise rejects
 halves-disagree rejects
   the two halves of the log disagree ({p}), most about the {axis} axis of {subject}:
   {size} ± {std:rad}
-  -> see what changed while it moved (a screw, a hinge, a warming sensor: declare
-    drift.time), and calibrate the two halves of the log apart
+  ? alone ; its turn alone explains them
+  -> {alone:fasten that sensor, and |}see what changed while it moved (a screw, a hinge, a warming
+    sensor: declare drift.time), and calibrate the two halves of the log apart
 methods-disagree rejects
   self-calibration and tracker differ beyond their uncertainties (joint {p}), in
   {above} of {of} angles by themselves (worst: {angle} of {support}:
@@ -223,9 +224,9 @@ stretch-over-capacity warns
   -> squeeze less, or carry less
 stretch-touched warns
   a wrench of {size} and {moment:N·m} about the barycentre that the model does not
-  know: contact, or a motion too fast for it
+  know: {slip:most likely the sensor of ~ that turned|contact, or a motion too fast for it}
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> find what touched the terminal, or move more slowly
+  -> {slip:fasten the sensor of ~|find what touched the terminal, or move more slowly}
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out

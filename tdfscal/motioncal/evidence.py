@@ -31,16 +31,19 @@ _MEAN, _MEANS = 1.0, 600
 class Halves:
     """Do the two halves of a log give the same rotations?
 
-    turn, std : (n, 3), rad, from the first half to the second, BCS. p_value : that chance alone
-    gives more; 1 where a half is too short to tell. weight : how likely that they differ, as of a
-    suspicion. delay, delay_std : s, change of the delay between forces and positions beyond what
-    clocks that run apart make of it.
+    turn, std : (n, 3), rad, from the first half to the second, BCS, of each sensor if it alone
+    turned; support : whose turn explains most, and rest_p_value : that chance leaves what it does
+    not. p_value : that chance alone gives more; 1 where a half is too short to tell. weight : how
+    likely that they differ, as of a suspicion. delay, delay_std : s, change of the delay between
+    forces and positions beyond what clocks that run apart make of it.
     """
 
     turn: FloatArray
     std: FloatArray
     p_value: float
     weight: float = -np.inf
+    support: int = 0
+    rest_p_value: float = 1.0
     delay: float = 0.0
     delay_std: float = np.inf
 
@@ -81,15 +84,22 @@ def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Ha
     if np.abs(parts.null[:, -len(free) :]).max(initial=0.0) > 1e-6:
         return none
     column = -len(free) - 1
-    turn, std = none.turn.ravel(), none.std.ravel()
-    turn[free], std[free] = change[-len(free) :], np.sqrt(np.diag(cov))
-    fall = float(turn[free] @ np.linalg.solve(cov, turn[free]))
+    known = np.linalg.inv(cov)
+    score = known @ change[-len(free) :]
+    fall = float(score @ cov @ score)
+    turn, std, alone = none.turn, none.std, np.zeros(n)
+    for i, own in zip(np.flatnonzero(determined), score.reshape(-1, 3), strict=True):
+        at_own = np.flatnonzero(free // 3 == i)
+        spread = np.linalg.inv(known[np.ix_(at_own, at_own)])
+        turn[i], std[i], alone[i] = spread @ own, np.sqrt(np.diag(spread)), own @ spread @ own
+    best = int(np.argmax(alone))
     p, weight = float(chi2_sf(fall, len(free))), fall - len(free) * np.log(fit.rows)
-    turns = Halves(turn.reshape(n, 3), std.reshape(n, 3), p, weight)
+    rest = float(chi2_sf(max(0.0, fall - alone[best]), max(1, len(free) - 3)))
+    turns = Halves(turn, std, p, weight, best, rest)
     if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
         return turns
-    spread = float(np.sqrt(parts.root[column] @ parts.root[column]))
-    return replace(turns, delay=float(change[column]), delay_std=spread)
+    late = float(np.sqrt(parts.root[column] @ parts.root[column]))
+    return replace(turns, delay=float(change[column]), delay_std=late)
 
 
 def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:

@@ -185,6 +185,9 @@ def _judged(
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
+    if _slipped(halves):
+        name = rig.supports[halves.support]
+        rejected = tuple(_of_the_slip(stretch, name) for stretch in rejected)
     # With hinges elsewhere than stated, or a sensor that turned on the way and says more, whatever
     # else the residuals ask for is an echo.
     if not any(doubt.spoils_motion for doubt in placed):
@@ -285,16 +288,30 @@ def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
     return (Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True),)
 
 
+def _slipped(halves: Halves) -> bool:
+    """Whether the halves disagree, and one sensor's turn explains all of it."""
+    return halves.p_value < CHANGED_RIG <= halves.rest_p_value
+
+
+def _of_the_slip(stretch: Stretch, name: str) -> Stretch:
+    """What the model does not know there is likelier that turn than contact."""
+    if stretch.reason.code != "stretch-touched":
+        return stretch
+    values = {**stretch.reason.values, "slip": name}
+    return replace(stretch, reason=replace(stretch.reason, values=values))
+
+
 def _disagreeing(halves: Halves, rig: Rig) -> Finding:
-    """That the halves of a log do not agree, by the turn that is surest."""
-    i, j = np.unravel_index(np.argmax(np.abs(halves.turn / halves.std)), halves.turn.shape)
+    """That the halves of a log do not agree, by the sensor whose own turn explains most."""
+    i = halves.support
+    j = int(np.argmax(np.abs(halves.turn[i] / halves.std[i])))
     return Finding(
         "halves-disagree",
         (rig.supports[i],),
         float(halves.turn[i, j]),
         "rad",
         halves.p_value,
-        values={"axis": "xyz"[j], "std": float(halves.std[i, j])},
+        values={"axis": "xyz"[j], "std": float(halves.std[i, j]), "alone": _slipped(halves)},
         rejects=True,
     )
 

@@ -235,7 +235,8 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
             )
         return
     if c.found("motion-left-out"):
-        if any(stretch.code == "stretch-touched" for stretch in c.motion.rejected):
+        contact = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
+        if contact and not c.found("halves-disagree"):
             yield (
                 "find what touched the terminal in the stretches left out (cables, a hand, a "
                 "stop), and free it; where nothing did, move more slowly, or hold eight or more "

@@ -148,6 +148,11 @@ def test_a_sensor_that_turned_on_the_way_is_no_zero_that_drifts() -> None:
     drifting[:, 1, 1] += 10.0 * (slow.time - slow.time[0]) / np.ptp(slow.time)
     found = calibrate_moving(campaign.rig, replace(slow, force=turned), NOTHING)
     assert [reason.code for reason in found.reasons] == ["halves-disagree"]
-    assert found.reasons[0].subject == ("ncp2",)
+    (reason,) = found.reasons
+    assert reason.subject == ("ncp2",)
+    assert reason.values["axis"] == "x"
+    assert abs(reason.size or 0.0) == pytest.approx(6e-3, abs=3 * float(str(reason.values["std"])))
+    slips = [f.values.get("slip") for f in found.findings if f.code == "stretch-touched"]
+    assert set(slips) <= {"ncp2"}  # and no contact, which nothing shows
     found = calibrate_moving(campaign.rig, replace(slow, force=drifting), NOTHING)
     assert found.reasons[0].code == "zero-drift"
