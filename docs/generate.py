@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 import tdfscal
 from tdfscal.catalogue import CATALOGUE
-from tdfscal.cli.app import COMMANDS, DETAILED, PRINTED, described, summary
+from tdfscal.cli.app import COMMANDS, PRINTED, described, summary
 from tdfscal.commands.options import Described
 from tdfscal.files.schema import schemas
 from tdfscal.findings import Severity
@@ -44,7 +44,6 @@ def commands() -> Iterator[str]:
         yield f"\n### tdfscal {name}\n\n{summary(name)}\n\n    tdfscal {name}{given}{needed}\n\n"
         yield from (line for p in options if (line := _option(p)) not in shared)
         also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
-        also += ["`--verbose`"] if name in DETAILED else []
         yield f"- also {', '.join(also)}\n" if also else ""
     yield "\n"
 

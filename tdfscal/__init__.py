@@ -73,4 +73,4 @@ def _main() -> None:
         from tdfscal.cli import main
     except KeyboardInterrupt:
         raise SystemExit(130) from None
-    main()
+    main(last=True)

@@ -6,12 +6,15 @@ import sys
 from tdfscal.cli.interruption import Interruption, listening
 
 
-def main() -> None:
-    """Run the command line and leave with the contract's exit status."""
+def main(*, last: bool = False) -> None:
+    """Run the command line and leave with the contract's exit status.
+
+    last : nothing follows in this process, whose end no signal may turn into another status.
+    """
     status, interruption = None, Interruption()
     gc.set_threshold(50_000)  # what modules and models are made of stays: few cycles to search for
     try:
-        with listening(interruption):
+        with listening(interruption, last=last):
             # All imports of weight lie inside, so that an interruption among them ends quietly too.
             from tdfscal.cli.process import ending
 

@@ -31,15 +31,14 @@ PURPOSES = {
     "Plan and try": ("plan", "simulate"),
 }
 COMMANDS = tuple(sorted(name for names in PURPOSES.values() for name in names))
-#: What the printing takes, of every command; `verbose` where there is a summary.
+#: What the printing takes, of every command.
 PRINTED = {
     "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
     "quiet": typer.Option(False, "--quiet", "-q", help="No progress on standard error."),
     "verbose": typer.Option(
-        False, "--verbose", "-v", help="Print the whole report, not its summary alone."
+        False, "--verbose", "-v", help="Print the whole report where there is a summary."
     ),
 }
-DETAILED = ("calibrate", "monitor", "update", "validate")
 _HELP = {"help_option_names": ["-h", "--help"]}
 #: What typer raises for a faulty command line, whichever click it carries.
 _MISUSE: type[Exception] = typer.BadParameter.__bases__[0]
@@ -146,7 +145,6 @@ def made(name: str) -> Any:
     parameters += [
         Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
         for each, option in PRINTED.items()
-        if each != "verbose" or name in DETAILED
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -83,8 +83,11 @@ def _is_on_its_way() -> bool:
 
 
 @contextlib.contextmanager
-def listening(one: Interruption) -> Iterator[None]:
-    """Let the signals end what is inside; those that the caller ignores (nohup) stay ignored."""
+def listening(one: Interruption, *, last: bool = False) -> Iterator[None]:
+    """Let the signals end what is inside; those that the caller ignores (nohup) stay ignored.
+
+    last : behind it they end nothing.
+    """
     before, hook = dict[int, Any](), sys.unraisablehook
     token, sys.unraisablehook = current.set(one), _unless_signalled
     try:
@@ -96,7 +99,7 @@ def listening(one: Interruption) -> Iterator[None]:
     finally:
         one.end()
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if last else handler)
         sys.unraisablehook = hook
         current.reset(token)
 

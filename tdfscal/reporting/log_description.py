@@ -99,7 +99,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
     if not info.signals:
         return
     which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
-    yield f"Signals, as read with {which}"
+    yield from wrapped(f"Signals, as read with {which}", "", "")
     rows = []
     for s in info.signals:
         rate = "–" if s.rate is None else f"{s.rate:.5g}"

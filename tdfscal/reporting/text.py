@@ -194,7 +194,6 @@ def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
         width(),
         initial_indent=indent,
         subsequent_indent=indent + hanging,
-        break_long_words=False,
         break_on_hyphens=False,
     )
 

@@ -237,9 +237,9 @@ def test_a_signal_that_meets_a_callback_ends_the_run(
 
 
 MOVED = """
-import contextlib, os, signal, sys
+import atexit, contextlib, os, signal, sys
 from pathlib import Path
-from tdfscal import cli
+from tdfscal import _main
 from tdfscal.files import outputs
 def drop(*args):
     with contextlib.suppress(BaseException):
@@ -250,17 +250,18 @@ def after(move, *args):
 appear, replace = outputs.Outputs.appear, Path.replace
 {line}
 sys.argv = ["tdfscal", "export", "own.yaml", "-q", "--to", "csv", "-o", sys.argv[1]]
-cli.main()
+_main()
 """
 BEFORE = "outputs.Outputs.appear = lambda self: drop() or appear(self)"
 AMONG = "Path.replace = lambda *paths: after(replace, *paths)"
+LAST = "atexit.register(os.kill, os.getpid(), signal.SIGTERM)"
 
 
-@pytest.mark.parametrize(("line", "status"), [(BEFORE, 143), (AMONG, 0)])
+@pytest.mark.parametrize(("line", "status"), [(BEFORE, 143), (AMONG, 0), (LAST, 0)])
 def test_outputs_appear_wholly_or_after_no_signal(
     home: Path, tmp_path: Path, line: str, status: int
 ) -> None:
-    """One that was heard, though dropped, keeps them away; one among them comes too late."""
+    """One that was heard, though dropped, keeps them away; one among or after them is late."""
     target = tmp_path / "supports.csv"
     target.write_text("before")
     ended, _, said = python(MOVED.format(line=line), home, target)

@@ -14,6 +14,7 @@ import pytest
 import typer.main
 
 from tdfscal.cli import app
+from tdfscal.commands.calibration import load_calibration
 from tdfscal.simulation import MOVING, SCENARIOS
 from tests.cli.running import SAMPLES, Cli
 
@@ -74,9 +75,15 @@ def test_a_shell_completes(shell: str, tmp_path: Path) -> None:
     assert "validate" not in done.stdout
 
 
-def test_tables_fold_on_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch, cli: Cli) -> None:
-    monkeypatch.setenv("COLUMNS", "60")
+def test_text_folds_on_a_narrow_terminal(
+    monkeypatch: pytest.MonkeyPatch, cli: Cli, home: Path
+) -> None:
+    """But for the mapping, which is to be pasted as it is."""
+    monkeypatch.setenv("COLUMNS", "40")
     said = cli("info", SAMPLES / "parquet", "-q").out
     mapping = said.index("Mapping guessed")
-    assert max(map(len, said[:mapping].splitlines())) <= 60
+    assert max(map(len, said[:mapping].splitlines())) <= 40
+    whole = cli("report", home / "own.yaml", "-v").out
+    assert max(map(len, whole.splitlines())) <= 40
+    assert load_calibration(home / "own.yaml").inputs[0].sha256 in "".join(whole.split())
     assert max(map(len, cli("--help").out.splitlines())) <= 60
