@@ -7,15 +7,16 @@ codes. No sentence is made below `catalogue`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Literal
+
+from tdfscal.frozen import field, record
 
 Severity = Literal["refuses", "rejects", "warns", "notes"]
 #: What a sentence may need besides.
 Value = str | float | bool | Sequence[str] | Sequence[float] | None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Finding:
     """A fact about a campaign, its rig file, or a result.
 

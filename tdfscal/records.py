@@ -7,13 +7,13 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Final, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from tdfscal.findings import Finding
+from tdfscal.frozen import field, record, replace
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -26,7 +26,7 @@ Rows = Literal["timeseries", "postures"]
 Integrity = Literal["verified", "unverified"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class UncertainValue:
     """A quantity known as value ± std: std 0 is known exactly, std ∞ is unknown.
 
@@ -43,7 +43,7 @@ class UncertainValue:
         return cls(array, np.zeros_like(array))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeclaredUncertainty:
     """Standard uncertainties that the log's own scatter cannot show (rig.yaml, `uncertainty`)."""
 
@@ -65,7 +65,7 @@ class DeclaredUncertainty:
     """The same along Z of the BCS, m/N, constant."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Drift:
     """How zeros move within a campaign, per channel, and angles between campaigns."""
 
@@ -90,7 +90,7 @@ def sensor_frame(support: str) -> str:
     return f"{support}_tdfs"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CampaignInfo:
     """When (ISO 8601), where, by whom and with what a campaign was recorded (rig.yaml)."""
 
@@ -102,7 +102,7 @@ class CampaignInfo:
     note: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SensorInfo:
     """A sensor's papers (rig.yaml, `sensor`); due is a day in ISO 8601."""
 
@@ -111,7 +111,7 @@ class SensorInfo:
     due: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Acceptance:
     """Limits of the quality gate (rig.yaml, `acceptance`)."""
 
@@ -134,7 +134,7 @@ class Acceptance:
         return force, ("torque", "N·m", slice(3, 6), self.contact_torque)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ExactMoves:
     """How parameters, or scores of them, move with errors of a quantity taken as exact.
 
@@ -165,7 +165,7 @@ class ExactMoves:
         return ExactMoves(self.name, self.error, self.unit, *sides)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JointPrior:
     """What earlier campaigns know of the rig's constants: one Gaussian of all of them together.
 
@@ -190,7 +190,7 @@ class JointPrior:
         return np.asarray(self.root.any(axis=0))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rig:
     """What is known of the rig, resolved to arrays."""
 
@@ -245,7 +245,7 @@ Scale = tuple[float, float, float]
 CLOCK_RATE_STD: Final = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ClockPrior:
     """What is stated of a recorder's clock against the first one's (rig.yaml, `clock`).
 
@@ -263,7 +263,7 @@ class ClockPrior:
         return float(self.offset.std) == 0.0 and self.rate_std == 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RecorderActivity:
     """How fast what two recorders hold changes, each by its own stamps, log scale.
 
@@ -280,7 +280,7 @@ class RecorderActivity:
     second: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RecorderClock:
     """A recorder's clock against the first one's, as found; times in s.
 
@@ -303,7 +303,7 @@ class RecorderClock:
         return np.asarray(self.reference + since / (1.0 + self.rate))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LogMapping:
     """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
 
@@ -344,7 +344,7 @@ class LogMapping:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Series:
     """One vector signal: time (N,) in s, ascending; value (N, 3)."""
 
@@ -352,7 +352,7 @@ class Series:
     value: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class InputFile:
     """A file that went into a result; note : what is odd about where it lies."""
 
@@ -363,7 +363,7 @@ class InputFile:
     note: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Measured:
     """When data were recorded, s since 1970 UTC, and what says so."""
 
@@ -377,7 +377,7 @@ class Measured:
         return self.end / (30.4375 * 86400.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Log:
     """A recorded campaign, or a piece of one, in SI units and tdfscal's sign.
 
@@ -398,7 +398,7 @@ class Log:
     clocks: tuple[RecorderClock, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LeftOut:
     """A stretch of the log, or a posture, that is not used, and why."""
 
@@ -407,7 +407,7 @@ class LeftOut:
     reason: Finding
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Absence:
     """Why a log holds no dwell: what was seen, and what would do.
 
@@ -419,7 +419,7 @@ class Absence:
     stop: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Dwells:
     """Static dwells: NCPs at rest, forces settled.
 
@@ -458,7 +458,7 @@ class Dwells:
         return len(self.start)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PointSet:
     """Named points of one file.
 
@@ -489,7 +489,7 @@ class PointSet:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Instrument:
     """A spherical instrument's standard uncertainties: range (m), range_ppm, angle_arcsec."""
 
@@ -498,7 +498,7 @@ class Instrument:
     angle_arcsec: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TrackerSession:
     """A laser-tracker survey: targets on the sensors, and one point moved by each NCP.
 
@@ -514,7 +514,7 @@ class TrackerSession:
     moves: PointSet
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rotations:
     """Installation rotations X_i of all sensors with their covariance.
 

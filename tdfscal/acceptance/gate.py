@@ -13,13 +13,13 @@ guarded acceptance with a guard band of width U (JCGM 106): conforming where U â
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from scipy import special
 
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import wrench as lever
@@ -114,7 +114,7 @@ _FAR = 9.0
 _FLAT = 1.0e-12
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Limited:
     """One limited quantity, N or NÂ·m.
 
@@ -147,7 +147,7 @@ class Limited:
         return contact_in_doubt(float(self.std.max()), asked.probability(UNTIMED), asked.detect)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Conformity:
     """Contact force and torque at one posture, at rest without internal forces.
 

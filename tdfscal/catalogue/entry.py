@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from string import Formatter
 from typing import Any, cast
@@ -13,6 +12,7 @@ import numpy as np
 
 from tdfscal.errors import visible
 from tdfscal.findings import Finding, Severity
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import p_text
 
 #: Larger and smaller units in which a size is read, with their factors.
@@ -32,7 +32,7 @@ _EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
 _EPS = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Entry:
     """What is said of a code.
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.model.parameters import nominal
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 
@@ -25,7 +24,7 @@ _ROUNDED = 1e-12
 _FROZEN = 3
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Screened:
     """Which dwells may be used (K,), and the reason for each that may not."""
 

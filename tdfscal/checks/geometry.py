@@ -11,7 +11,6 @@ along the normal of their plane).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,6 +24,7 @@ from tdfscal.checks.hinge_distances import (
     without_jolts,
 )
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig
@@ -76,7 +76,7 @@ def misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
     return float(np.median(rms)), float(np.median(R[:, 2, 2]))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Geometry:
     """What the distances between hinges say.
 

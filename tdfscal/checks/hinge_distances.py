@@ -12,11 +12,11 @@ depend on the number of postures.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.model.postures import register
 from tdfscal.model.statics import wrench
 from tdfscal.numerics import so3
@@ -44,7 +44,7 @@ Suspect = tuple[str, int | None, FloatArray]
 _CHUNK: Final = 1024
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Cause:
     """One thing that may be wrong, and how well it alone explains the distances.
 
@@ -71,7 +71,7 @@ class Cause:
         return self.statistic - self.unknowns
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Equations:
     """Equations of all postures, summed: columns' products (P, P), with the misfit (P,), χ²."""
 

@@ -10,7 +10,6 @@ Finding similar files; Schleimer, Wilkerson and Aiken 2003, Winnowing).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy.typing as npt
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, Dwells, FloatArray, LeftOut, Log, Rig
 from tdfscal.significance import REPEATED_BY_CHANCE
 
@@ -50,7 +50,7 @@ _Windows = npt.NDArray[Any]
 _MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Repeat:
     """Samples of one sensor, in s of the log's clock, that are those of an earlier stretch."""
 

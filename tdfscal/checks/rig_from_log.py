@@ -6,13 +6,13 @@ Starting points for a rig file, each to be confirmed from drawings and weighing:
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
@@ -25,7 +25,7 @@ _BETTER: Final = (
 _MOST: Final = 6  # supports whose mountings are tried in all combinations
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RigSketch:
     """Estimates from K static postures of n supports.
 

@@ -13,12 +13,12 @@ search on SO(3)ⁿ works on. Nothing of the rig needs to be known.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from tdfscal.clocks.tracks import Track
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.numerics.rotation_descent import descend
@@ -33,7 +33,7 @@ _STICK = 1e-3  # rad/s, above which friction is Coulomb's
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Model:
     """What balances best: rotation (n, 3, 3), rest (3n + 11,) of w_i, J, τ, r, m.
 

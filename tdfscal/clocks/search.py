@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +19,7 @@ from tdfscal.clocks.tracks import (
 )
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.numerics.streams import Line
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
 
@@ -45,7 +45,7 @@ _UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statemen
 ALSO = 0.6  # share of it from which another lag is as likely
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Candidate:
     """A lag, s, from begin to begin. misfit : of the balance, for its degrees of freedom.
 

@@ -7,12 +7,12 @@ peak at every lag that brings their moves together.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, RecorderActivity, RecorderClock, Series
 
 _WIDTH = 0.02  # s; well below any move's length
@@ -25,7 +25,7 @@ _SHOWN = 300.0  # s of both recordings that are kept for a look,
 _DRAWN = 400  # in as many bins at most
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Track:
     """One stream: mean stamps (B,), s, and mean values (B, 3) of its bins.
 
@@ -52,7 +52,7 @@ class Track:
         return np.asarray(value), np.asarray(known)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Tracks:
     """What one recorder holds: streams by number, 2i the position of support i, 2i + 1 its force.
 
@@ -149,7 +149,7 @@ def _joined(rows: FloatArray) -> FloatArray:
     return np.asarray(out)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Peak:
     """A lag, s, at which two courses are alike; r : their correlation over the overlap, s."""
 

@@ -25,6 +25,7 @@ from tdfscal.files.writers.wrenches import (
     write_wrenches,
 )
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 _ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class ApplyResult(Result):
     """Contact wrenches of a log.
 

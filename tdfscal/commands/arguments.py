@@ -8,13 +8,14 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Set, ValuesView
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.yaml import as_path
+from tdfscal.frozen import record
 from tdfscal.logs import Moment, TimeWindow
 from tdfscal.logs.table import seconds_of
 
@@ -46,7 +47,7 @@ def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
     return nullcontext()
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@record
 class Progress:
     """Called while a command works.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import CampaignInfo, FloatArray, Rig
@@ -35,7 +36,7 @@ from tdfscal.wrench.sample_noise import LogHead, take_head
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class InUse:
     """A calibration with the logs that it is used on.
 
@@ -108,7 +109,7 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
         raise UsageError(rigs_apart(found, "rig-uncalibrated"), where=where)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class ZeroEpoch:
     """When the zeros of a calibration held: at the first posture of its (last) campaign.
 

@@ -6,7 +6,6 @@ import contextlib
 import os
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from tdfscal.commands.arguments import PathLike, PathLikes, listed, one
@@ -16,6 +15,7 @@ from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.formats import (
     NOWHERE,
@@ -49,7 +49,7 @@ _QUANTITY = b"contact wrench on the terminal: force, and moment"
 _TAIL = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Campaign:
     """What a command works on.
 

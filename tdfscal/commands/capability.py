@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from tdfscal.detection.capability import (
 )
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
@@ -39,7 +39,7 @@ _OLD = 86400.0
 _AGED = 0.5
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class CapabilityResult(Result):
     """Thresholds and smallest contacts along a path, with what was asked and what was found.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,13 +18,14 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class CompareResult(Result):
     """The first calibration against each of the others.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,13 +23,14 @@ from tdfscal.exports.formats import ContactThresholds
 from tdfscal.exports.statements import cautions
 from tdfscal.files.calibration.defects import below_accepted
 from tdfscal.files.yaml import read_document
+from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
 
 Target = Literal["urdf", "ros", "csv", "c", "dcc"]
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class ExportResult(Result):
     """A calibration in another form. content : the text. output : the file that holds it.
 

@@ -25,6 +25,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import carrying
@@ -53,7 +54,7 @@ class Largest:
             self.size = np.maximum(self.size, new)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FreePath:
     """A path without contact, with all that stands on the wrench along it.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,14 @@ from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.frozen import record, replace
 from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import LogInfo, as_document, describe_logs
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class InfoResult(Result):
     """What is in some logs. description : fields, rates, gaps, dwells, problems, a mapping."""
 

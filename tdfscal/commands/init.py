@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
+from tdfscal.frozen import record
 from tdfscal.logs import expand
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
@@ -24,7 +24,7 @@ from tdfscal.reporting.layout import Drawing
 _GRAVITY = 9.80665
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class InitResult(Result):
     """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm."""
 

@@ -26,6 +26,7 @@ from tdfscal.comparison.shared_data import Readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
 
@@ -46,7 +47,7 @@ _DAY = 86400.0
 _MONTH_IN_NAME, _MONTH = re.compile(r"(?<!\d)(20\d\d)-?(0[1-9]|1[0-2])-?[0-3]\d(?!\d)"), 31 * _DAY
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Settings:
     """What holds for every campaign of a command.
 
@@ -249,7 +250,7 @@ def day(moment: float) -> str:
     return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Recording:
     """What tells one recording from another.
 

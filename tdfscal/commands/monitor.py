@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,6 +31,7 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
@@ -43,7 +43,7 @@ from tdfscal.reporting.traceability import calibration_fact, report_digest
 Source = tuple[tuple[str, str], dict[str, Any]]
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class MonitorResult(Result):
     """A rig's history. alarms : those that count, of all in `life`.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial, reduce, wraps
 from inspect import Parameter, signature
@@ -27,6 +26,7 @@ from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
 from tdfscal.errors import TdfscalError, UsageError, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
+from tdfscal.frozen import record, replace
 from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -44,7 +44,7 @@ _SAID: Mapping[Any, str] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Option:
     """What a parameter says of itself.
 
@@ -78,7 +78,7 @@ class Option:
         return f"{text[0].upper()}{text[1:]}."
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Described:
     """A parameter of a command.
 
@@ -175,7 +175,7 @@ def _fits(value: Any, kind: Any) -> bool:
     return isinstance(value, origin or kind) and not (isinstance(value, str) and value == "")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Command:
     """A function that is a command.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,6 +31,7 @@ from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.plan import plan_csv, time_table_csv
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, travel_limits
@@ -55,7 +55,7 @@ DEFAULT_DENSITY = 0.1
 Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +25,11 @@ from tdfscal.errors import (
     UsageError,
 )
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class Read(Recording):
     """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +19,7 @@ from tdfscal.files.field_types import LengthUnit
 from tdfscal.files.points.reading import read_point_file
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import registration_document, registration_report
@@ -27,7 +27,7 @@ from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class RegisterResult(Result):
     """Best-fit transform reference → measured. registration : it. findings : of the files."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,11 +19,12 @@ from tdfscal.commands.calibration import (
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.files.outputs import PAGE_SUFFIXES
+from tdfscal.frozen import record, replace
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import put_side_by_side, several_document, several_report
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class ReportResult(Result):
     """Calibrations to look at. named : name and content of each, in the order given."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,9 +11,10 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.files.schema import write_schemas
 from tdfscal.files.yaml import as_path
+from tdfscal.frozen import record
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class SchemaResult(Result):
     """Schemas that were written. files : where."""
 

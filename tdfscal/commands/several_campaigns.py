@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.parts import CampaignResult
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.records import Measured, Rig
 from tdfscal.reporting.history import sentence as alarm_sentence
@@ -46,7 +47,7 @@ PRECISION = ("angle-uncertain", "contact-uncertain")
 _REMARKS = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class Judged(Read):
     """A campaign with what it gives to a pool, and what is said of it by itself.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +13,7 @@ from tdfscal.commands.result import Result, by_angle
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
+from tdfscal.frozen import record
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
@@ -24,7 +24,7 @@ _SCENARIOS = (
 )
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class SimulateResult(Result):
     """A campaign folder that was written. run : what was simulated, with its truth."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated
@@ -40,6 +39,7 @@ from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, p
 from tdfscal.files.calibration.parts import CampaignResult, HistoryEntry
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import (
     Calibrated,
     constants_known,
@@ -57,7 +57,7 @@ from tdfscal.significance import DETECTION_POWER, alarm_level
 _TOUCHED = "stretch-touched"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class Earlier(EarlierCalibration):
     """A calibration file as what is known before another campaign."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,6 +26,7 @@ from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
@@ -41,7 +41,7 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 Samples = Literal["static", "moving"]
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
+@record(eq=False)
 class ValidateResult(Result):
     """Verdict of `validate`.
 

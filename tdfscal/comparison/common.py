@@ -14,7 +14,6 @@ each campaign's own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from tdfscal.comparison.walk import Walk
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL, exact_rows
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, stated
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract
 from tdfscal.numerics.information import Information, inverse, nothing
@@ -29,7 +29,7 @@ from tdfscal.records import ExactMoves, FloatArray, IntArray, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Common:
     """Common parameters (C,) of campaigns with these rig files; rotations first.
 
@@ -137,7 +137,7 @@ def scores_of_survey(
     return tuple(one.by(posterior) for one in exact)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Error:
     """One realisation of an error: scores (C, c) by campaign that has it; and whose it is."""
 

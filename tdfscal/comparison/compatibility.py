@@ -6,13 +6,13 @@ Self-calibration and laser tracker of one rig are then joined into what both say
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, gain, inverse, p_value
@@ -21,7 +21,7 @@ from tdfscal.records import ANGLES, FloatArray, Rotations
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, EXPANDED_COVERAGE, INCOMPATIBLE
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Comparison:
     """A against B, independent or one of them with all data of the other.
 
@@ -127,7 +127,7 @@ def verdict(
     return Finding(code, names, p_value=p, values=values)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Nested:
     """One of two estimates, A and B, has all data of the other, and more.
 
@@ -139,7 +139,7 @@ class Nested:
     walk: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class History:
     """Several calibrations in the order given, oldest first.
 
@@ -290,7 +290,7 @@ def _require_covariance(name: str, rotations: Rotations) -> None:
         raise DataError(Finding("covariance-singular"), where=name)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Joint:
     """The joint estimate of two calibrations of the same sensors.
 

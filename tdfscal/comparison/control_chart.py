@@ -18,11 +18,11 @@ walk, and whatever else the filter was told.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.information import Contrast, Information, contrast, p_value
 from tdfscal.records import FloatArray, IntArray
@@ -38,7 +38,7 @@ _CREEP_CHECKS = 2
 _CREEP_BETTER = 4.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Alarm:
     """A sensor that turned, or a terminal that is not as it was.
 
@@ -75,7 +75,7 @@ class Alarm:
         return float(np.sqrt(along @ self.covariance @ along))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TurnsSince:
     """The filter after a check, and turns of n sensors that began with any of the last H checks.
 
@@ -167,7 +167,7 @@ _LOADED = 1e3
 _SETTLED = BACK // 2
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Check:
     """What one calibration, or one campaign, says of the constants (C,); rotations first.
 
@@ -181,7 +181,7 @@ class Check:
     load: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Watch:
     """The result of going through a history.
 

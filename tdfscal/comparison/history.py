@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
 from tdfscal.comparison.walk import Intensity, Walk, intensity
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
@@ -25,7 +25,7 @@ _FEWEST_FOR_WALK, _ONE_DAY = 4, 1 / 30.44
 _FORESEEN = 2.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Due:
     """When the largest standard uncertainty of a turn may meet the limit.
 
@@ -44,7 +44,7 @@ class Due:
     limit: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Life:
     """A rig's history in K checks of n sensors, in the order of time.
 
@@ -181,7 +181,7 @@ def live(
     )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Told:
     """Turns from the reference, rad, BCS, and the angles they make; all (K, n, 3), std beside."""
 

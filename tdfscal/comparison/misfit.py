@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.walk import Walk
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, stated
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, information_of, of_load
 from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
 from tdfscal.numerics.information import (
@@ -29,7 +29,7 @@ from tdfscal.significance import CAUSE_EXPLAINS, MISFIT
 _ALLOWED = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Misfit:
     """A campaign that does not fit the others, and the one cause that explains it, if one does.
 

@@ -8,7 +8,6 @@ of time, and each is held against the rest before anything is pooled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from tdfscal.estimation.observation import (
     unstated,
 )
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
     CONSTANTS,
@@ -55,7 +55,7 @@ _SETTLED = 1e-4
 _ROUNDS = 8
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Recorded:
     """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
 
@@ -73,7 +73,7 @@ class Recorded:
     exact: tuple[ExactMoves, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Member:
     """A campaign within the pool.
 
@@ -99,7 +99,7 @@ class Member:
         return self.reduced.information
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Pool:
     """Campaigns in the order of time about a common reference of what they have in common.
 

@@ -6,7 +6,6 @@ A calibration that stands on an earlier one counts only with what its own data a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal
 from tdfscal.numerics.information import Information, without
@@ -27,7 +27,7 @@ from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Measu
 from tdfscal.significance import ALARMS_PER_YEAR
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class EarlierCalibration:
     """A calibration with its full covariance, before any scaling by a Birge ratio.
 

@@ -10,13 +10,13 @@ which they tell themselves, by whatever clock.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import gammainc, gammaln
 
+from tdfscal.frozen import record
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
@@ -29,7 +29,7 @@ Relation = Literal["apart", "first", "second", "same", "overlapping"]
 _ABUTTING = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Recorded:
     """A recording that went into an estimate.
 
@@ -93,7 +93,7 @@ _CUT = 2
 _MEAN, _MOMENTS, _FOURTH = 1.0, 200, 17.3**0.5
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Readings:
     """Mean readings of K dwells, or moments of a motion, by which their recording is known again.
 

@@ -10,10 +10,10 @@ Potter, IEEE Trans. Autom. Control 14, 1969).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Information, contrast
 from tdfscal.records import FloatArray
@@ -23,7 +23,7 @@ from tdfscal.significance import INTERVAL_COVERAGE
 _TRIED = np.geomspace(1e-6, 2e-2, 60)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Walk:
     """Checks in the order of time: what each says by itself, and the walk between them.
 
@@ -66,7 +66,7 @@ def _log_det(matrix: FloatArray) -> float:
     return float(np.linalg.slogdet(matrix / scale[:, None] / scale)[1] + 2 * np.log(scale).sum())
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Intensity:
     """Random-walk intensity by the history, rad/√month: most likely value, 95 % interval."""
 

@@ -9,7 +9,6 @@ Prieur, SIAM/ASA J. Uncertainty Quantification 5, 2017): never negative, and 1 i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
 
@@ -18,6 +17,7 @@ import numpy as np
 from tdfscal.detection.noise import MeasuredNoise
 from tdfscal.detection.path import Errors
 from tdfscal.detection.threshold import Noise, Places, Watch, quantile
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.records import BoolArray, FloatArray
@@ -78,7 +78,7 @@ UNTIMED = 3600.0
 _MANY = 64.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Request:
     """What is asked of a path.
 
@@ -95,7 +95,7 @@ class Request:
         return float(-np.expm1(-self.false_stops * duration / 3600.0))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Thresholds:
     """Per component of the wrench (6,), N and N·m; NaN where nothing bounds it.
 
@@ -113,7 +113,7 @@ class Thresholds:
         return int(np.argmax(size[:3])), 3 + int(np.argmax(size[3:]))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Capability(Thresholds):
     """Thresholds with what they come from.
 
@@ -235,7 +235,7 @@ _WORTH = 0.1
 _HELD = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Remedy:
     """One thing done, and the smallest contacts (6,) that would be seen then, N and N·m.
 

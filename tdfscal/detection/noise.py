@@ -8,12 +8,12 @@ loses to the mean or the parabola that is taken off is put back.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.detection.threshold import Noise
 from tdfscal.dwells.noise_spectrum import SlowNoise, slow_noise
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 #: Windows where nothing rests, s; what scatters this many times as much as usual is a touch.
@@ -91,7 +91,7 @@ def _filtered(value: FloatArray, share: float) -> FloatArray:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MeasuredNoise:
     """Noise of each of the six components, and what it was measured on.
 

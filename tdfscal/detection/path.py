@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.model.zero_motion import ZeroAge, zero_motion
@@ -90,7 +91,7 @@ class PathPoints:
         return Path(np.array(time), np.stack(position), np.stack(force), self.averaged)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Path:
     """Places of a path without contact, each for as long as any other.
 
@@ -113,7 +114,7 @@ class Path:
         return np.asarray(np.unique(np.floor(way / _SAME_PLACE), return_inverse=True)[1])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ZeroChange:
     """How the zeros have moved since they were calibrated: as declared, and by 1/f noise.
 
@@ -126,7 +127,7 @@ class ZeroChange:
     flicker: ZeroVariance | None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Errors:
     """What stands on the wrench at B places of a path, N and N·m, by standard normal draws.
 

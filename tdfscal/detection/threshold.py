@@ -22,13 +22,13 @@ fast part's rate as killing (Kac 1951), on a grid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 from scipy.special import ndtr, ndtri
 
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 #: Draws behind a probability, and the places across which a single one is integrated.
@@ -43,7 +43,7 @@ _STEPS, _CLOSE = 40, 2e-3
 _HALVES = 60
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Places:
     """A component along the path: what one machine has on it at B places, for r draws.
 
@@ -82,7 +82,7 @@ class Places:
         return np.asarray(np.linalg.norm(self.factor, axis=1))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Watch:
     """A threshold on one component over a path of a duration, s."""
 
@@ -136,7 +136,7 @@ class Watch:
         return float(high)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Chance:
     """Probability that a threshold is exceeded, the same draws for every threshold."""
 
@@ -221,7 +221,7 @@ _LEAST, _MOST = 1e-40, 1e12
 _SMALL = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Noise:
     """Noise of a component of the wrench, as a controller sees it after its filter; N or N·m.
 
@@ -261,7 +261,7 @@ def fast_rate(level: FloatArray, correlation: float, interval: float) -> FloatAr
     return np.asarray(-np.log1p(-chance) / interval)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Crossings:
     """First crossings of a level on one side, over levels in N or N·m from `first` by `step`.
 

@@ -7,13 +7,13 @@ Everything later works on bins, so an hour at 1 kHz is 180 000 rows instead of 3
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
@@ -28,7 +28,7 @@ _PEEK, _PEEK_OF = 2048, 65536
 _ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Bins:
     """A log reduced to B bins of equal width; S = 2n streams, positions (m) then forces (N).
 

@@ -6,8 +6,6 @@ that changes from move to move the rate (`numerics.streams`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.clocks import forces_behind
@@ -16,6 +14,7 @@ from tdfscal.clocks.tracks import Track
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.records import Dwells
 
 _MOST = 100  # moves
@@ -27,7 +26,7 @@ LARGE = 0.02
 _CERTAIN = 5.0  # standard errors
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Offset:
     """seconds : time of the forces less that of the positions for one and the same motion.
 

@@ -14,7 +14,6 @@ is added.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
@@ -24,6 +23,7 @@ import numpy.typing as npt
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Real = TypeVar("Real", bound=np.floating)
@@ -33,7 +33,7 @@ _SPECTRA = 50  # dwells, evenly over the log, that the spectrum is taken from
 _ROWS = 2**12  # bins taken at once; they stay in the cache
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Extent:
     """One dwell: bins [begin, end) of which `used` (end − begin,) are averaged."""
 
@@ -62,7 +62,7 @@ class Extent:
         return Extent(self.begin, later.end, np.concatenate([self.used, pause, later.used]))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Moments:
     """Per dwell and stream: mean (K, S, 3), cov of the mean (K, S, 3, 3), count and effective
     (K, S); drift (K, S, 3), change over the dwell by the fitted line, with drift_std;
@@ -78,7 +78,7 @@ class Moments:
     density: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Own:
     """What dwells show by themselves, (K, S, 3): see `Moments`.
 

@@ -6,8 +6,6 @@ rest is found from the quietest windows of the log, alternating with the noise m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from scipy.special import ndtri
 
@@ -30,6 +28,7 @@ from tdfscal.dwells.noise_level import (
 )
 from tdfscal.dwells.ringing import Ringing, find_ringing
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG
 
@@ -149,7 +148,7 @@ def segment(
     return mark_changes(signal, noise, base, noisier), noise
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 

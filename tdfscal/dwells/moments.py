@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
@@ -17,7 +18,7 @@ Int32Array = npt.NDArray[np.int32]
 _SLAB = 16384  # samples reduced at once; they stay in the cache
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Moments:
     """Of the samples of one stream in the P bins that hold any.
 

@@ -7,12 +7,12 @@ and which stops are noisier than most.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 SCALES = 6  # windows of 1 … 32 bins show changes; what is slower is settling or drift, or noise
@@ -35,7 +35,7 @@ def runs(flag: BoolArray) -> tuple[IntArray, IntArray]:
     return change[::2], change[1::2]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Signals:
     """Signals on a common grid: value (A, B), one row per axis, gaps filled with the last value.
 
@@ -51,7 +51,7 @@ class Signals:
         return Signals(self.value[some], self.gap, self.quantum[some])
 
 
-@dataclass(frozen=True)
+@record
 class Noise:
     """Standard deviation of the difference of neighbouring window means, (scales, A).
 

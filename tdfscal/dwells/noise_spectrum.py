@@ -18,12 +18,12 @@ of length T scatter over a campaign of length C by A ln(C/T); what is slower is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.significance import SLOW_NOISE
 
@@ -39,7 +39,7 @@ _FEWEST = 40  # ordinates
 _RATIOS = np.geomspace(1e-2, 1e5, 43)  # of the slow part to the white one, at the lowest frequency
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Spectrum:
     """Noise of one uninterrupted run of bins, line removed, all streams.
 
@@ -107,7 +107,7 @@ def _rational_spectrum(covariance: FloatArray, frequency: FloatArray) -> FloatAr
     return np.asarray(np.maximum(zero - red + red * (1 - pole**2) / turn, 1e-3 * zero))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Ordinates:
     """Spectra of several runs together, in the order of frequency.
 
@@ -215,7 +215,7 @@ def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, 
     return means[-1], sizes[-1]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SlowNoise:
     """Two-sided spectra white + slow · shape(f), f in cycles per bin, per sample, N², G of them.
 

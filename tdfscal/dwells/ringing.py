@@ -12,7 +12,6 @@ correlated, it is looked for again with shapes and stops whitened by the noise's
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from scipy.special import fdtrc
 
 from tdfscal.dwells.dwell_means import evenly
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.significance import RINGING_PER_LOG
 
@@ -40,7 +40,7 @@ Memory = Sequence[tuple[float, FloatArray]]
 the noise of the later bins is than its own once φ (k,) of the k bins before it is taken off."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Ringing:
     """The mode and how much of it each stop has.
 
@@ -122,7 +122,7 @@ class _Shapes:
         return np.asarray((seen * np.linalg.solve(self.gram(stops.length), seen)).sum((0, 2, 3)))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Stops:
     """Stops, whitened and less their levels, of one length by zeros at their ends.
 

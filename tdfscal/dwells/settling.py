@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.special import chdtri
 
 from tdfscal.dwells.dwell_means import Extent
 from tdfscal.dwells.noise_level import Noise
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
@@ -26,7 +26,7 @@ Left = Callable[[IntArray, int], FloatArray]
 """Starts (S,) and end of a mean, in bins → bias that the force axes may have, (S, A), N."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Settled:
     """A settled stretch [begin, end), bins; ratio: bias to expect / standard error, worst axis."""
 
@@ -35,7 +35,7 @@ class Settled:
     ratio: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stretch:
     """A stretch of bins, with what is needed to compare the means of its parts.
 

@@ -11,7 +11,6 @@ the distances between hinges alone, does to the angles is such a move.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from tdfscal.estimation.fit import Fitted, information
 from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.dynamics import DELAY
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.numerics.distributions import chi2_quantile
@@ -28,7 +28,7 @@ from tdfscal.records import ExactMoves, FloatArray, Rig
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class ExactQuantity(ExactMoves):
     """A quantity taken as exact, and how an error of it moves an estimate's parameters (P,).
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.acceptance.gate import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -22,7 +21,7 @@ _ALONG_LOAD = np.radians(20.0)
 _CARRIED = 0.05
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Angle:
     """One turn of one sensor about an axis of the BCS, by the angle's name where it is that angle.
 
@@ -41,7 +40,7 @@ class Angle:
         return f"{self.angle} of {self.support}"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Weakness:
     """An angle that the data do not determine, and why."""
 
@@ -49,7 +48,7 @@ class Weakness:
     finding: Finding
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Correlation:
     """Two angles whose errors go together."""
 
@@ -58,7 +57,7 @@ class Correlation:
     value: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Observability:
     """The verdict: every angle, the weak ones with cause and advice, and close couples.
 

@@ -12,11 +12,10 @@ C active constants in the order of `model.parameters.layout`; the 3n rotations c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.estimation.fit import Fitted, Priors
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, free_constants
 from tdfscal.model.parameters import (
     LOAD,
@@ -37,7 +36,7 @@ from tdfscal.records import BoolArray, FloatArray, Rotations
 _OPEN = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Observation:
     """What was observed of the rig's constants; observations add.
 

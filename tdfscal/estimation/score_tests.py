@@ -14,12 +14,12 @@ likeliest is named, and those that are about as likely.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import layout, rpy_prior_std
 from tdfscal.numerics import least_squares
 from tdfscal.numerics.least_squares import Asked
@@ -66,7 +66,7 @@ PARABOLAS = ("parabola", "all parabola")
 SCATTERS = ("force noise", "sensor noise", "position noise", "walk", "all walk")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Suspicion:
     """Something that the residuals, or the distances between hinges, ask for.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from tdfscal.estimation.fit import Fitted
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
 from tdfscal.numerics import so3
@@ -47,7 +47,7 @@ _ROUNDING = 1e-6
 _NO_SHARE = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Quality:
     """How well residuals and stated uncertainties agree.
 
@@ -65,7 +65,7 @@ class Quality:
     rms_moment: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Uncertainty:
     """Covariance of the rotations and its parts.
 
@@ -87,7 +87,7 @@ class Uncertainty:
         return np.sqrt(np.diagonal(self.rpy_covariance, axis1=1, axis2=2))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Estimate(Generic[F]):
     """A fit and what is known of it before it is doubted.
 
@@ -100,7 +100,7 @@ class Estimate(Generic[F]):
     uncertainty: Uncertainty
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Estimated(Generic[F]):
     """What a judged result says by its estimate."""
 

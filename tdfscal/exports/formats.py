@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import re
-from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -22,6 +21,7 @@ from tdfscal.exports.statements import (
 )
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
+from tdfscal.frozen import record
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 from tdfscal.reporting.traceability import report_digest
 
@@ -92,7 +92,7 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 """
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ContactThresholds:
     """What a contact-free wrench stays below but for so many stops an hour, on each axis.
 

@@ -22,6 +22,7 @@ from typing import Any, Literal, NoReturn
 import yaml
 
 from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.frozen import record
 
 Format = Literal["json", "yaml"]
 Place = tuple[str | int, ...]
@@ -44,7 +45,7 @@ _CONSTANTS: dict[str, bool | None] = {"": None, "~": None, "null": None}
 _CONSTANTS |= {"true": True, "false": False}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Document:
     """A parsed file.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _CHANNELS: Final = 9
 Format = Literal["csv", "parquet", "mcap", "bag"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Field:
     """One field of a stream.
 
@@ -46,7 +46,7 @@ class Field:
     high: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stream:
     """Fields that come together: a table, or a topic.
 
@@ -67,7 +67,7 @@ class Stream:
     joints: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Vector:
     """Three numbers that may be a position or a force.
 
@@ -84,7 +84,7 @@ class Vector:
     value: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Column:
     """A column of numbers that may be the time: value (N,) sampled; step, the median interval."""
 
@@ -94,7 +94,7 @@ class Column:
     step: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Contents:
     """One file. columns : those that could be the time. decimal : of CSV."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from functools import partial
 from glob import escape
 from itertools import product, takewhile
@@ -28,6 +28,7 @@ from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.formats import expand, open_log, owns
@@ -40,7 +41,7 @@ Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Signal:
     """One vector signal as it is read with the mapping.
 
@@ -59,7 +60,7 @@ class Signal:
     longest_interval: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LogInfo:
     """What is in some logs.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, replace
 from typing import Final, Literal, cast
 
 import numpy as np
 
 from tdfscal.files.units import by_scale, unit_factor
+from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.messages.encodings import topic_of
 from tdfscal.logs.plausible_units import (
@@ -46,7 +46,7 @@ _LARGEST: Final = 1e15
 _RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Guess:
     """recorders : a mapping each; none where no pairs of positions and forces are found, several
     where these are in files of their own. notes : why, and doubts. problems : where what the file
@@ -63,7 +63,7 @@ class Guess:
         return self.recorders[0] if self.recorders else None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Pair:
     support: str
     position: Vector

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
 from tdfscal.files.units import UNITS, Quantity, canonical, unit_factor
+from tdfscal.frozen import record
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.text.head import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
@@ -23,7 +23,7 @@ _PATIENCE: Final = 2.0  # s; an interval that is longer is not that of a recordi
 _SHORTEST: Final = 5.0  # s; no campaign is shorter
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Proposal:
     """A unit to propose. notes : why. problems : why what the file itself says cannot be."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
 from functools import partial
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -16,6 +15,7 @@ from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import fingerprint, note_outside
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.logs.formats import METADATA, expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
 from tdfscal.logs.request import Request, make_request, with_cure
@@ -226,7 +226,7 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     return sorted(paths, key=lambda path: starts[path])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Moment:
     """A time in s: on the log's clock or, `after_begin`, from the first sample on.
 
@@ -242,7 +242,7 @@ class Moment:
         return f"+{self.seconds:.9g} s" if self.after_begin else when(self.seconds)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TimeWindow:
     """What of a log is used: from `begin` to `end`, both included; None is open."""
 

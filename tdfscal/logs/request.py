@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,10 +11,11 @@ import numpy as np
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.units import UNITS, Quantity, canonical, unit_factor
 from tdfscal.files.yaml import shorten
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, LogMapping
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Signal:
     """One vector signal of one support, as the file has it.
 
@@ -55,7 +55,7 @@ class Signal:
         return replace(self, fields=tuple(names), measured=(x, y, z))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Request:
     """What is wanted of the files of one recorder.
 
@@ -71,7 +71,7 @@ class Request:
     declared: bool
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Block:
     """New samples of the signals that share one clock.
 

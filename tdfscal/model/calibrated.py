@@ -6,10 +6,10 @@ Every parameter of the rig with one covariance; what earlier campaigns know of i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import (
     EVEN_TURN,
     LOAD,
@@ -27,7 +27,7 @@ from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Rig, UncertainValue
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Calibrated:
     """The estimate in use, with P = 18 n + 9 parameters ordered as in `parameters.layout`:
     zeros as they were at the first posture, however they moved afterwards.

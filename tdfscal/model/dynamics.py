@@ -14,10 +14,9 @@ LCS origin, as drawings give it: I_c = I_O − m S(r_m) + m S(r_m − c), S(r) =
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.model.parameters import SYMMETRIC, State, layout
 from tdfscal.records import FloatArray, Rig
 
@@ -38,7 +37,7 @@ _FRICTION_LEVER = 5.0e-3
 _INERTIA_SHARE = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Moving:
     """Parameters of the motion.
 

@@ -9,11 +9,12 @@ parameters. State arrays may carry leading batch axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from math import prod
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -34,7 +35,7 @@ LOAD = ("mass", "barycentre")
 CONSTANTS = ("rotation", "sensitivity", *LOAD, "hinge", "datum", "tilt", "compliance")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class State:
     """A value of every parameter; the order of the fields is the order in the parameter vector.
 

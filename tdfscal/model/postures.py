@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, sensing
 from tdfscal.model.zero_motion import ZeroAge, ZeroMotion, zero_motion
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Postures:
     """Static postures as the balance sees them.
 

@@ -22,11 +22,11 @@ P parameters (`parameters.layout`). State arrays may carry leading batch axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import (
     SYMMETRIC,
     State,
@@ -58,7 +58,7 @@ __all__ = [
 _FILLINGS = 2
 
 
-@dataclass(frozen=True)
+@record
 class Balance:
     """All postures linearised at one state.
 

@@ -9,11 +9,11 @@ temperature, a parabola in time where a test asked for it, and the modes of a ra
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 
 Kind = Literal["time", "temperature", "parabola", "walk", "step"]
@@ -22,7 +22,7 @@ Kind = Literal["time", "temperature", "parabola", "walk", "step"]
 WALK_MODES = 40
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ZeroMotion:
     """Functions by which zeros move, over K postures.
 
@@ -41,7 +41,7 @@ class ZeroMotion:
         return replace(self, value=self.value[keep])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ZeroAge:
     """How long before a log's first time its zeros held, and what has changed since.
 

@@ -14,13 +14,13 @@ spline leaves is moved onto the taper as always: T x'' = (T x)'' − 2 (T' x)' +
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Balance, Postures, balance, features, free
 from tdfscal.motioncal.blocks import Block, ComplexArray
@@ -38,7 +38,7 @@ _KNOT = 5
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Across:
     """T of a block's instants, and its first two derivatives; none where every axis is measured.
 

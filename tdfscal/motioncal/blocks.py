@@ -8,13 +8,13 @@ data: ∫ w x'' e^{−iωt} dt = ∫ (w'' − 2 i ω w' − ω² w) x e^{−iωt
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray
 
@@ -37,7 +37,7 @@ _MOST_RESTS = 60
 _FEWEST = 40
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stretch:
     """A stretch of time, s, that is left out, and why."""
 
@@ -52,7 +52,7 @@ class Stretch:
         return replace(self.reason, values={**self.reason.values, **values})
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Block:
     """N consecutive instants of the slow streams.
 

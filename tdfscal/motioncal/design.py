@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, symmetric
@@ -37,7 +37,7 @@ _SHIFT = 5.0e-3
 _FORCE, _MOMENT = slice(0, 3), slice(3, 6)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class BlockDesign:
     """One block at one linearisation.
 

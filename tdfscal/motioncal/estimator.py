@@ -7,12 +7,12 @@ log too; what differs is the weight, which is estimated with the fit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from tdfscal.estimation.fit import Priors, solve
+from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, with_motions
@@ -41,7 +41,7 @@ _LOOKS_ACROSS = 60
 _SCORES, _SCORED = 20, 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingState:
     """All parameters: those of statics and those of the motion."""
 
@@ -86,7 +86,7 @@ class MovingPriors:
         return np.concatenate([r, more]), block_diagonal(j, own)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingFit:
     """An estimate with all that its uncertainty needs.
 

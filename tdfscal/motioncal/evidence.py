@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics, statics
 from tdfscal.model.parameters import State, gravity, sensing
 from tdfscal.model.postures import forces
@@ -27,7 +27,7 @@ _MANY, _LONG = 4, 1.5
 _MEAN, _MEANS = 1.0, 600
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Halves:
     """Do the two halves of a log give the same rotations?
 
@@ -48,7 +48,7 @@ class Halves:
     delay_std: float = np.inf
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class HeldOut:
     """Residual wrench in the band of K stretches held out in turn, quadratic means over time.
 
@@ -157,7 +157,7 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
     return factor[:, 0], factor[:, 1:]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ResidualWrench:
     """Means over a second, or over more of it in a long log.
 

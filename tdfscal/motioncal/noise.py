@@ -13,10 +13,10 @@ Thompson, Biometrika 58, 1971), whose curves are not too low.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 #: Ratio of neighbouring knots.
@@ -35,7 +35,7 @@ _POSITION_CORNER = 0.2
 _STEP = 1.5
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Bins:
     """What the curves are estimated from: M rows, one per Fourier coefficient and component.
 
@@ -61,7 +61,7 @@ class Bins:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class NoiseModel:
     """The two curves.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from tdfscal.estimation.observability import Observability
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.dynamics import RATE
 from tdfscal.model.parameters import nominal
@@ -58,7 +58,7 @@ _TOLD = 0.5
 _FREQUENCIES = 400
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MotionCalibration(Estimated[MovingFit]):
     """The judged result of a calibration in motion.
 
@@ -103,7 +103,7 @@ class MotionCalibration(Estimated[MovingFit]):
         return self.estimate.calibrated
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class UndeterminedMotion:
     """A motion whose angles do not stand, and what can be looked at beside them.
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.motioncal.blocks import ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.noise import Bins, NoiseModel
@@ -27,7 +28,7 @@ _BAND = 1.2
 _GATHERED = 512
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rows:
     """All blocks in their independent components, M rows, of which the first C are complex.
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, Log, Series
 from tdfscal.wrench.resampling import joined, together
 
@@ -41,7 +41,7 @@ _FIRST, _QUANTUM_SAMPLES = 16, 20_000
 _CLIPPED = 0.999
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Slow:
     """Streams on an even time base.
 

@@ -10,7 +10,6 @@ interval has the first of these to the second order and the last not at all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from tdfscal.estimation.uncertainty import (
     quality,
     simulate_angles,
 )
+from tdfscal.frozen import record
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, parameter_count, retract, sensing
@@ -56,7 +56,7 @@ _CHUNK = 2_000
 _FEW = 4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingEstimate(Estimate[MovingFit]):
     """A fit in motion and what is known of it.
 

@@ -10,7 +10,6 @@ nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
@@ -52,7 +52,7 @@ _ROUNDS = 6
 _TOGETHER = 4.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Usable:
     """What of a log serves: its instants (a mask (N,)), their blocks, and what was left out."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -15,7 +14,7 @@ _MAX_ITERATIONS = 60
 PRODUCT_ROUNDING = 16 * np.finfo(np.float64).eps
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Alignment:
     """Result of `align`, batched over leading axes.
 

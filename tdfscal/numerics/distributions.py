@@ -5,12 +5,12 @@ their propagation with the adaptive procedure of JCGM 101:2008, 7.9, and clause 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy import special
 
+from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray
 from tdfscal.significance import FEWEST_TRIALS, INTERVAL_COVERAGE
 
@@ -90,7 +90,7 @@ def trials_decide(trials: int, *, validated: bool) -> bool:
 BLOCK = 10_000
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MonteCarlo:
     """What trials show of a quantity; mean to tolerance have its own shape.
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -23,7 +22,7 @@ _NEW = 1e-6
 _TELLING = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Information:
     """Λ (C, C) and η (C,) with Λ x = η at the mean, x counted from some common reference.
 
@@ -115,7 +114,7 @@ def without(whole: Information, part: Information) -> Information:
     return out
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Gain:
     """What further data changed of an estimate; all (C, C).
 
@@ -165,7 +164,7 @@ def nothing(size: int) -> Information:
     return Information(np.zeros((size, size)), np.zeros(size))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Contrast:
     """Difference of two independent estimates, each perhaps of a part of the constants.
 

@@ -8,11 +8,11 @@ along them they say nothing else. So a missing reading costs equations and adds 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, IntArray
 
@@ -29,7 +29,7 @@ _BLIND = 1e-6
 _CHUNK = 1_200
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Solution(Generic[S]):
     """The end of an iteration.
 
@@ -45,7 +45,7 @@ class Solution(Generic[S]):
     converged: bool
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Spectrum:
     """Singular value decomposition of a Jacobian (m, p) with its columns scaled to unit length.
 
@@ -86,7 +86,7 @@ def spectrum(jacobian: FloatArray, rows: int = 0) -> Spectrum:
     return Spectrum(scale, U[:, :rank], s[:rank], Vt[:rank], Vt[rank:])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Asked:
     """How far residuals go to meet further columns, batched over leading axes.
 

@@ -10,14 +10,13 @@ Lengths in m, rotations perturbed on the left: R_true = exp([d]×) R.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 from scipy import special
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import PRODUCT_ROUNDING, align, transposed
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
@@ -28,7 +27,7 @@ LARGEST_MEANINGFUL_STD = 0.3
 """rad; a 95 % interval wider than a radian: no linear covariance describes it any more."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Registration:
     """A rigid transform reference → measured of N points in G groups, with its statistics.
 
@@ -173,7 +172,7 @@ def _jacobian(
     return J, to_origin
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Extension:
     """Further parameters of a registration: value (q,), covariance (q, q).
 

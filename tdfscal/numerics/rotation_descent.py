@@ -6,10 +6,9 @@ when all other parameters are eliminated. A may be common to all starts, or diff
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
 
@@ -17,7 +16,7 @@ _DAMPING, _UP, _DOWN, _GIVEN_UP = 1e-6, 10.0, 0.1, 1e12
 _HATS = so3.hat(np.eye(3))  # [e_j]×
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Descent:
     """Ends of T descents.
 

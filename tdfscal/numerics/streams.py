@@ -8,11 +8,11 @@ compared by when they pass the same levels. The rate is the median slope over al
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import widening
 from tdfscal.records import BoolArray, FloatArray
 
@@ -51,7 +51,7 @@ _EFFICIENCY = 0.4  # of a median deviation as a standard deviation: degrees of f
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Line:
     """value at the middle of the moves, s, and its growth, rate; standard errors; their span, s.
 

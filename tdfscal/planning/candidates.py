@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import field, record
 from tdfscal.model.parameters import gravity, nominal
 from tdfscal.model.statics import carrying, internal_modes
 from tdfscal.numerics import so3
@@ -17,7 +16,7 @@ from tdfscal.significance import OF_CAPACITY
 MOST_TILT = np.deg2rad(45.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Limits:
     """What a posture may ask of the machine.
 
@@ -119,7 +118,7 @@ _AT_THE_LIMIT = 0.8
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Candidates:
     """N postures: to choose from, chosen, or on the way of a motion.
 

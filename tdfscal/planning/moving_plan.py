@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, nominal, sensing
 from tdfscal.model.statics import internal_part
 from tdfscal.motioncal.blocks import blocks
@@ -33,7 +32,7 @@ DRAWS, _WAVES = 6, 64
 _KNOTS = np.geomspace(2e-3, 3.0, 24)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingRequest:
     """What is asked for.
 
@@ -144,7 +143,7 @@ TABLE = 0.1
 _SHORTEST = 20.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingPlan:
     """A motion to be driven. expected, random : of it, and of all that were drawn, on average."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.acceptance.gate import coverage_radius
+from tdfscal.frozen import record
 from tdfscal.planning.candidates import Candidates, Limits
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import FloatArray, IntArray, Rig
@@ -15,7 +15,7 @@ from tdfscal.records import FloatArray, IntArray, Rig
 Objective = Literal["angles", "wrench"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Request:
     """What is asked for.
 
@@ -29,7 +29,7 @@ class Request:
     objective: Objective = "angles"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Plan:
     """Postures in the order to drive them, K rows.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
 from tdfscal.numerics import so3
@@ -35,7 +35,7 @@ _WIDE = {
 _LEANS, _LEAN = 8, 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Sight:
     """How postures are seen: at a state, with a noise.
 
@@ -119,7 +119,7 @@ class Sight:
         return replace(postures, squeeze=postures.squeeze + np.einsum("km,kmna->kna", size, modes))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Forecast:
     """Uncertainty to expect of a set of postures.
 

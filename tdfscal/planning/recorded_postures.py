@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import nominal, sensing
 from tdfscal.model.statics import Postures, internal_part, postures
 from tdfscal.numerics import so3
@@ -62,7 +62,7 @@ _MORE, _TARED = 5, 0.1
 HARDER = 2.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Prospect:
     """A change of the campaign, and the angles' uncertainty to expect of it.
 

@@ -8,11 +8,10 @@ takes stiff positioners through their errors, which squeeze; without a stated tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import record
 from tdfscal.model.statics import internal_modes, internal_part
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, Limits, displacement, hanging, room
@@ -26,7 +25,7 @@ _FINE = 10.0
 _ROUNDS = 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Lines:
     """What each of C = 3n coordinates does: size · sin(2π line t / duration + phase).
 
@@ -38,7 +37,7 @@ class Lines:
     size: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Trajectory:
     """Lines brought to the limits: way (3,), m, turn, rad, and force, N, are those of size 1."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.errors import visible
+from tdfscal.frozen import record, replace
 from tdfscal.numerics.distributions import p_text
 from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
@@ -47,7 +48,7 @@ ROWS = 10
 """Rows of a summary's table: with what stands above and below they fit a terminal's 24 lines."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Table:
     """Rows of text under a header; the first `left` columns are words, the others numbers."""
 
@@ -65,14 +66,14 @@ class Table:
         return replace(self, rows=(*self.rows[:ROWS], last))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Facts:
     """Names with what is to be said of each."""
 
     rows: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Items:
     """A list of sentences under a caption."""
 
@@ -92,7 +93,7 @@ class Items:
 Block = Table | Facts | Items | str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Section:
     """Blocks that belong together, on a page under a title, with a figure.
 
@@ -106,7 +107,7 @@ class Section:
     page_only: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Report:
     """A result as a reader meets it: verdict, reasons, evidence, what next.
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any
 
 from tdfscal import __version__
 from tdfscal.files.calibration.parts import MeasuredResult, instant
 from tdfscal.findings import Finding
+from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
 from tdfscal.reporting.layout import Block, Facts, Section, Table, utc
 
 _SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Making:
     """How a result was made. created : UTC, ISO 8601."""
 

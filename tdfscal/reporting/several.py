@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from string import ascii_uppercase
 from typing import Any
 
@@ -15,6 +14,7 @@ from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
@@ -27,7 +27,7 @@ _NO_RESULTS = "NOT SEPARATE RESULTS"
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Several:
     """Calibrations in the order of measurement; letters stand for the files in tables.
 

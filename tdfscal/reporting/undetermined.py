@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 import numpy as np
@@ -13,6 +12,7 @@ from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.parts import DwellTable, PostureTable, RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
+from tdfscal.frozen import record, replace
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
@@ -26,7 +26,7 @@ from tdfscal.selfcal.result import Undetermined
 Seen = Undetermined | UndeterminedMotion
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Attempt:
     """A calibration that ended without angles.
 

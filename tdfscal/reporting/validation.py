@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult, ResidualWrench
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
@@ -76,7 +76,7 @@ _SAID = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Origin:
     """What a validation was made of: calibration and its name, rig and time of the log."""
 

@@ -12,8 +12,6 @@ With the estimates of zeros that move and of supports that give, and what they c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.estimation.fit import Priors, factored_information, information, solve
@@ -28,6 +26,7 @@ from tdfscal.estimation.uncertainty import (
     prior_shares,
     quality,
 )
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, pinned
 from tdfscal.model.parameters import State, deviation, retract, sensing, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
@@ -45,7 +44,7 @@ LOOK = 15
 ROWS = 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fit:
     """An estimate with all that its uncertainty needs.
 

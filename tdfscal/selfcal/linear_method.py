@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
 from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
@@ -23,7 +22,7 @@ SOURCE = "all inputs"
 _CHUNK = 200
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LinearData:
     """What the linear method takes as given; every array may carry leading batch axes.
 

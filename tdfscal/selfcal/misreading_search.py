@@ -8,12 +8,12 @@ and its length says the scale. A jump is tried between all postures, its size el
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.estimation.fit import Priors
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
@@ -37,7 +37,7 @@ _FEWEST = 2
 _GAIN = np.log(1.2)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Undone:
     """The postures without a mistake.
 

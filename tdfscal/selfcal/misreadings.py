@@ -10,7 +10,6 @@ all mountings is searched (`misreading_search`), and the few that fall lowest ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import nominal, starting_state
 from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
@@ -39,7 +39,7 @@ MOST_POSTURES = 60
 _TARED = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rests:
     """Of K postures at rest the number (K,) by which each goes, and when it was held, s (K,)."""
 
@@ -47,7 +47,7 @@ class Rests:
     time: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Misreading:
     """A mistake in the readings, and the fit without it.
 

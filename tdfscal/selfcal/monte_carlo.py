@@ -12,13 +12,12 @@ estimate needs no more than what it makes of the estimate and of its slopes by t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 import numpy.typing as npt
 
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import Estimate, simulate_angles
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
@@ -44,7 +43,7 @@ _NEAR = 0.05
 _UNMEASURED = 0.3 * EVEN_TURN
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Drawn:
     """Noise of T perturbed campaigns.
 

@@ -14,11 +14,10 @@ parameters. The search over mountings and the Monte Carlo trials run on it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.estimation.fit import Priors
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, parameter_count, retract, starting_state
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
 from tdfscal.numerics import so3
@@ -40,7 +39,7 @@ from tdfscal.selfcal.linear_method import linear_start
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Profile:
     """What rotations cost when all other parameters take their best values for them.
 
@@ -139,7 +138,7 @@ _LEANS, _LEAN = 12, 0.02
 _ONE_COST = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rival:
     """Another mounting that explains the postures about as well.
 

@@ -15,11 +15,10 @@ Rousseeuw, Van Driessen: Computing LTS regression for large data sets. Data Min.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from tdfscal.findings import Finding
+from tdfscal.frozen import field, record
 from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures, balance, features
 from tdfscal.numerics.distributions import chi2_quantile
@@ -36,7 +35,7 @@ _ROUNDS = 12
 _MOVES = 3
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RobustFit:
     """A fit, the postures that it leaves out, and the mountings that come near, likeliest first.
 
@@ -145,7 +144,7 @@ def _rejected(result: Fit) -> dict[int, Finding]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CrossValidation:
     """Residual contact wrench of the postures, each predicted from all the others.
 

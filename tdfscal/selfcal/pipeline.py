@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from tdfscal.estimation.fit import information
 from tdfscal.estimation.score_tests import PARABOLAS, SCATTERS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
@@ -160,7 +160,7 @@ def _check(seen: Undetermined, usable: Usable, robust: RobustFit) -> None:
         raise
 
 
-@dataclass(frozen=True)
+@record
 class _Told:
     """What the residuals of an estimate say that the rig file lacks; each test is made once."""
 

@@ -5,8 +5,6 @@ Before any force the distances between hinges over the postures are held against
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
@@ -18,6 +16,7 @@ from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, layout
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
@@ -30,7 +29,7 @@ from tdfscal.selfcal.outliers import fit_robust
 _LEVELS = 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Usable:
     """Postures that a fit may use.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from tdfscal.estimation.observability import Observability, require_angles
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, Estimated, Quality, Uncertainty
 from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.frozen import record
 from tdfscal.model.parameters import State, layout, nominal, vector
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
@@ -33,7 +33,7 @@ Estimator = Literal["ml", "linear"]
 _FAR_TURNED = np.pi / 8
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SelfCalibration(Estimated[Fit]):
     """The judged result of a self-calibration.
 
@@ -64,7 +64,7 @@ class SelfCalibration(Estimated[Fit]):
         return rejecting(self.findings)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Undetermined:
     """A fit whose angles do not stand, and all that can be looked at beside them.
 
@@ -163,7 +163,7 @@ def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
     ]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Nuisance:
     """A group of parameters beside the angles.
 

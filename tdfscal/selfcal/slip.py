@@ -20,8 +20,6 @@ Proc. Camb. Phil. Soc. 44, 50-57.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from scipy.special import fdtrc
 
@@ -29,6 +27,7 @@ from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import ask
@@ -45,7 +44,7 @@ _SPLITS = 32
 _NAMED = 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Step:
     """A suspect at its best. group : rotation or zero.
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 
 import numpy as np
 
+from tdfscal.frozen import record, replace
 from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
 from tdfscal.simulation.equilibrium import Load, settle
@@ -25,7 +26,7 @@ from tdfscal.simulation.time_course import (
 from tdfscal.simulation.truth import Truth
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Campaign:
     """A simulated campaign: what is known of it, what is true, what was recorded.
 
@@ -161,7 +162,7 @@ def _true_forces(
     return np.asarray(force, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Batch:
     """Independent campaigns, axis B, each of K dwells.
 
@@ -285,7 +286,7 @@ def _share(time: FloatArray) -> FloatArray:
     return np.asarray((time - time[:, :1]) / np.where(whole > 0, whole, 1.0))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Apart:
     """The forces' clock against the positions': s, relative; rates in Hz of both recorders.
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.errors import NotConvergedError
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 from tdfscal.simulation import rotations
 from tdfscal.simulation.truth import Truth
@@ -17,7 +16,7 @@ GIVES_WAY = 0.1  # m
 STIFFER = "make the carriages stiffer, or the loads smaller"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Pose:
     """Poses of the terminal: rotation (..., 3, 3), LCS → BCS; translation (..., 3), m."""
 
@@ -30,7 +29,7 @@ class Pose:
         return np.asarray(turned + self.translation[..., None, :], dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Load:
     """What acts on the terminal besides the hinges and its weight, per posture.
 
@@ -42,7 +41,7 @@ class Load:
     friction: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Equilibrium:
     """The terminal at rest: its pose and the force of each NCP on it, (..., K, n, 3), N, BCS.
 

@@ -6,18 +6,19 @@ was taken, so that the same code serves a time series and the means of dwells.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Rig, Series
 from tdfscal.simulation import rotations
 
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ZeroShift:
     """The zero of a sensor jumps by `change` (N, its frame) half way to posture `posture`."""
 
@@ -26,7 +27,7 @@ class ZeroShift:
     change: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Slip:
     """A sensor turns in its mounting by `turn` (rad, BCS) half way to posture `posture`."""
 
@@ -35,7 +36,7 @@ class Slip:
     turn: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Drift:
     """The zero of a sensor creeps by `change` (N, its frame) in proportion to time."""
 
@@ -43,7 +44,7 @@ class Drift:
     change: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Gain:
     """Relative gain errors of a sensor's three axes, added to its true sensitivity error."""
 
@@ -51,7 +52,7 @@ class Gain:
     relative: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Crosstalk:
     """Symmetric crosstalk (xy, xz, yz) of a sensor, added to its true sensitivity error."""
 
@@ -59,7 +60,7 @@ class Crosstalk:
     relative: Vector
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Contact:
     """A contact at one posture: the wrench that the surroundings exert on the terminal.
 
@@ -71,7 +72,7 @@ class Contact:
     moment: Vector = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Jolt:
     """A half-sine blow on the terminal within a dwell.
 
@@ -85,7 +86,7 @@ class Jolt:
     at: float = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeadAxis:
     """One axis (0, 1, 2) of a sensor repeats its last reading from half way to `posture` on."""
 
@@ -94,7 +95,7 @@ class DeadAxis:
     posture: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Walk:
     """Each channel of a sensor walks at random by `size` (N, standard deviation) to the end."""
 
@@ -102,7 +103,7 @@ class Walk:
     size: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Warming:
     """The hall warms up by `rise` (K) over the campaign, and zeros follow by `slope` (N/K).
 
@@ -113,7 +114,7 @@ class Warming:
     slope: tuple[Vector, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Frame:
     """A positioner logs its travel in a frame that is turned, scaled and sheared.
 
@@ -134,7 +135,7 @@ class Frame:
         return np.asarray(skew + np.diag(self.scale) + sheared)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Faults:
     """All faults of one campaign. saturated: readings are cut off at the rig's capacity.
 
@@ -158,7 +159,7 @@ class Faults:
     """Friction of each hinge against the turn by which a posture is reached, N·m."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Place:
     """Where in the campaign readings are taken.
 

@@ -7,10 +7,10 @@ them quasi-statically: at every instant springs, weight, inertia and friction ba
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults
 from tdfscal.simulation.equilibrium import Load, Pose, settle
@@ -30,7 +30,7 @@ _STICK = 1.0e-4
 _WAVES = 64
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingCampaign:
     """What is known, what is true, what was recorded.
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import field, record, replace
 from tdfscal.records import FloatArray, Instrument, Rig, Rows
 from tdfscal.simulation.faults import Faults
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Recorder:
     """Timing of the moves, sensors and sampling."""
 
@@ -40,7 +40,7 @@ class Recorder:
     """Noise of a dwell's mean force, N, for dwell means and posture rows; None: from the above."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Options:
     """What is driven, on which machine, and what goes wrong.
 
@@ -93,7 +93,7 @@ PAPERS_TRACKER = Instrument(range=1.0e-5, range_ppm=5.0, angle_arcsec=2.0)
 """Leica AT901b, Sect. 4.2."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SurveyOptions:
     """A laser-tracker survey of the rig."""
 
@@ -146,7 +146,7 @@ def carriage_stiffness(rig: Rig, options: Options) -> FloatArray:
 Drive = Literal["multisine", "approach", "stops"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Touch:
     """A contact while the terminal moves: a constant wrench that comes and goes within 50 ms.
 
@@ -159,7 +159,7 @@ class Touch:
     moment: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MovingOptions:
     """What is driven without a stop, on which machine, and how it is recorded."""
 

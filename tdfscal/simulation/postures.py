@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.equilibrium import Equilibrium, Load, Pose, settle
@@ -14,7 +13,7 @@ from tdfscal.simulation.options import Options, carriage_stiffness
 from tdfscal.simulation.truth import Truth, draw_truths
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Postures:
     """What is commanded: poses of the nominal terminal, and displacements that squeeze it.
 
@@ -34,7 +33,7 @@ class Postures:
         return self.pose.place(hinge) + self.displacement
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stage:
     """Campaigns before anything is recorded; leading axis of trials B.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.frozen import record, replace
 from tdfscal.records import CampaignInfo, FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.campaign import Campaign, simulate_campaign
@@ -34,7 +34,7 @@ from tdfscal.simulation.truth import UNKNOWN_ZERO, Truth, draw_truths, width
 Setup = tuple[Rig, Options]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Run:
     """A scenario played: the rig as stated, the truth, and what was recorded.
 
@@ -189,7 +189,7 @@ STEP = (0.0, 1.2e-3, 1.6e-3)
 _WHEN = 0.7
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Step:
     """A sensor turned before a month's campaign: index of both, turn in rad, BCS."""
 
@@ -198,7 +198,7 @@ class Step:
     turn: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Months:
     """Campaigns of one rig, a month apart. dates : their days. steps : what happened between."""
 

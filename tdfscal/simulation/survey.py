@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Instrument, PointSet, Rig, TrackerSession
 from tdfscal.simulation import rotations
 from tdfscal.simulation.options import SurveyOptions
@@ -15,7 +14,7 @@ SENSOR_BELOW = np.array([0.0, 0.0, -0.15])
 """From a hinge centre to the middle of its sensor, BCS, m."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Survey:
     """A simulated survey and its truth.
 

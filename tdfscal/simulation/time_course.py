@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray, Series
 from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Pose
@@ -15,7 +15,7 @@ from tdfscal.simulation.options import MovingOptions, Recorder
 from tdfscal.simulation.postures import Postures, internal_part
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Moment:
     """Instants of a campaign, (N,) each.
 
@@ -35,7 +35,7 @@ class Moment:
         return np.asarray(here + share * (value[after] - here), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Timeline:
     """start, end : (K,), s, of the dwells; the campaign runs from start[0] to end[-1]."""
 
@@ -147,7 +147,7 @@ _REST, _MOVE = 6.0, 4.0
 _START = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Trajectory:
     """A commanded motion.
 

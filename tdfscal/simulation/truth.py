@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
 from tdfscal.errors import RigError
+from tdfscal.frozen import record
 from tdfscal.records import Acceptance, DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.options import Options, carriage_stiffness
@@ -20,7 +21,7 @@ UNKNOWN_HINGE = 1.0e-4  # m
 UNKNOWN_SENSITIVITY = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Truth:
     """The rig as it is, or as a controller takes it to be; arrays may have leading axes (...).
 

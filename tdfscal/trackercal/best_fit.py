@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import Extension, extend
@@ -34,7 +34,7 @@ _ROUNDING = 1e-12
 _LEAST_DOF = 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PointRegistration:
     """measured = rotation · reference + translation; or, `scaled`, scale · rotation · reference …
 

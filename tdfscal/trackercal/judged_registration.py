@@ -10,7 +10,6 @@ is isotropic there, so that each fit is closed (Kabsch).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations, product
 from math import comb
 
@@ -19,6 +18,7 @@ from scipy import special
 
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
@@ -147,7 +147,7 @@ FEWEST_FOR_OWN_AXES = 6
 """Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RejectedPoint:
     """A point that is not used: its residual, m, and times what is allowed.
 
@@ -167,7 +167,7 @@ class RejectedPoint:
         return Finding(code, (self.name,), self.residual, "m", values=values)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SurveyFit:
     """A registration of matched points. group : (N,), which of its translations each has."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Instrument, IntArray, PointSet
 from tdfscal.trackercal.point_matching import MatchedPoints
 
@@ -74,7 +74,7 @@ def _range(xyz: FloatArray) -> tuple[FloatArray, FloatArray]:
     return r, xyz / r[:, None]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Noise:
     """Covariances of N matched points by their source.
 

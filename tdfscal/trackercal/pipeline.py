@@ -9,13 +9,13 @@ the moves of all NCPs, one per sensor. The X_i are correlated through R_b^m.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.exact_quantities import ExactQuantity
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
@@ -36,7 +36,7 @@ from tdfscal.trackercal.uncertainty import Components, estimate_components, simu
 _DRAWING, _MISALIGNMENT = 1e-4, 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TrackerCalibration:
     """A laser-tracker calibration of all n sensors.
 

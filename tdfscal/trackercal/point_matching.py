@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Literal
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, PointSet
 
@@ -27,7 +27,7 @@ Match = Literal["name", "point", "order"]
 _BY = {"name": "group and name", "point": "name", "order": "place"}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MatchedPoints:
     """Points that two sets have in common, in the reference set's order, each in its own frame.
 

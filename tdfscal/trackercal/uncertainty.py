@@ -13,12 +13,13 @@ batches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple
 from itertools import compress
 
 import numpy as np
 
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo, propagate
@@ -33,7 +34,7 @@ _FACTORS = np.concatenate([[1.0], np.geomspace(1.1, 60.0, 20)])
 _EXCESS = np.concatenate([[0.0], np.geomspace(0.25, 60.0, 20)])
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Components:
     """Noise of each source, as the residuals and the statement together have it.
 

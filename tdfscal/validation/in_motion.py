@@ -8,12 +8,11 @@ the calibration's covariance and the spectrum's own uncertainty (theory, section
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.estimation.fit import factored_information
+from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
@@ -41,7 +40,7 @@ from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_ze
 from tdfscal.validation.verdict import Judged, Verdict, searched
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class MovingValidation(Verdict):
     """Verdict on a calibration by a log in motion.
 

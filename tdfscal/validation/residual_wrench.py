@@ -7,7 +7,6 @@ to them, only the dwells' own noise is not (theory, section 7).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -16,6 +15,7 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
@@ -40,7 +40,7 @@ from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 ENOUGH = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class Validation(Verdict):
     """Verdict on a calibration by K postures without contact.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.statics import Postures
@@ -20,7 +20,7 @@ from tdfscal.selfcal.noise_components import scaled
 from tdfscal.significance import MISFIT
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Course:
     """When K postures were held, s; and the temperature (K, n), °C, at each sensor, if logged."""
 
@@ -57,7 +57,7 @@ class Course:
                 yield True, np.concatenate([warming, before], axis=2)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Linearised:
     """Residual wrenches at a calibration to the first order, white in each posture's own noise.
 
@@ -84,7 +84,7 @@ class Linearised:
         return self.columns[:, layout(self.sensors)["zero"]]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Whitened:
     """Residual wrenches of K postures with all that correlates them taken away.
 
@@ -187,7 +187,7 @@ _UNTOUCHED = 0.98
 _POINTS = 400
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class KnownNoise:
     """What a calibration's own postures say of the noise.
 

@@ -10,7 +10,6 @@ logarithm of their odds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Literal
 
@@ -18,6 +17,7 @@ import numpy as np
 from scipy import special
 
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
@@ -59,7 +59,7 @@ NO_SIZE = np.zeros(0)
 WEIGHT = attrgetter("weight")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Cause:
     """A possible cause, fitted by generalised least squares.
 
@@ -99,7 +99,7 @@ class Cause:
         return self.p_value < CAUSE_EXPLAINS
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Causes:
     """Single causes, the most likely first.
 
@@ -127,7 +127,7 @@ class Causes:
         return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Model:
     """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
 
@@ -188,7 +188,7 @@ CHI2_LIMIT = VALIDATION_ALARM - SEARCH_LIMIT
 _TURNED = 2.0 / 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Judged:
     """Residual wrenches held against what the stated uncertainties explain.
 
@@ -235,7 +235,7 @@ def searched(found: Causes, chance: Callable[[Cause], float]) -> float:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Zeros:
     """Zeros at the time of a log, n sensors, N, sensor frames.
 
@@ -259,7 +259,7 @@ class Zeros:
         return redrawn(given, zero=(self.value, self.covariance))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class Verdict:
     """Verdict on a calibration: on angles, load and gain, by zeros that may have been tared anew.
 

@@ -12,10 +12,10 @@ components in the LCS. At rest the terms in ω and a vanish.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.postures import Postures, alike
@@ -41,7 +41,7 @@ _ROUNDING = 1.0e-9
 _REACHED = 1.0e-6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Wrenches:
     """Contact wrenches (N, 6): fx, fy, fz in N, mx, my, mz in N·m about the LCS origin, LCS.
 
@@ -145,7 +145,7 @@ def _friction_variance(given: Calibrated) -> float:
     return n**2 * (tau**2 + variance) / 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Linear:
     """Contact wrenches at K places at rest as they follow their errors, LCS.
 

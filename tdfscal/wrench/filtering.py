@@ -9,12 +9,12 @@ forces that balance each other stay balanced, since all are late by the same tim
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray
 from tdfscal.wrench.resampling import Samples
 from tdfscal.wrench.sample_noise import ColouredNoise
@@ -33,7 +33,7 @@ _FORGOTTEN = 1.0e-9
 _GAP = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Walk:
     """Variances of a random walk per sample, q, and of its measurement, r, N²; interval : s."""
 

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
@@ -30,7 +31,7 @@ _DEGREE = 3
 _SLOW, _SPAN = 2e-4, 0.2
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Motion:
     """Motion of the terminal, components in the LCS.
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, Log, Series
 
 #: Nothing is interpolated over a gap longer than this many sampling intervals, and than this time.
@@ -15,7 +16,7 @@ _GAP = 20.0
 _GAP_TIME = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Samples:
     """A stretch of a log on one time base.
 

@@ -11,13 +11,13 @@ variance does not depend on the pose: in the LCS it is Σ_i [I; [r_i]×] [I; [r_
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 
 from tdfscal.dwells import dwells_of_bins, reduce_to_bins
 from tdfscal.errors import TdfscalError
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import wrench
 from tdfscal.records import BoolArray, FloatArray, Log, Series
@@ -34,7 +34,7 @@ _LAGS = 4096
 _GAINS, _DECADES = 800, 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LogHead:
     """The first samples of a log, and the static dwells among them.
 
@@ -56,7 +56,7 @@ class LogHead:
                 yield slice(int(first), int(last))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ColouredNoise:
     """Noise of a force sample of whatever spectrum, mean over the channels.
 
@@ -158,7 +158,7 @@ def coloured_noise(head: LogHead, axes: BoolArray) -> ColouredNoise | None:
     return ColouredNoise(total / count + head.mean_variance)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SampleNoise:
     """Standard deviation (6,) of a sample's contact wrench by its own noise, N and N·m, LCS.
 

@@ -42,7 +42,9 @@ def pieces(position_rate: float, force_rate: float, cuts: list[float]) -> Iterat
 
 def joined(parts: Iterator[Samples]) -> Samples:
     found = list(parts)
-    return Samples(*(np.concatenate([getattr(s, n) for s in found]) for n in Samples.__slots__))
+    return Samples(
+        *(np.concatenate([getattr(s, n) for s in found]) for n in Samples.__match_args__)
+    )
 
 
 def values(parts: Iterator[Wrenches]) -> tuple[FloatArray, FloatArray]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import compress
 from typing import TYPE_CHECKING, Any
@@ -27,6 +26,7 @@ from tdfscal.files.calibration.parameters import (
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Provenance:
     """Where a result comes from."""
 
@@ -57,7 +57,7 @@ class Provenance:
     clocks: tuple[RecorderClock, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Angles:
     """Rotations (n, 3, 3), their covariance (3n, 3n), and which of them the data determine, (n,).
 

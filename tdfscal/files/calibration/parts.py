@@ -5,7 +5,6 @@ and the rig leave the quantity open.
 """
 
 import json
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self, get_args
 
@@ -47,6 +46,7 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
 )
+from tdfscal.frozen import record
 from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray, InputFile, Integrity, Measured
 from tdfscal.significance import COVERAGE_FACTOR
@@ -113,7 +113,7 @@ class Interval(Strict):
         return self
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Mounting:
     """The angles of a sensor that is determined, as `SupportResult` has them."""
 

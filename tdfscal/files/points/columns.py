@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import NoReturn
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files.field_types import LARGEST
+from tdfscal.frozen import field, record
 from tdfscal.records import FloatArray
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
@@ -55,7 +55,7 @@ _TARGET = ("target", "target name")
 _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Columns:
     """What each column of a table is.
 

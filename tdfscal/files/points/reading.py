@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
@@ -18,6 +17,7 @@ from tdfscal.files.points.table import Preamble, Table, found_in, read_table, re
 from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.files.yaml import parse_document
 from tdfscal.findings import Finding
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
 
@@ -69,7 +69,7 @@ class PointFile(Strict):
         return self
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PointReading:
     """A point file as read, and what a reader of the result should know of it."""
 
@@ -269,7 +269,7 @@ def _stated(table: Table, beside: Preamble) -> tuple[FloatArray | None, list[Fin
     return std, found
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Repeated:
     """Rows of a point file by their points, each measured once or several times.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -26,6 +25,7 @@ from tdfscal.files.points.columns import (
 )
 from tdfscal.files.yaml import unreadable
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 #: Lines before the header at most, as instruments write them about themselves.
@@ -48,7 +48,7 @@ _CELL = re.compile(r'"([^"]*)"|(\S+)')
 _DECIMAL_COMMAS = re.compile(r"[^,]*(?:(?<=\d),(?=\d)[^,]*)+")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Line:
     """A line that is not blank, without the mark of a comment: its number in the file, its text."""
 
@@ -57,7 +57,7 @@ class Line:
     comment: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Preamble:
     """What lines beside the table say.
 
@@ -168,7 +168,7 @@ def _header_cells(line: str, delimiter: str | None) -> list[str]:
     return names
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Table:
     """A table of cells: its columns, the line of each row, decimal comma allowed or not."""
 

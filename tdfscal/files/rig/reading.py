@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from tdfscal.files.rig.model import (
 )
 from tdfscal.files.rig.recorders import LogBlock, SupportFields
 from tdfscal.files.yaml import Document, as_path, parse_document, read_document
+from tdfscal.frozen import record
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
@@ -40,7 +40,7 @@ HOUR = 3600.0
 DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TrackerFiles:
     """A laser-tracker survey as the rig file in a folder declares it; not read yet."""
 
@@ -60,7 +60,7 @@ class TrackerFiles:
         return tuple(self.folder / name for name in names)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoadedRig:
     """A rig file, resolved.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files.saving import csv_comment
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.moving_plan import MovingPlan
@@ -23,7 +23,7 @@ OVERSHOOT = 1.0e-3
 _TITLE = "# tdfscal plan for "
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Driven:
     """The rows of a plan.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, IntArray
 
 RECORD: Final = struct.Struct("<BQ")
@@ -18,7 +18,7 @@ DATA: Final = RECORD.size + MESSAGE_HEAD
 """From the start of a message's record to its data, in bytes."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Messages:
     """Messages within a buffer of records, in file order.
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
+from tdfscal.frozen import record
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
 from tdfscal.logs.messages.encodings import Named, Path, path_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
@@ -36,7 +36,7 @@ _NUMBERS: Final[dict[str, str]] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Layout:
     """Where the wanted numbers of a message are.
 

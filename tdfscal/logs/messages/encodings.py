@@ -10,13 +10,13 @@ import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
 
 from tdfscal.errors import RigError
+from tdfscal.frozen import record
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.records import FloatArray
 
@@ -29,7 +29,7 @@ _STEP = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Named:
     """An element found by its name in the message's sibling list `name` (JointState)."""
 
@@ -87,7 +87,7 @@ _LARGEST: Final = 4 << 20  # bytes
 Read = Callable[[Messages], FloatArray]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Leaf:
     """A number or a list in a message, or what has three axes: paths to x, y, z.
 

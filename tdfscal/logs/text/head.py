@@ -11,11 +11,11 @@ import csv
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from tdfscal.errors import DataError
 from tdfscal.files.units import is_unit
+from tdfscal.frozen import field, record
 from tdfscal.logs.table import is_date_time
 
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
@@ -146,7 +146,7 @@ _METADATA: Final = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Head:
     """A line that may hold the names of a table's columns.
 

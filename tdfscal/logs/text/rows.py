@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.units import UNITS, Quantity, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
+from tdfscal.frozen import record
 from tdfscal.logs.log_file import AGAIN, placed
 from tdfscal.logs.request import Request, Signal
 from tdfscal.logs.table import (
@@ -46,7 +46,7 @@ from tdfscal.records import FloatArray
 _SEARCHED_ROWS = 256
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Header:
     """How to read the table.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from tdfscal.frozen import field, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from tdfscal.files.calibration.document import Calibration
 
 
-@dataclass(frozen=True, slots=True, weakref_slot=True)
+@record
 class Drawing:
     """A figure that is not drawn yet, with what it says.
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import PostureTable, RejectedPosture
 from tdfscal.files.rig.model import RigFile
+from tdfscal.frozen import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Clock:
     """Origin is subtracted from times; label names what is then counted; unit goes with it."""
 

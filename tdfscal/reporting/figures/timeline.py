@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from tdfscal.files.calibration.parts import (
     RejectedPosture,
 )
 from tdfscal.files.rig.model import RigFile
+from tdfscal.frozen import record
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import covered
@@ -42,7 +42,7 @@ _INSTANTS = 1500
 Gone = Sequence[tuple[float, float, str]]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DwellLog:
     """The dwells of a log: in the fit, rejected, and all with their readings where kept."""
 

@@ -1,0 +1,57 @@
+"""Frozen records: dataclasses that share their methods.
+
+`dataclass(frozen=True)` writes and compiles six functions for each class, which was a twentieth of
+a calibration's time; here only `__init__` is made for each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, dataclass, field, replace
+from functools import partial
+from reprlib import recursive_repr
+from typing import Any, dataclass_transform
+
+__all__ = ["field", "record", "replace"]
+
+
+def _set(self: Any, name: str, value: object) -> None:
+    if name in self.__dict__ or name not in self.__dataclass_fields__:
+        raise FrozenInstanceError(f"cannot assign to field {name!r}")
+    self.__dict__[name] = value
+
+
+def _delete(self: Any, name: str) -> None:
+    raise FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+def _compared(self: Any) -> tuple[object, ...]:
+    return tuple(getattr(self, f.name) for f in self.__dataclass_fields__.values() if f.compare)
+
+
+def _equal(self: Any, other: object) -> bool:
+    return _compared(self) == _compared(other) if type(other) is type(self) else NotImplemented
+
+
+def _hash(self: Any) -> int:
+    return hash(_compared(self))
+
+
+@recursive_repr()
+def _repr(self: Any) -> str:
+    shown = (f.name for f in self.__dataclass_fields__.values() if f.repr)
+    inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in shown)
+    return f"{type(self).__qualname__}({inside})"
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def record(cls: Any = None, /, *, eq: bool = True, kw_only: bool = False) -> Any:
+    """Make a class a frozen record; eq=False: it equals itself alone."""
+    if cls is None:
+        return partial(record, eq=eq, kw_only=kw_only)
+    shared: dict[str, object] = {"__setattr__": _set, "__delattr__": _delete, "__repr__": _repr}
+    if eq:
+        shared |= {"__eq__": _equal, "__hash__": _hash}
+    for name, method in shared.items():
+        if not any(name in vars(base) for base in cls.__mro__[:-1]):
+            setattr(cls, name, method)
+    return dataclass(repr=False, eq=False, kw_only=kw_only)(cls)

@@ -1,0 +1,26 @@
+"""Records do what `dataclass(frozen=True)` promises."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+
+from tdfscal.findings import Finding
+
+
+def test_a_record_is_a_frozen_value() -> None:
+    one, same, other = Finding("slip", ("a",)), Finding("slip", ("a",)), Finding("slip", ("b",))
+    assert one == same != other != object()
+    assert replace(one, subject=("b",)) == other
+    assert copy.copy(one) == pickle.loads(pickle.dumps(one)) == one
+    assert eval(repr(one)) == one
+    for name in ("code", "colour"):
+        with pytest.raises(FrozenInstanceError):
+            setattr(one, name, "x")
+        with pytest.raises(FrozenInstanceError):
+            delattr(one, name)
+    with pytest.raises(TypeError):
+        Finding()  # type: ignore[call-arg]
