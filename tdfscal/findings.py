@@ -36,6 +36,11 @@ class Finding:
     rejects: bool = False
 
 
+def unfit(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return those for which thresholds are none for a machine: what rejects, or lacks noise."""
+    return tuple(f for f in findings if f.rejects or f.code == "path-without-noise")
+
+
 def rejecting(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return those by which the quality gate rejects."""
     return tuple(finding for finding in findings if finding.rejects)

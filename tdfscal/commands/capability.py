@@ -24,7 +24,7 @@ from tdfscal.detection.capability import (
     remedies,
 )
 from tdfscal.errors import DataError
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
@@ -81,6 +81,7 @@ class CapabilityResult(Result):
             **document(self, "about"),
             "duration": c.duration,
             "timed": self.timed,
+            "for_machine": not unfit(self.findings),
             "axes": [
                 plain(
                     {

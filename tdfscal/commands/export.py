@@ -127,7 +127,8 @@ def _thresholds(
         name, found = str(capability), read_document(Path(capability), DataError).content
     try:
         noiseless = [f["text"] for f in found["findings"] if f["code"] == "path-without-noise"]
-        reasons = [f["text"] for f in found["findings"] if f["severity"] == "rejects"] + noiseless
+        rejected = [f["text"] for f in found["findings"] if f["severity"] == "rejects"]
+        reasons = [] if found["for_machine"] and not rejected else rejected + noiseless
         created, cutoff = found["calibration_created"], found["filter"]
         x, y, z = map(float, found["about"])
         values = [
@@ -153,7 +154,7 @@ def _thresholds(
         )
     if reasons and not allow_rejected:
         raise RejectedError(
-            f"capability rejected the path: {'; '.join(reasons)}",
+            f"no thresholds for a machine: {'; '.join(reasons)}",
             where=name,
             hint="use --allow-rejected to export its thresholds all the same",
         )

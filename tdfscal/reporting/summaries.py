@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import documents, sentence, told
-from tdfscal.findings import Finding, rejecting
+from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table
@@ -120,7 +120,7 @@ def capability_report(
 ) -> Report:  # fmt: skip
     """Lay out thresholds, smallest contacts, what they come from, and what would help."""
     bad = rejecting(findings)
-    noiseless = tuple(f for f in findings if f.code == "path-without-noise")
+    noiseless = tuple(f for f in unfit(findings) if not f.rejects)
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
     length = f"{found.duration:.4g} s" if timed else "postures, as if an hour long"
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
@@ -135,7 +135,7 @@ def capability_report(
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
-        verdict="NOT FIT FOR USE" if bad else "NO THRESHOLDS FOR A MACHINE" if noiseless else "",
+        verdict="NO THRESHOLDS FOR A MACHINE" if bad or noiseless else "",
         accepted=not (bad or noiseless),
         claim=f"{'But for noise, at' if noiseless else 'At'} most {request.false_stops:g} false "
         "stops an hour and axis; the smallest contact exceeds its threshold with "

@@ -88,19 +88,22 @@ def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[st
         if not report.accepted:  # and what would mend it is not left out
             counts[-1] = len(report.advice)
     yield from found
-    shown, cut = "-v or --html FILE shows", " … (-v)"
+    shown, cut, unseen = "-v or --html FILE shows", " … (-v)", list[str]()
     for caption, items, count in zip(captions, sentences, counts, strict=True):
         if items and not count:
             hidden = f"{len(items)}; {shown} them"
             if len(items) == 1:  # its begin says more than that there is one
                 hidden = " ".join(items[0]).strip(" -")
-            yield [textwrap.shorten(f"{caption}: {hidden}", width(), placeholder=cut)], []
+            unseen = [textwrap.shorten(f"{caption}: {hidden}", width(), placeholder=cut)]
         elif items:
             rest = [f"  … {len(items) - count} more: {shown} all"] if count < len(items) else []
             if count == len(items) - 1:  # its line says as much as that there is one
                 begun = " ".join(items[count])
                 rest = [f"  {textwrap.shorten(begun, width() - 2, placeholder=cut)}"]
-            yield [caption], [*(line for item in items[:count] for line in item), *rest]
+            above_it, unseen = unseen, []
+            yield [*above_it, caption], [*(line for item in items[:count] for line in item), *rest]
+    if unseen:
+        yield unseen, []
     if report.number and (whole or not report.summary):
         yield [f"Report {report.number}"], []
 
@@ -111,7 +114,7 @@ def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:
 
     def taken() -> int:
         return sum(
-            2 + sum(map(len, items[:count])) + (0 < count < len(items))
+            1 + (count > 0) + sum(map(len, items[:count])) + (0 < count < len(items))
             for items, count in zip(lists, counts, strict=True)
             if items
         )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.entry import quantity, rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.defects import doubtful
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
@@ -197,7 +197,31 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
     if len(more) > 1:
         parts.append(f"together by {rounded(1e3 * _together(all_of_them))} mrad")
     taken = "They may be off by more; taken" if more else "Taken"
-    return f"{taken} as exact: {'; '.join(parts)}." if parts else ""
+    said = f"{taken} as exact: {'; '.join(parts)}. " if parts else ""
+    return said + _tightly_stated(c, half_width)
+
+
+def _tightly_stated(c: Calibration, half_width: float) -> str:
+    """What an error of typical size does of what is stated to be better, as a tare that is none.
+
+    Linear, and so by the budget: errors of all components of a group add in squares.
+    """
+    if c.budget is None or c.method == "tracker":
+        return ""
+    terminal, parts = c.rig.terminal, []
+    stated = {
+        "zero": ("tare", 1.0, "N", [std for s in c.rig.supports for std in s.zero.std]),
+        "barycentre": ("barycentre", 1e-3, "m", list(terminal.barycenter.std)),
+        "mass": ("mass", 1e-3 * terminal.mass.value, "kg", [terminal.mass.std]),
+    }
+    for source, (name, error, unit, std) in stated.items():
+        variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
+        move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
+        if min(std) == max(std) and move > _NOTABLE * half_width:
+            parts.append(
+                f"{name} ({quantity(error, unit)} wrong moves one by {rounded(1e3 * move)} mrad)"
+            )
+    return f"They rest on the stated {'; '.join(parts)}." if parts else ""
 
 
 def exceeding(c: Calibration, half_width: float) -> list[ExactQuantityResult]:

@@ -75,7 +75,7 @@ CASES = [
     Case("calibrate campaign --trials 20 -o out/c.yaml", 0, "ACCEPTED"),
     Case("calibrate damaged -o out/kept.yaml", 3, "log.parquet"),
     Case("calibrate brief -o out/kept.yaml --trials 0 --html out/page.html", 4, "page.html shows"),
-    Case("capability own.yaml turned", 1, "NOT FIT FOR USE"),
+    Case("capability own.yaml turned", 1, "NO THRESHOLDS FOR A MACHINE"),
     Case("capability own.yaml brief", 0, "smallest contact"),
     Case("capability own.yaml damaged", 3, "log.parquet"),
     Case("compare own.yaml survey.json", 0, "E_n"),

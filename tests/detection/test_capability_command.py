@@ -162,7 +162,8 @@ def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     assert np.all(found.capability.threshold > 1.6 * least)
     # It has no samples, and without their noise nothing is a threshold of a machine.
     assert "NO THRESHOLDS FOR A MACHINE" in found.text
-    with pytest.raises(RejectedError, match="a plan has no samples"):
+    assert found.to_dict()["for_machine"] is False
+    with pytest.raises(RejectedError, match="no thresholds for a machine: a plan has no samples"):
         tdfscal.export(places.calibration, "c", capability=found)
     forced = tdfscal.export(places.calibration, "c", capability=found, allow_rejected=True)
     assert "WITHOUT the noise of samples" in forced.content

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
+from tdfscal import calibrate
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.exports.statements import cautions
@@ -190,3 +193,20 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
         assert sum("the file itself keeps none" in str(text) for text in lines(c)) == 2 * marks
         both = several_report(put_side_by_side((("a", stated()), ("b", c))))
         assert sum("has no `content_sha256`" in text for text in both.warnings) == marks
+
+
+def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    """One component of the zeros that is off by 1 N does no more than all of them in squares."""
+    right = request.getfixturevalue("sample")
+    told = re.search(r"stated tare \(1 N wrong moves one by ([\d.]+) mrad\)", headline(right))
+    assert told
+    folder = Path(__file__).parents[2] / "sample_data" / "parquet"
+    rig = yaml.safe_load((folder / "rig.yaml").read_text())
+    rig["supports"][0]["zero"]["value"] = [1.0, 0.0, 0.0]
+    del rig["tracker"]
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    wrong = calibrate(folder / "log.parquet", rig=tmp_path / "rig.yaml", trials=0)
+    moved = 1e3 * float(np.abs(wrong.rpy - right.rpy).max())
+    assert 0.1 * float(told[1]) < moved <= 1.05 * float(told[1])
