@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tdfscal.catalogue.entry import Entry, entries
 
 #: Why a campaign does not fit the others, or the calibration before it.
@@ -37,10 +39,10 @@ campaigns-changed rejects
 )
 
 #: What may have changed since a calibration.
-_CHANGES = entries(
+_CHANGED = entries(
     """
 change-sensor-turned rejects
-  the sensor of {subject} has turned by {size}: {change:rad} about x, y, z of the
+  the sensor of {subject} has turned by {size} ± {spread}: {change:rad} about x, y, z of the
   BCS, ± {change_95:rad} (95 %)
   -> look at the mounting of this sensor, then calibrate again
 change-sensors-turned rejects
@@ -78,7 +80,7 @@ change-noise-grown rejects
   -> look for what shakes or hums, at cables and amplifiers, or state
     uncertainty.force_noise, and validate again
 change-sensor-slipped rejects
-  the sensor of {subject} turned by {size} before posture {posture}: {change:rad}
+  the sensor of {subject} turned by {size} ± {spread} before posture {posture}: {change:rad}
   about x, y, z of the BCS, ± {change_95:rad} (95 %)
   -> fasten this sensor, look at its cable, then calibrate again
 change-zero-jumped rejects
@@ -104,6 +106,11 @@ change-zeros-wander rejects
 """,
     "{tied:or |}%s",
 )
+#: Of causes that a log does not tell apart each one's cure holds for that one alone.
+_CHANGES = {
+    code: replace(one, cure="{rivals:if it is this, |}" + one.cure)
+    for code, one in _CHANGED.items()
+}
 
 IN_USE: dict[str, Entry] = {
     **MISFITS,
@@ -181,12 +188,13 @@ channels-as-calibrated notes
   the channels' noise is taken as unequal as the calibration's residuals showed it
   (fit.channel_noise)
 zeros-moved notes
-  zeros that moved since the calibration, by up to {size}, as a tare moves them,
+  zeros that moved since the calibration, as a tare moves them, clearest that of
+  {subject} along {axis}, by {size} ± {spread} (95 %),
   explain these readings; so may a sensor's turn that is too small to be sure of
   -> if they were tared, bring the new ones in by `tdfscal update`
 zeros-beside-change notes
-  the zeros, estimated together with that change, are off the calibration's by up to
-  {size}
+  the zeros, estimated together with that change, are off the calibration's, clearest
+  that of {subject} along {axis}, by {size} ± {spread} (95 %)
 change-unexplained rejects
   the residual wrench is not what the stated uncertainties explain, and no single
   cause explains it ({p})

@@ -157,10 +157,11 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
     sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)
     step = (
-        f"a step with the last check is seen by it alone with {DETECTION_POWER:.0%} probability "
-        f"from this size on, whatever the angle: {', '.join(sizes)}"
+        f"a step just before the last check, of {day(life.month[-1])}, is seen by it alone with "
+        f"{DETECTION_POWER:.0%} probability from this size on, whatever the angle: "
+        f"{', '.join(sizes)}; smaller ones by luck, by other checks, or by several together"
     )
-    return ("Decision rule", rule), ("Smallest step seen", step)
+    return ("Decision rule", rule), ("Smallest step sure to be seen", step)
 
 
 def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:

@@ -277,7 +277,7 @@ def validation_report(
 
 def _causes(v: Tested) -> tuple[str, ...]:
     """The likeliest causes, and how many others the log does not tell from them."""
-    said = tuple(sentence(change(v, cause)) for cause in v.suspected)
+    said = tuple(told(change(v, cause)) for cause in v.suspected)
     rest = len(said) - _CAUSES
     if rest <= 0:
         return said

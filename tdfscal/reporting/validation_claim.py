@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.catalogue import cure, told
+from tdfscal.catalogue import told
 from tdfscal.catalogue.entry import rounded
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
@@ -38,11 +38,15 @@ def zeros_known(v: Tested) -> bool:
 
 
 def _zeros(v: Tested, code: str) -> list[Finding]:
-    """By how much the zeros moved, where they did and the log tells."""
-    size = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)])
-    if not zeros_known(v) or not size.size:
+    """The change of a zero that stands out most, where they moved and the log tells."""
+    std = v.zeros.change_std
+    if not zeros_known(v) or not np.isfinite(std).any():
         return []
-    return [Finding(code, size=float(size.max()), unit="N")]
+    told = np.divide(np.abs(v.zeros.change), std, out=np.zeros_like(std), where=std > 0)
+    i, j = np.unravel_index(np.where(np.isfinite(std), told, -1.0).argmax(), std.shape)
+    values: dict[str, Value] = {"std": INTERVAL_FACTOR * float(std[i, j]), "axis": "xyz"[j]}
+    size = float(v.zeros.change[i, j])
+    return [Finding(code, (v.rig.supports[i],), size, "N", values=values)]
 
 
 def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
@@ -50,12 +54,14 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
     value, half = cause.value.tolist(), (INTERVAL_FACTOR * cause.std).tolist()
     support = None if cause.support is None else v.rig.supports[cause.support]
     values: dict[str, Value] = {
-        "tied": tied, "whose": support or "all sensors", "change": value, "change_95": half
+        "tied": tied, "rivals": len(v.suspected) > 1, "whose": support or "all sensors",
+        "change": value, "change_95": half,
     }  # fmt: skip
     size, unit = None, ""
     match cause.kind:
         case "sensor turned":
             size, unit = float(np.linalg.norm(cause.value)), "rad"
+            values["std"] = INTERVAL_FACTOR * cause.size_std
         case "sensors turned":
             turns = np.linalg.norm(cause.value.reshape(-1, 3), axis=1)
             widest = cause.std.reshape(-1, 3).max(axis=1)
@@ -68,6 +74,7 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
             first = int(v.used[cause.postures[0]])
             size = float(np.linalg.norm(cause.value))
             unit = "rad" if cause.kind == "sensor slipped" else "N"
+            values["std"] = INTERVAL_FACTOR * cause.size_std
             values["posture"] = f"{first + 1} ({start(v, first)} s)"
         case "zeros drift" | "zeros follow temperature":
             size, unit = float(np.abs(cause.value).max()), "N"
@@ -150,7 +157,7 @@ def reasons(v: Tested) -> list[str]:
         none = "No single change, of a sensor, a zero or the load, whose size is told from none "
         none += "explains all of it: several may have, or the calibration is another rig's."
         return [*said, none]
-    said += [layout.begun(cure(found[0]), "."), *zeros]
+    said += zeros
     if len(v.suspected) > 1:
         said.append(
             f"{'The motion does' if moving else 'The postures do'} not tell the causes below "

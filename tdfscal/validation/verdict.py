@@ -10,6 +10,7 @@ logarithm of their odds.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from operator import attrgetter
 from typing import Literal
 
@@ -74,7 +75,8 @@ class Cause:
     per axis and posture. A contact has none here.
     gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
     worth (Schwarz). p_value : that chance alone lets it fall so far.
-    remaining_p : probability of the χ² that is left.
+    remaining_p : probability of the χ² that is left. size_std : of the length of value, along
+    itself, to first order; noise across it makes a length near none too large.
     """
 
     kind: Kind
@@ -87,6 +89,7 @@ class Cause:
     unknowns: int
     p_value: float
     remaining_p: float
+    size_std: float = np.nan
 
     @property
     def explains(self) -> bool:
@@ -153,7 +156,9 @@ def fitted(model: Model, given: Whitened) -> Cause:
     if model.shape is not None:
         root = model.shape @ root
     sizes = -(root @ along), np.linalg.norm(root, axis=1)
-    return explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
+    found = explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
+    along = found.value / (np.linalg.norm(found.value) or 1.0)
+    return replace(found, size_std=float(np.linalg.norm(along @ root)))
 
 
 def explained(

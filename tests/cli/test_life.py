@@ -76,7 +76,7 @@ def test_a_pattern_names_what_is_no_check_too(
     for check in checks:
         for name in ("rig.yaml", "log.csv"):
             assert sha256((check / name).read_bytes()).hexdigest() in said
-    assert all(text in said for text in (f"--html {page}", "Decision rule", "Smallest step seen"))
+    assert all(text in said for text in (f"--html {page}", "Decision rule", "Smallest step"))
     assert [check["measured"]["end"][:10] for check in json.loads(alone.out)["checks"]] == [
         f"{yaml.safe_load((check / 'rig.yaml').read_text())['campaign']['date']}"[:10]
         for check in checks

@@ -12,7 +12,7 @@ import pytest
 from tdfscal.numerics.distributions import coverage_factor, p_text
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
-from tdfscal.reporting.validation_claim import change
+from tdfscal.reporting.validation_claim import change, changes
 from tdfscal.significance import VALIDATION_ALARM
 from tdfscal.validation.residual_wrench import Validation, validate
 from tdfscal.validation.residuals import AS_STATED, KnownNoise
@@ -120,6 +120,11 @@ def test_no_tare_is_advised_where_the_rig_changed() -> None:
     assert "change-sensor-turned" in said
     assert "zeros-moved" not in said
     assert said["zeros-beside-change"] is None
+    several = len(v.suspected) > 1
+    assert str(said["change-sensor-turned"]).startswith("if it is this") is several
+    (moved,) = (f for f in changes(v) if f.code == "zeros-beside-change")
+    told = np.abs(v.zeros.change) / v.zeros.change_std
+    assert v.rig.supports[told.max(axis=1).argmax()] == moved.subject[0]
     held = validation(0.0)
     assert held.zeros.moved
     assert set(codes(written(held)[0])) == {"zeros-moved"}
@@ -140,4 +145,8 @@ def test_the_interval_of_a_turn_is_of_95_percent() -> None:
     (cause, *_) = v.suspected
     half = change(v, cause).values["change_95"]
     assert half == pytest.approx((coverage_factor(0.95) * cause.std).tolist())
+    std = change(v, cause).values["std"]  # of the length: between those of the components
+    assert isinstance(std, float)
+    bounds = coverage_factor(0.95) * cause.std
+    assert 0.5 * bounds.min() < std < 1.5 * bounds.max()
     assert "(95 %)" in written(v)[1]
