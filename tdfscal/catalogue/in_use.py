@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from tdfscal.catalogue.entry import Entry, entries
+from tdfscal.frozen import replace
 
 #: Why a campaign does not fit the others, or the calibration before it.
 MISFITS: dict[str, Entry] = entries(

@@ -10,7 +10,6 @@ logarithm of their odds.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from operator import attrgetter
 from typing import Literal
 
@@ -18,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from tdfscal.findings import Finding
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
