@@ -60,14 +60,12 @@ class CompareResult(Result):
         return f"{said}\nAs a page, side by side: tdfscal report A B… --html FILE\n"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison, or all under `comparisons`, as plain JSON values."""
+        """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
         for pair, said in zip(self.pairs, self.remarks, strict=True):
             own = (one for one in self.findings if set(one.subject) & set(pair.names))
             found = documents((*filter(None, [pair.obstacle]), *said, *own))
             each.append(comparison_document(pair, {}) | {"findings": found})
-        if len(each) == 1:
-            return each[0]
         return {"verified": self.verified, "comparisons": each}
 
     def table(self) -> dict[str, list[Any]]:

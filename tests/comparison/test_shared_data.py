@@ -262,12 +262,13 @@ def test_an_update_against_what_it_stands_on(
 ) -> None:
     for whole in ("ab", "pooled"):
         done = run(capsys, "compare", made["a"], made[whole], "--json", "-q")
-        found = json.loads(done.out)
+        (found,) = json.loads(done.out)["comparisons"]
         assert (done.status, codes(found)) == (0, ["compared-nested"])
         a, ab = (tdfscal.load_calibration(made[name]) for name in ("a", whole))
         assert np.all(np.array(found["difference_rpy_std"]) < a.rpy_std)
         assert np.all(np.array(found["difference_rpy_std"]) < np.hypot(a.rpy_std, ab.rpy_std))
-    apart = json.loads(run(capsys, "compare", made["a"], made["b"], "--json", "-q").out)
+    seen = run(capsys, "compare", made["a"], made["b"], "--json", "-q").out
+    (apart,) = json.loads(seen)["comparisons"]
     assert codes(apart) == []
 
 
@@ -277,7 +278,7 @@ def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
     """One posture less and six digits: no file of it is the same."""
     for whole in ("ab", "pooled"):
         done = run(capsys, "compare", made["recut"], made[whole], "--json", "-q")
-        assert codes(json.loads(done.out)) == ["compared-nested"]
+        assert codes(*json.loads(done.out)["comparisons"]) == ["compared-nested"]
         done = run(capsys, "update", made[whole], made["edited"], "-o", tmp_path / "u.yaml", "-q")
         assert (done.status, "the same recording" in done.err) == (2, True)
         done = run(capsys, "validate", made[whole], made["edited"], "--json", "-q")
@@ -285,7 +286,7 @@ def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
     done = run(capsys, "monitor", made["pooled"], made["edited"], "-q")
     assert (done.status, "the same recording" in done.err) == (2, True)
     done = run(capsys, "compare", made["recut"], made["bc"], "--json", "-q")
-    assert codes(json.loads(done.out)) == []
+    assert codes(*json.loads(done.out)["comparisons"]) == []
 
 
 @pytest.mark.parametrize(
@@ -300,7 +301,7 @@ def test_the_same_data_are_no_second_result(
 ) -> None:
     files = [made[name] for name in pair]
     done = run(capsys, "compare", *files, "--json", "-q")
-    found = json.loads(done.out)
+    (found,) = json.loads(done.out)["comparisons"]
     assert (done.status, found["verified"], codes(found)) == (1, False, [code])
     assert found["p_value"] is None
     assert not any(value for row in found["en"] for value in row)
@@ -319,7 +320,7 @@ def test_a_report_judges_by_what_is_common_as_compare_does(
     done = run(capsys, "report", earlier, later, "--json", "--html", page, "-q")
     (told,) = json.loads(done.out)["comparison"]["against_first"]
     names = (told["of"], told["against"])
-    found = json.loads(run(capsys, "compare", *names, "--json", "-q").out)
+    (found,) = json.loads(run(capsys, "compare", *names, "--json", "-q").out)["comparisons"]
     for key in ("p_value", "dof", "en", "difference_rpy_std", "verified"):
         assert told[key] == found[key]
     known = found["p_value"] is not None

@@ -144,7 +144,8 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFix
     found = json.loads(
         run(capsys, "compare", bare, saved(FEBRUARY, tmp_path, "f.json"), "--json").out
     )
-    told = {each["code"]: each["subject"] for each in found["findings"]}
+    (pair,) = found["comparisons"]
+    told = {each["code"]: each["subject"] for each in pair["findings"]}
     assert told == {
         code: [str(bare)]
         for code in ("serials-untold", "calibration-unsealed", "calibration-misdated")
@@ -165,6 +166,8 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert (done.status, done.err) == (0, "")
     assert done.out.startswith("Metrologically compatible:")
     document = json.loads(run(capsys, "compare", files[2], files[0], "--json").out)
+    assert document.pop("verified") is False
+    (document,) = document["comparisons"]
     assert document["verified"] is False
     assert document["of"] == str(files[2])
     assert document["difference_rpy"][1][2] == pytest.approx(1.5e-3, rel=1e-12)
