@@ -25,7 +25,7 @@ _SHOWN = 300.0  # s of both recordings that are kept for a look,
 _DRAWN = 400  # in as many bins at most
 
 
-@record()
+@record
 class Track:
     """One stream: mean stamps (B,), s, and mean values (B, 3) of its bins.
 
@@ -52,7 +52,7 @@ class Track:
         return np.asarray(value), np.asarray(known)
 
 
-@record()
+@record
 class Tracks:
     """What one recorder holds: streams by number, 2i the position of support i, 2i + 1 its force.
 
@@ -149,7 +149,7 @@ def _joined(rows: FloatArray) -> FloatArray:
     return np.asarray(out)
 
 
-@record()
+@record
 class Peak:
     """A lag, s, at which two courses are alike; r : their correlation over the overlap, s."""
 

@@ -36,7 +36,7 @@ from tdfscal.wrench.sample_noise import LogHead, take_head
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 
 
-@record()
+@record
 class InUse:
     """A calibration with the logs that it is used on.
 
@@ -109,7 +109,7 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
         raise UsageError(rigs_apart(found, "rig-uncalibrated"), where=where)
 
 
-@record()
+@record
 class ZeroEpoch:
     """When the zeros of a calibration held: at the first posture of its (last) campaign.
 

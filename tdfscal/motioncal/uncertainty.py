@@ -37,7 +37,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.usable import usable_samples
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.numerics.least_squares import Spectrum, block_diagonal, triangular
+from tdfscal.numerics.least_squares import Spectrum, block_diagonal, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 
 #: Names in the budget of what only motion has.
@@ -77,6 +77,19 @@ class MovingEstimate(Estimate[MovingFit]):
     def calibrated(self) -> Calibrated:
         """All parameters of the rig with their joint covariance, for those who use them."""
         return calibrated(self.fit, self.posterior, self.uncertainty.covariance)
+
+    def longer(self, times: float) -> FloatArray:
+        """Standard uncertainties (n, 3), rad, of roll, pitch, yaw of a motion that many times as
+        long: what is published, changed as the linear covariance at the spectrum is.
+        """
+        fit, J = self.fit, triangular(self.fit.whiten(self.fit.jacobian))
+
+        def std(count: float) -> FloatArray:
+            rows = np.concatenate([np.sqrt(count) * J, fit.prior_jacobian])
+            turns = spectrum(triangular(rows), len(rows)).root[: 3 * fit.rig.n]
+            return np.sqrt(so3.rpy_variance(fit.still.rotation, turns @ turns.T))
+
+        return self.uncertainty.rpy_std * std(times) / std(1.0)
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:

@@ -51,7 +51,7 @@ _EFFICIENCY = 0.4  # of a median deviation as a standard deviation: degrees of f
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 
 
-@record()
+@record
 class Line:
     """value at the middle of the moves, s, and its growth, rate; standard errors; their span, s.
 

@@ -44,6 +44,7 @@ _CHANGES = {
     "postures": "with {:.0f} more such postures",
     "squeeze": "with squeezes of {:.0f} N{}",
     "tare": "with zeros known to {:g} N by a tare",
+    "seconds": "with {:.0f} s of such motion",
 }
 #: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
 _BEARABLE = ", if sensors and hinges bear it"
@@ -141,7 +142,7 @@ def _of_the_exact(c: Calibration) -> Iterator[str]:
 def _forecasts(c: Calibration) -> Iterator[str]:
     """What changes of the campaign would make of the headline's number, the best first."""
     seen = c.observability
-    if seen is None or c.method != "self" or c.motion is not None:
+    if seen is None or c.method != "self":
         return
     worst, half = float(c.rpy_std[c.determined].max()), 1e3 * half_widths(c).max()
     found = []

@@ -52,6 +52,12 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert np.median(after) < 0.5 * np.median(before)
     assert result.motion.residual is not None
     assert len(result.motion.residual.time) == pytest.approx(60, abs=1)
+    half = tdfscal.calibrate(minute, to=30.0, trials=0)
+    assert half.observability is not None
+    (forecast,) = half.observability.forecasts  # of what the whole minute has told
+    assert forecast.amount == pytest.approx(result.motion.seconds, abs=0.2)
+    assert forecast.worst_std == pytest.approx(result.rpy_std.max(), rel=0.25)
+    assert half.rpy_std.max() > 1.35 * result.rpy_std.max()  # which 0.25 tells apart
     page = tmp_path / "validation.html"
     seen = cli("validate", target, minute, "--html", page, "-q", ends=0)
     assert "STILL VALID" not in seen.out

@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
 
 
+#: How much longer a motion is easily made.
+_LONGER = 2.0
+
+
 @record
 class Provenance:
     """Where a result comes from."""
@@ -94,6 +98,11 @@ def from_self(
         state, std = result.fit.state.still, published_std(result.calibrated, std)
         parts["parameters"] = parameters_document(result.calibrated)
         parts["motion"] = statistics.motion(result)
+        if result.observability.determined.all() and not result.reasons:
+            parts["observability"]["forecasts"] = [
+                {"change": "seconds", "amount": _LONGER * result.seconds, "worst_std": longer.max()}
+                for longer in (result.estimate.longer(_LONGER),)
+            ]
     determined = result.observability.determined
     return _file(
         origin,

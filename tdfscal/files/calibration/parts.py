@@ -280,8 +280,8 @@ class SensorLoad(Strict):
 class ForecastResult(Strict):
     """What a change of the campaign would bring."""
 
-    change: Literal["postures", "squeeze", "tare"] = key("what is changed")
-    amount: NotNegative = key("postures more; N, internal force; N, standard uncertainty of a zero")
+    change: Literal["postures", "squeeze", "tare", "seconds"] = key("what is changed")
+    amount: NotNegative = key("postures more; N, internal force; N, of a zero; s, of motion")
     worst_std: NotNegative = key("rad: largest standard uncertainty of an angle to expect")
 
 
