@@ -47,6 +47,8 @@ class TdfscalError(Exception):
     """
 
     exit_status: ClassVar[int] = 3
+    #: Of the finding of an error that is stated in words.
+    code: ClassVar[str] = "data-unusable"
 
     def __init__(
         self,
@@ -58,13 +60,20 @@ class TdfscalError(Exception):
         fields: Sequence[str] = (),
         findings: tuple[Finding, ...] = (),
     ) -> None:
-        self.finding = what if isinstance(what, Finding) else None
+        self._finding = what if isinstance(what, Finding) else None
         if isinstance(what, Finding):
             what, place, advice = _words(what)
             where, hint = where or place or None, hint or advice or None
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
         self.fields, self.findings = tuple(fields), findings
         self._compose()
+
+    @property
+    def finding(self) -> Finding:
+        """What is wrong, by its code: its class's own where the error is stated in words."""
+        return self._finding or Finding(
+            self.code, values={"what": self.what, "hint": self.hint or ""}
+        )
 
     def _compose(self) -> None:
         place = f"{self.where}: " if self.where else ""
@@ -96,7 +105,7 @@ class TdfscalError(Exception):
             fields=self.fields,
             findings=() if what else self.findings,
         )
-        error.finding = self.finding
+        error._finding = self._finding
         return error
 
 
@@ -104,22 +113,27 @@ class UsageError(TdfscalError):
     """The command line asks for what cannot be done, or names a file that is not there."""
 
     exit_status = 2
+    code = "usage-wrong"
 
 
 class OutputError(UsageError):
     """A result cannot be written where it is asked for, or would replace an input."""
+
+    code = "output-refused"
 
 
 class MemoryShortError(TdfscalError):
     """The memory that this run may use does not suffice."""
 
     exit_status = 2
+    code = "memory-short"
 
 
 class RigError(TdfscalError):
     """The rig file is wrong."""
 
     exit_status = 2
+    code = "rig-wrong"
 
 
 class DataError(TdfscalError):
@@ -132,18 +146,21 @@ class NotIdentifiableError(TdfscalError):
     """The data do not determine what was asked for."""
 
     exit_status = 4
+    code = "not-identifiable"
 
 
 class NotConvergedError(TdfscalError):
     """The iteration found no answer that can be trusted."""
 
     exit_status = 4
+    code = "not-converged"
 
 
 class RejectedError(TdfscalError):
     """The quality gate rejected what is asked to be used."""
 
     exit_status = 1
+    code = "calibration-rejected"
 
 
 def expect(name: str, value: object, kinds: Any, wanted: str) -> None:

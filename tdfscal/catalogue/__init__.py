@@ -8,15 +8,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from tdfscal import errors
 from tdfscal.catalogue.campaign import CAMPAIGN, SUSPECTS
 from tdfscal.catalogue.entry import Entry
 from tdfscal.catalogue.in_use import IN_USE
 from tdfscal.catalogue.inputs import LOGS, SURVEY
 from tdfscal.catalogue.refusals import REFUSALS
-from tdfscal.errors import put_into_words
 from tdfscal.findings import Finding, Severity, Value
 
-CATALOGUE: dict[str, Entry] = SUSPECTS | CAMPAIGN | LOGS | SURVEY | IN_USE | REFUSALS
+#: Of errors that are stated in words: a code per class.
+_STATED = {
+    kind.code: Entry("refuses", "{what}", "{hint}", (), "")
+    for kind in vars(errors).values()
+    if hasattr(kind, "code")
+}
+CATALOGUE: dict[str, Entry] = _STATED | SUSPECTS | CAMPAIGN | LOGS | SURVEY | IN_USE | REFUSALS
 
 
 def severity(finding: Finding) -> Severity:
@@ -82,4 +88,4 @@ def _of_error(finding: Finding) -> tuple[str, str, str]:
     return sentence(finding), CATALOGUE[finding.code].where, cure(finding)
 
 
-put_into_words(_of_error)
+errors.put_into_words(_of_error)

@@ -17,7 +17,7 @@ import typer.core
 import typer.main
 
 from tdfscal import __version__, memory
-from tdfscal.cli.process import perform, say
+from tdfscal.cli.process import ended, failed, perform
 from tdfscal.errors import TdfscalError, UsageError
 
 if TYPE_CHECKING:
@@ -201,11 +201,9 @@ def run() -> int:
     except TdfscalError as error:
         if memory.is_short(error):  # what else it says was judged without a look at that
             error = memory.shortage()
-        say(f"tdfscal: {error}")
-        return error.exit_status
+        return failed(error)
     except _MISUSE as error:
-        say(f"tdfscal: {_mistake(error)}")
-        return 2
+        return ended(2, UsageError.code, _mistake(error))
     except typer.Abort:
         status = _INTERRUPTED
     if status == _INTERRUPTED:

@@ -54,29 +54,45 @@ def ending() -> Iterator[End]:
     except BaseException as fault:
         # Some code between makes another exception of a signal's.
         if interruption.number is not None or isinstance(fault, KeyboardInterrupt):
-            end.status = 128 + (interruption.number or 2)
-            text = "interrupted; nothing was written"
+            number = 128 + (interruption.number or 2)
+            end.status = ended(number, "interrupted", "interrupted; nothing was written")
         else:
-            end.status, text = _judged(fault)
-        say(f"tdfscal: {text}")
+            end.status = _judged(fault)
     finally:
         interruption.end()
 
 
-def _judged(fault: BaseException) -> tuple[int, str]:
-    """Status and words for what no command foresees."""
+def _judged(fault: BaseException) -> int:
+    """Say what no command foresees; return its status."""
     if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
         raise fault
     if memory.is_short(fault):
-        error = memory.shortage()
-        return error.exit_status, str(error)
+        return failed(memory.shortage())
     if isinstance(fault, OSError):
-        return 2, str(inaccessible(fault))
+        return failed(inaccessible(fault))
     said = " ".join(str(fault).split())
-    return INTERNAL_ERROR, (
+    return ended(
+        INTERNAL_ERROR,
+        "internal-error",
         f"internal error, {type(fault).__name__}: {said}. This is a fault of "
-        "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output."
+        "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output.",
     )
+
+
+def failed(error: TdfscalError) -> int:
+    """Say what is wrong; return its status."""
+    return ended(error.exit_status, error.finding.code, str(error), error.where)
+
+
+def ended(status: int, code: str, message: str, where: str | None = None) -> int:
+    """Say how a run failed, with `--json` as a last line that programs read; return its status."""
+    say(f"tdfscal: {message}")
+    if "--json" in sys.argv:
+        import json
+
+        error = {"code": code, "status": status, "message": message, "where": where}
+        say(json.dumps({"error": error}))
+    return status
 
 
 def _prepare_streams() -> None:

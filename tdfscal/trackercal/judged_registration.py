@@ -293,8 +293,8 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
         return solve(points.measured.xyz, points.reference.xyz, group=index, least=least)
     except (NotIdentifiableError, NotConvergedError) as error:
         kind = DataError if isinstance(error, MirroredError) else type(error)
-        said = error.finding or error.what
-        raise kind(said, where=f"{points.measured.source}, {what}", hint=error.hint) from error
+        where = f"{points.measured.source}, {what}"
+        raise kind(error.finding, where=where, hint=error.hint) from error
 
 
 def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool, what: str) -> None:

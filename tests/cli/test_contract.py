@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli import app
 from tdfscal.errors import DataError, NotIdentifiableError, RigError, UsageError
 from tests.cli.cases import CASES, MISTAKES, Case, called
@@ -29,9 +30,10 @@ pytestmark = pytest.mark.usefixtures("here")
 
 
 def messages(seen: Run) -> list[str]:
-    """What was said on standard error beside progress."""
+    """What was said on standard error to people, beside progress."""
     assert "Traceback" not in seen.err
-    return [line for line in seen.err.splitlines() if not PROGRESS.fullmatch(line)]
+    lines = seen.err.splitlines()
+    return [x for x in lines if not PROGRESS.fullmatch(x) and not x.startswith('{"error"')]
 
 
 def bare(text: str) -> str:
@@ -69,6 +71,7 @@ def test_status_and_streams(case: Case, home: Path, cli: Cli) -> None:
             told, _, _ = line.partition("; left as it was: ")  # by the command line alone
             assert bare(told) == bare(f"tdfscal: {caught.value}")
             assert "--" not in str(caught.value)
+            assert caught.value.finding.code in CATALOGUE
         return
     assert all(line.startswith("tdfscal: ") for line in said)
     if case.command == "export" and case.status == 1:
