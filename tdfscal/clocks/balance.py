@@ -56,27 +56,27 @@ class Balance:
         self.positions, self.forces = positions, forces
         self.n = len(positions)
         place = np.stack([np.median(track.value, axis=0) for track, _ in positions])
-        self._trio = max(combinations(range(self.n), 3), key=lambda t: _area(place[list(t)]))
+        sides = {t: np.diff(place[list(t)], axis=0) for t in combinations(range(self.n), 3)}
+        self._trio = max(sides, key=lambda t: float(np.linalg.norm(np.cross(*sides[t]))))
         self._length = float(np.sqrt(np.mean(np.sum((place - place.mean(axis=0)) ** 2, axis=1))))
         load = [np.sqrt(np.mean(np.sum(track.value**2, axis=1))) for track, _ in forces]
         self.load = float(np.sum(load))
         self.parameters = 6 * self.n + 11
 
     def _rows(
-        self, time: FloatArray, lag: FloatArray | float, ahead: float = 0.0
+        self, time: FloatArray, lag: FloatArray, ahead: float = 0.0
     ) -> tuple[FloatArray, BoolArray]:
         """Coefficients (N, 6, 12n + 11) at N instants, and which of them count, (N,).
 
         ahead : s, by which the positions are taken later than the forces.
         """
-        shift = lag + np.zeros(len(time))
         known = np.ones(len(time), dtype=np.bool_)
 
         def values(streams: Sequence[tuple[Track, bool]], later: float) -> FloatArray:
             nonlocal known
             column = []
             for track, second in streams:
-                value, there = track.at(time + later + (shift if second else 0.0))
+                value, there = track.at(time + later + (lag if second else 0.0))
                 known = known & there
                 column.append(value)
             return np.stack(column, axis=1)
@@ -106,22 +106,27 @@ class Balance:
         # Places that each count from a zero of their own may coincide.
         return np.asarray(axes / np.maximum(length, np.finfo(np.float64).tiny))
 
-    def fit(
-        self, time: FloatArray, lag: FloatArray | float, start: FloatArray | None = None
-    ) -> Model | None:
-        """What balances best at instants (N,) and a lag, s; None where too few instants count.
+    def fit(self, times: Sequence[FloatArray], lags: Sequence[FloatArray],
+            start: FloatArray | None = None) -> list[Model | None]:  # fmt: skip
+        """What balances best by each lag's instants (N,), s; None where too few count.
 
-        start : (n, 3, 3), rotations to begin from; by default those of the linear solution.
+        lags : (N,) at those of each, s. start : (n, 3, 3), rotations to begin from; by default
+        those of the linear solution.
         """
-        rows, known = self._rows(time, lag)
-        if known.sum() < 6:
-            return None
-        rows = rows[known].reshape(-1, 12 * self.n + 11)
-        gram = rows.T @ rows / len(rows)
-        return _search(gram, _linear_rotations(gram, self.n) if start is None else start)
+        rows, known = self._rows(np.concatenate(times), np.concatenate(lags))
+        ends = np.cumsum([len(time) for time in times])[:-1]
+        both = zip(np.split(rows, ends), np.split(known, ends), strict=True)
+        told = [own[there] if len(there) > 6 else own[:0] for own, there in both]
+        flat = [own.reshape(-1, rows.shape[2]) for own in told if len(own) >= 6]
+        if not flat:
+            return [None] * len(told)
+        gram = np.stack([own.T @ own / len(own) for own in flat])
+        begin = _linear_rotations(gram, self.n) if start is None else np.stack([start] * len(gram))
+        models = iter(_search(gram, begin))
+        return [next(models) if len(own) >= 6 else None for own in told]
 
     def residual(
-        self, time: FloatArray, lag: FloatArray | float, model: Model, ahead: float = 0.0
+        self, time: FloatArray, lag: FloatArray, model: Model, ahead: float = 0.0
     ) -> FloatArray:
         """Residuals (N, 6) at instants (N,); NaN where a stream has a hole."""
         rows, known = self._rows(time, lag, ahead)
@@ -179,29 +184,33 @@ def _coefficients(
     return rows
 
 
-def _area(trio: FloatArray) -> float:
-    return float(np.linalg.norm(np.cross(trio[1] - trio[0], trio[2] - trio[0])))
-
-
 def _linear_rotations(gram: FloatArray, n: int) -> FloatArray:
-    """Rotations (n, 3, 3) of the linear solution without zeros and with m = 1."""
-    wanted = [*range(9 * n), *range(12 * n, 12 * n + 10)]
-    part = gram[np.ix_(wanted, wanted)]
-    ridge = 1e-6 * np.trace(part) / len(part) * np.eye(len(part))
-    found = np.linalg.solve(part + ridge, -gram[wanted, -1])
-    return so3.project(found[: 9 * n].reshape(n, 3, 3))
+    """Rotations (T, n, 3, 3) of the linear solutions without zeros and with m = 1."""
+    wanted = np.array([*range(9 * n), *range(12 * n, 12 * n + 10)])
+    part = gram[:, wanted[:, None], wanted]
+    found = np.linalg.solve(_lifted(part, 1e-6 / len(wanted)), -gram[:, wanted, -1:])
+    return so3.project(found[:, : 9 * n].reshape(-1, n, 3, 3))
 
 
-def _search(gram: FloatArray, rotation: FloatArray) -> Model:
-    """The mounting that balances best, from one near by; what is linear is eliminated."""
-    k = rotation.size
-    linear = gram[k:, k:] + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram) - k)
-    back = np.linalg.solve(linear, gram[k:, :k])
-    schur = gram[:k, :k] - gram[:k, k:] @ back
-    root = np.linalg.cholesky(schur + _RIDGE * np.trace(schur) * np.eye(k)).T
-    found = descend(
-        np.pad(root, ((0, 0), (0, 1))), rotation[None], iterations=_STEPS, tolerance=_SETTLED
-    )
-    best = found.rotation[0].ravel()
-    misfit = np.sqrt(max(float(best @ schur @ best), 0.0))
-    return Model(found.rotation[0], -back @ best, float(misfit))
+def _lifted(gram: FloatArray, share: float) -> FloatArray:
+    """Each Gram matrix (T, m, m) with a share of its trace on its diagonal."""
+    trace = np.trace(gram, axis1=1, axis2=2)[:, None, None]
+    return np.asarray(gram + share * trace * np.eye(gram.shape[1]))
+
+
+def _search(gram: FloatArray, rotation: FloatArray) -> list[Model]:
+    """The mountings that balance T Gram matrices best, each from one near by (T, n, 3, 3).
+
+    What is linear is eliminated.
+    """
+    k = rotation[0].size
+    linear = _lifted(gram, 1e-10 / gram.shape[1])[:, k:, k:]
+    back = np.linalg.solve(linear, gram[:, k:, :k])
+    schur = gram[:, :k, :k] - gram[:, :k, k:] @ back
+    lower = np.linalg.cholesky(_lifted(schur, _RIDGE))
+    root: FloatArray = np.pad(lower.swapaxes(1, 2), ((0, 0), (0, 0), (0, 1)))
+    best = descend(root, rotation, iterations=_STEPS, tolerance=_SETTLED).rotation
+    flat = best.reshape(-1, k, 1)
+    misfit = np.sqrt(np.maximum(flat.swapaxes(1, 2) @ schur @ flat, 0.0)).ravel().tolist()
+    rest = -(back @ flat)[..., 0]
+    return [Model(*each) for each in zip(best, rest, misfit, strict=True)]

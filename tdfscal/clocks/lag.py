@@ -83,10 +83,9 @@ def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> 
         streams = {2 * i + kind: Track.of(time - begin, value) for i, value in each}
         tracks.append(Tracks(begin, float(time[-1]), step, streams))
     search = Search(tracks[0], tracks[1], ClockPrior())
-    none = search.judged(Peak(0.0, 0.0, search.spans[0]))
-    found = [search.judged(peak) for peak in search.candidates()]
-    best = min([none, *found], key=lambda candidate: candidate.misfit)
-    together = min(c.misfit for c in [none, *found] if abs(c.lag) <= SAME)
+    found = search.judged([Peak(0.0, 0.0, search.spans[0]), *search.candidates()])
+    best = min(found, key=lambda candidate: candidate.misfit)
+    together = min(c.misfit for c in found if abs(c.lag) <= SAME)
     if not (np.isfinite(together) and is_clear(best, together)):
         return None
     behind = search.refined(best, "").offset
@@ -104,7 +103,7 @@ def _check_statement(search: Search, name: str) -> None:
         best = alone.chosen(name)
     except (DataError, NotIdentifiableError):
         best = None
-    allowed = [search.judged(peak) for peak in search.candidates()]
+    allowed = search.judged(search.candidates())
     shift = search.second.begin - search.first.begin
     values: dict[str, Value] = {
         "begin": -search.stated, "end": search.spans[1] - search.stated, "span": search.spans[0],
@@ -134,7 +133,7 @@ def _check_order(search: Search, name: str) -> None:
         best = turned.chosen(name)
     except (DataError, NotIdentifiableError):
         return
-    forwards = [search.judged(peak) for peak in search.candidates()]
+    forwards = search.judged(search.candidates())
     alike = max((c.peak.evidence for c in forwards), default=0.0)
     balanced = min((c.misfit for c in forwards), default=np.inf)
     if best.model is None:

@@ -108,13 +108,12 @@ def refine(
     middle = 0.5 * (time[0] + time[-1])
     line, covariance = np.array([lag, 0.0]), np.zeros((2, 2))
     h = max(0.02, 0.5 * slowest)
-    some = time[:: max(len(time) // _FITTED, 1)]
+    some = slice(None, None, max(len(time) // _FITTED, 1))
     blocks = int(np.clip(rows / 6.0, _FEWEST, _BLOCKS))
     lost = rows / max(rows - balance.parameters, 0.25 * balance.parameters)
     for _ in range(_ROUNDS):
-        found = balance.fit(some, line[0] + line[1] * (some - middle), model.rotation)
-        model = found or model
         course = line[0] + line[1] * (time - middle)
+        model = balance.fit([time[some]], [course[some]], model.rotation)[0] or model
         left = balance.residual(time, course, model)
         after = balance.residual(time, course, model, h)
         slope = (balance.residual(time, course, model, -h) - after) / (2 * h)

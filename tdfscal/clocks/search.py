@@ -9,14 +9,7 @@ import numpy as np
 
 from tdfscal.clocks.balance import Balance, Model
 from tdfscal.clocks.refinement import lag_by_moves, moves, refine
-from tdfscal.clocks.tracks import (
-    Peak,
-    Track,
-    Tracks,
-    activity,
-    correlation_time,
-    peaks,
-)
+from tdfscal.clocks.tracks import Peak, Track, Tracks, activity, correlation_time, peaks
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -111,8 +104,7 @@ class Search:
 
     def chosen(self, name: str) -> Candidate:
         """The lag that explains both recordings."""
-        found = [self.judged(peak) for peak in self.candidates()]
-        found.sort(key=lambda candidate: candidate.misfit)
+        found = sorted(self.judged(self.candidates()), key=lambda candidate: candidate.misfit)
         if not found:
             raise self._not_found(name)
         best, *others = found
@@ -147,19 +139,20 @@ class Search:
         here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
         return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
 
-    def judged(self, peak: Peak) -> Candidate:
-        """The lag with the misfit of the balance there."""
-        time = self._instants(peak.lag, _INSTANTS)
-        model = None
-        if self.balance is not None and len(time) > 6:
-            model = self.balance.fit(time, peak.lag)
-        if model is None or self.balance is None:
-            return Candidate(peak)
-        rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time
-        free = rows - self.balance.parameters
-        if free < 0.25 * self.balance.parameters:
-            return Candidate(peak, np.inf, rows, model)
-        return Candidate(peak, model.misfit * float(np.sqrt(rows / free)), rows, model)
+    def judged(self, lags: Sequence[Peak]) -> list[Candidate]:
+        """The lags with the misfit of the balance there."""
+        if self.balance is None or not lags:
+            return [Candidate(peak) for peak in lags]
+        found, taken = [], self.balance.parameters
+        times = [self._instants(peak.lag, _INSTANTS) for peak in lags]
+        shift = [np.full(len(time), peak.lag) for peak, time in zip(lags, times, strict=True)]
+        for peak, time, model in zip(lags, times, self.balance.fit(times, shift), strict=True):
+            rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time if model else 0.0
+            free, misfit = rows - taken, np.inf
+            if model and free >= 0.25 * taken:
+                misfit = model.misfit * float(np.sqrt(rows / free))
+            found.append(Candidate(peak, misfit, rows, model))
+        return found
 
     @cached_property
     def correlation_time(self) -> float:
@@ -188,28 +181,22 @@ class Search:
 
     def refined(self, candidate: Candidate, name: str) -> RecorderClock:
         """The clock with offset and rate by the balance during the moves."""
-        slowest = max(self.first.period, self.second.period)
+        slowest, drift = max(self.first.period, self.second.period), self.prior.rate_std
         time = self._instants(candidate.lag, _DENSE)
         middle = 0.5 * float(time[0] + time[-1])
         line: FloatArray = np.array([candidate.lag, 0.0])
         told = _WIDTH if candidate.peak.r >= _LIKE else _UNKNOWN
-        covariance: FloatArray = np.diag([told**2 + slowest**2, self.prior.rate_std**2])
+        covariance: FloatArray = np.diag([told**2 + slowest**2, drift**2])
         by_moves = self._by_moves(candidate, slowest)
         if self.balance is not None and candidate.model is not None:
             line, covariance = refine(
-                self.balance,
-                candidate.model,
-                time,
-                candidate.lag,
-                candidate.rows,
-                self.prior.rate_std,
-                slowest,
+                self.balance, candidate.model, time, candidate.lag, candidate.rows, drift, slowest
             )
         # By one of several amplifiers the balance would tell how its sensors settle.
         better = self._in_part or (by_moves and by_moves.std**2 < covariance[0, 0])
         if by_moves is not None and better:
             middle = by_moves.middle
-            share = self.prior.rate_std**2 / (self.prior.rate_std**2 + by_moves.rate_std**2)
+            share = drift**2 / (drift**2 + by_moves.rate_std**2)
             line = np.array([by_moves.value, by_moves.rate * share])
             covariance = np.diag([by_moves.std**2, by_moves.rate_std**2 * share])
         line, covariance = self._with_stated(line, covariance)
