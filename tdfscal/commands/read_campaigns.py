@@ -145,5 +145,6 @@ def naming(campaign: str) -> Iterator[None]:
     try:
         yield
     except TdfscalError as error:
-        where = f"{campaign}: {error.where}" if error.where else campaign
+        where = error.where or ""
+        where = where if where.startswith(campaign) else f"{campaign}: {where}".rstrip(": ")
         raise error.restated(where=where) from error

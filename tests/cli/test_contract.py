@@ -13,7 +13,7 @@ import pytest
 
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli import app
-from tdfscal.errors import DataError, NotIdentifiableError, RigError, UsageError
+from tdfscal.errors import DataError, NotIdentifiableError, RigError, TdfscalError, UsageError
 from tests.cli.cases import CASES, MISTAKES, Case, called
 from tests.cli.running import ERRORS, PROGRESS, Cli, Run, contents
 
@@ -68,10 +68,11 @@ def test_status_and_streams(case: Case, home: Path, cli: Cli) -> None:
         if case in CASES:
             with pytest.raises(RAISED[case.status]) as caught:
                 called(case.line)
+            assert isinstance(caught.value, TdfscalError)
+            assert caught.value.finding.code in CATALOGUE
             told, _, _ = line.partition("; left as it was: ")  # by the command line alone
             assert bare(told) == bare(f"tdfscal: {caught.value}")
             assert "--" not in str(caught.value)
-            assert caught.value.finding.code in CATALOGUE
         return
     assert all(line.startswith("tdfscal: ") for line in said)
     if case.command == "export" and case.status == 1:
@@ -127,6 +128,47 @@ def test_what_no_command_foresees(
     assert seen.err.startswith("tdfscal: ")
     assert said in seen.err
     assert seen.err.count("\n") == 1
+
+
+#: What is named in place of a file, and how that ends where each kind of file is expected: 3 is for
+#: what stands in a file that may be of the kind, 2 for all that may not, and for a rig file.
+ENDS = {
+    "nowhere.yaml": {"rig": 2, "calibration": 2, "log": 2},
+    "hollow": {"rig": 2, "calibration": 2, "log": 2},
+    "empty.csv": {"rig": 2, "calibration": 3, "log": 3},
+    "binary.csv": {"rig": 2, "calibration": 3, "log": 3},
+    "campaign/log.parquet": {"rig": 2, "calibration": 3, "log": 0},
+    "campaign/rig.yaml": {"rig": 0, "calibration": 3, "log": 2},
+    "own.yaml": {"rig": 2, "calibration": 0, "log": 2},
+}
+
+
+@each(
+    ("line", "kind"),
+    [
+        ("calibrate THIS --rig campaign/rig.yaml", "log"),
+        ("calibrate campaign/log.parquet --rig THIS", "rig"),
+        ("validate THIS campaign", "calibration"),
+        ("validate own.yaml THIS", "log"),
+        ("validate own.yaml campaign/log.parquet --rig THIS", "rig"),
+        ("apply THIS campaign -o w.csv", "calibration"),
+        ("apply own.yaml THIS -o w.csv", "log"),
+        ("report THIS", "calibration"),
+        ("compare own.yaml THIS", "calibration"),
+        ("update own.yaml THIS --rig campaign/rig.yaml -o u.yaml", "log"),
+        ("update THIS campaign -o u.yaml", "calibration"),
+        ("plan THIS -o p.csv", "rig"),
+        ("export THIS --to urdf", "calibration"),
+    ],
+)
+def test_a_file_of_another_kind_ends_alike_with_every_command(
+    line: str, kind: str, home: Path, cli: Cli
+) -> None:
+    (home / "binary.csv").write_bytes(bytes(range(128, 256)) * 20)
+    for name, ends in ENDS.items():
+        if ends[kind]:
+            seen = cli(*line.replace("THIS", name).split(), "-q", ends=ends[kind])
+            assert seen.err.count(name) == 1
 
 
 def program(*words: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
