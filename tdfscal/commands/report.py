@@ -39,12 +39,12 @@ class ReportResult(Result):
         return replace(calibration_report(self.named[0][1], drawings), summary=())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the file, or of all with their comparison, as JSON values."""
-        documents = [c.to_dict() for _, c in self.named]
-        if len(documents) == 1:
-            return documents[0]
-        comparison = several_document(put_side_by_side(self.named))
-        return {"calibrations": documents, "comparison": comparison}
+        """Return the content of all files, and how several compare, as JSON values."""
+        several = len(self.named) > 1
+        return {
+            "calibrations": [c.to_dict() for _, c in self.named],
+            "comparison": several_document(put_side_by_side(self.named)) if several else None,
+        }
 
     def table(self) -> dict[str, list[Any]]:
         """One row per calibration and angle: calibration, created, support, angle …, in rad."""

@@ -146,7 +146,7 @@ ENDS = {
 @each(
     ("line", "kind"),
     [
-        ("calibrate THIS --rig campaign/rig.yaml", "log"),
+        ("calibrate THIS --rig brief/rig.yaml", "log"),
         ("calibrate campaign/log.parquet --rig THIS", "rig"),
         ("validate THIS campaign", "calibration"),
         ("validate own.yaml THIS", "log"),
@@ -155,7 +155,7 @@ ENDS = {
         ("apply own.yaml THIS -o w.csv", "log"),
         ("report THIS", "calibration"),
         ("compare own.yaml THIS", "calibration"),
-        ("update own.yaml THIS --rig campaign/rig.yaml -o u.yaml", "log"),
+        ("update own.yaml THIS --rig brief/rig.yaml -o u.yaml", "log"),
         ("update THIS campaign -o u.yaml", "calibration"),
         ("plan THIS -o p.csv", "rig"),
         ("export THIS --to urdf", "calibration"),
@@ -180,4 +180,5 @@ def test_a_pipe_in_and_out(home: Path) -> None:
     """As a process of its own: `-` is standard input, and bytes go to the right descriptor."""
     done = program("report", "-", "--json", input=(home / "own.yaml").read_bytes(), cwd=home)
     assert (done.returncode, done.stderr) == (0, b"")
-    assert json.loads(done.stdout)["format"] == "tdfscal-calibration/1"
+    (found,) = json.loads(done.stdout)["calibrations"]
+    assert found["format"] == "tdfscal-calibration/1"

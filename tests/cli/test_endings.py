@@ -123,7 +123,7 @@ def test_a_result_is_utf8_whatever_the_terminal_is(
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
         cli("report", "own.yaml", "--json", ends=0)
-        assert json.loads(raw.getvalue())["convention"].count("·") == 4
+        assert json.loads(raw.getvalue())["calibrations"][0]["convention"].count("·") == 4
 
 
 def program(*words: object, cwd: Path) -> subprocess.Popen[str]:
