@@ -93,7 +93,9 @@ def resolve(
     surveyed = loaded.tracker is not None and all(p.is_file() for p in loaded.tracker.paths)
     surveys = loaded.tracker.paths if loaded.tracker else ()
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
-    if not logs and not surveyed:
+    # A folder that holds nothing of the rig has no part in its survey.
+    homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
+    if not logs and not (surveyed and homes.intersection(map(_real, paths))):
         raise UsageError(
             "there is no log here, nor a tracker's survey",
             where=", ".join(map(str, paths)),

@@ -146,7 +146,7 @@ ENDS = {
 @each(
     ("line", "kind"),
     [
-        ("calibrate THIS --rig brief/rig.yaml", "log"),
+        ("calibrate THIS --rig campaign/rig.yaml", "log"),
         ("calibrate campaign/log.parquet --rig THIS", "rig"),
         ("validate THIS campaign", "calibration"),
         ("validate own.yaml THIS", "log"),
