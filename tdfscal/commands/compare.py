@@ -18,7 +18,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
@@ -116,26 +116,11 @@ def compare(
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
     read = read_sources(sources)
-    rejected = tuple(name for name, c in read if not c.accepted)
     first = read[0]
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other in read[1:]:
         pair, remark = compared(first, other)
-        found = _obstacle(pair, rejected)
-        if pair.obstacle is not None and found is not pair.obstacle:
-            remark = (*remark, pair.obstacle)
-        pairs.append(replace(pair, obstacle=found))
+        pairs.append(pair)
         remarks.append(remark)
     known = tuple(found for name, c in read for found in defects(name, c))
     return CompareResult(judged_together(pairs), tuple(remarks), known)
-
-
-def _obstacle(pair: Comparison, rejected: tuple[str, ...]) -> Finding | None:
-    """A calibration that was rejected, or of another rig, verifies nothing, whatever it says.
-
-    Nor does one that stands on the same recordings.
-    """
-    blamed = tuple(name for name in pair.names if name in rejected)
-    if not blamed or (pair.obstacle is not None and pair.obstacle.rejects):
-        return pair.obstacle
-    return Finding("compared-rejected", blamed, values={"names": " and ".join(blamed)})

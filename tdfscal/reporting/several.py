@@ -23,7 +23,7 @@ from tdfscal.reporting.traceability import measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 #: Said where calibrations stand on the same recordings.
-_NO_RESULTS = "NOT SEPARATE RESULTS"
+_NO_RESULTS, _UNVERIFIED = "NOT SEPARATE RESULTS", "NOT VERIFIED"
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
@@ -103,14 +103,16 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
             ),
         ),
         warnings=_warnings(view),
-        advice=(_keep(view),) if view.agrees else _DEPARTED,
+        advice=(_keep(view),) if view.agrees or _headline(view) == _UNVERIFIED else _DEPARTED,
     )
 
 
 def _headline(view: Several) -> str:
     if any(pair.obstacle and pair.obstacle.rejects for pair in view.history.against_first):
         return "NOT COMPARABLE"
-    return "NOT COMPATIBLE" if view.departs else "COMPATIBLE" if view.agrees else _NO_RESULTS
+    if view.departs or view.agrees:
+        return "NOT COMPATIBLE" if view.departs else "COMPATIBLE"
+    return _NO_RESULTS if all(c.accepted for c in view.content) else _UNVERIFIED
 
 
 def letter(index: int) -> str:

@@ -198,7 +198,7 @@ def exact_sentence(c: Calibration, half_width: float) -> str:
         parts.append(f"together by {rounded(1e3 * _together(all_of_them))} mrad")
     taken = "They may be off by more; taken" if more else "Taken"
     said = f"{taken} as exact: {'; '.join(parts)}. " if parts else ""
-    return said + _tightly_stated(c, half_width)
+    return (said + _tightly_stated(c, half_width)).strip()
 
 
 def _tightly_stated(c: Calibration, half_width: float) -> str:

@@ -66,6 +66,8 @@ def test_round_trip_to_the_bit(found: Calibration, tmp_path: Path, suffix: str) 
     for ours, theirs in zip(found.supports, independent["supports"], strict=True):
         assert np.array_equal(np.array(theirs["rotation"]), np.array(ours.rotation))
         assert theirs["zero_std"] == [0.1, None, 1 / 3]
+    with pytest.raises(ValueError, match="read-only"):
+        found.rotation[0] = 0.0
 
 
 def test_sensitivity_changes_the_convention(content: dict[str, Any]) -> None:
@@ -204,6 +206,8 @@ def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> No
 def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> None:
     """Each is refused as an edit, or the file reads to the same content."""
     whole = parse_calibration(json.dumps(made).encode(), "c.json")
+    units = dict(zip(made["parameters"]["parameters"], made["parameters"]["units"], strict=True))
+    assert (units["ncp1.rz"], units["ncp2.zero.x"], units["mass"]) == ("rad", "N", "kg")
     for k, edit in enumerate(edits(made, 9, seed=1)):
         yaml_too = k % 8 == 0
         for text in [json.dumps(edit.document)] + yaml_too * [to_yaml(edit.document)]:

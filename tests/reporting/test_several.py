@@ -114,6 +114,7 @@ def test_which_of_those_that_agree_is_kept() -> None:
         report = several([(str(k), c) for k, c in enumerate(calibrations)])
         assert "".join(re.findall(r"\b[AB]\b", report.advice[0])) == kept
         assert report.provisional is provisional
+        assert report.accepted is (rejected not in calibrations)
         assert any("A is provisional" in text for text in report.warnings) is provisional
 
 

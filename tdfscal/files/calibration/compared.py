@@ -36,21 +36,24 @@ def compared(
     """First minus second, by what they have in common; and what there is to say of that.
 
     Of no two results the differences stand alone, with what keeps them from being two; of two rigs
-    nothing agrees, whatever the numbers say. order : whose sensors' order holds, by default the
-    first's.
+    nothing agrees, whatever the numbers say, and one that was rejected verifies nothing. order :
+    whose sensors' order holds, by default the first's.
 
     Raises DataError where they are of different supports.
     """
     pair, said = _by_recordings(first, second, order)
     a, b = ((name, c.rig.record()) for name, c in (first, second))
     said = (*said, *other_papers(a, b))
-    differences = other_rig(a[1], b[1])
-    if not differences:
+    rejected = tuple(name for name, c in (first, second) if not c.accepted)
+    if differences := other_rig(a[1], b[1]):
+        found = rigs_apart(differences, "compared-other-rig")
+        found = replace(found, subject=(second[0],), rejects=True)
+    elif rejected:
+        found = Finding("compared-rejected", rejected, values={"names": " and ".join(rejected)})
+    else:
         return pair, said
-    apart = rigs_apart(differences, "compared-other-rig")
     known = () if pair.obstacle is None else (pair.obstacle,)
-    apart = replace(apart, subject=(second[0],), rejects=True)
-    return replace(pair, obstacle=apart), (*said, *known)
+    return replace(pair, obstacle=found), (*said, *known)
 
 
 def _by_recordings(

@@ -1,7 +1,7 @@
 """The calibration file: what was found, how well, from what, under which convention."""
 
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
@@ -21,7 +21,15 @@ from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
 from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
 
+Array = TypeVar("Array", BoolArray, FloatArray)
+
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
+
+
+def _read_only(array: Array) -> Array:
+    """What is written to it would be lost: it is made anew each time that it is asked for."""
+    array.setflags(write=False)
+    return array
 
 
 class Calibration(Strict):
@@ -136,24 +144,26 @@ class Calibration(Strict):
     @property
     def determined(self) -> BoolArray:
         """(n,), which sensors have a rotation."""
-        return np.array([support.determined for support in self.supports])
+        return _read_only(np.array([support.determined for support in self.supports]))
 
     @property
     def rotation(self) -> FloatArray:
         """(n, 3, 3), sensor frame → BCS; where undetermined, one with the directions measured."""
-        return np.array(
-            [
-                support.rotation
-                if support.rotation is not None
-                else from_directions(rig.nominal_rpy, dict(support.directions or {}))
-                for support, rig in zip(self.supports, self.rig.supports, strict=True)
-            ]
+        return _read_only(
+            np.array(
+                [
+                    support.rotation
+                    if support.rotation is not None
+                    else from_directions(rig.nominal_rpy, dict(support.directions or {}))
+                    for support, rig in zip(self.supports, self.rig.supports, strict=True)
+                ]
+            )
         )
 
     @property
     def rpy(self) -> FloatArray:
         """(n, 3), roll, pitch, yaw, rad; not a number where undetermined."""
-        return np.array([support.rpy for support in self.supports], dtype=np.float64)
+        return _read_only(np.array([support.rpy for support in self.supports], dtype=np.float64))
 
     @property
     def rpy_std(self) -> FloatArray:
@@ -162,7 +172,7 @@ class Calibration(Strict):
         Where roll and yaw are not separable: of the turns about the BCS's axes.
         """
         std = np.array([support.stated_std for support in self.supports], dtype=np.float64)
-        return np.where(self.determined[:, None], std, np.inf)
+        return _read_only(np.where(self.determined[:, None], std, np.inf))
 
     @property
     def limit_half_width(self) -> float:
@@ -181,12 +191,12 @@ class Calibration(Strict):
         stand = np.repeat(self.determined, 3)
         matrix = np.diag(np.where(stand, 0.0, EVEN_TURN**2))
         matrix[np.ix_(stand, stand)] = self.covariance.matrix
-        return matrix
+        return _read_only(matrix)
 
     @property
     def zero(self) -> FloatArray:
         """(n, 3), zero offsets, N, sensor frames; 0 for an axis that is not measured."""
-        return np.array([support.offset for support in self.supports])
+        return _read_only(np.array([support.offset for support in self.supports]))
 
     @property
     def zero_std(self) -> FloatArray:
@@ -196,13 +206,13 @@ class Calibration(Strict):
         """
         measured = np.array([[z is not None for z in support.zero] for support in self.supports])
         std = np.array([support.zero_std for support in self.supports], dtype=np.float64)
-        return np.where(measured, np.nan_to_num(std, nan=np.inf, posinf=np.inf), 0.0)
+        return _read_only(np.where(measured, np.nan_to_num(std, nan=np.inf, posinf=np.inf), 0.0))
 
     @property
     def sensitivity(self) -> FloatArray:
         """(n, 3, 3), I + S; the identity where none was estimated."""
         stated = (support.sensitivity for support in self.supports)
-        return np.array([np.eye(3) if scale is None else scale for scale in stated])
+        return _read_only(np.array([np.eye(3) if scale is None else scale for scale in stated]))
 
     def rotations(self) -> Rotations:
         """Return the rotations with their covariance as a record."""

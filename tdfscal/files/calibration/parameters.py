@@ -31,6 +31,11 @@ _COMPONENTS = {
     "friction": ("hinge_friction",),
     "drift": (),
 }
+#: Units of the first parts of their names behind the support's; turns are in rad.
+_UNITS = {"zero": "N", "sensitivity": "1", "mass": "kg", "compliance": "m/N"} | {
+    "hinge_friction": "N·m",
+    **dict.fromkeys(("barycenter", "hinge", "datum"), "m"),
+}
 _OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 
 
@@ -38,8 +43,9 @@ class Parameters(Strict):
     """Every parameter that was free, with the covariance of all of them together."""
 
     parameters: tuple[Text, ...] = key("names of rows and columns")
-    value: Numbers = key("estimate minus stated value of the embedded rig, SI; rotations 0")
-    matrix: Matrix = key("joint covariance, SI; rotations as in `covariance`")
+    units: tuple[Text, ...] = key("of each, in its order; `matrix` has their products", ())
+    value: Numbers = key("estimate minus stated value of the embedded rig; rotations 0")
+    matrix: Matrix = key("joint covariance; rotations as in `covariance`")
     unscaled: Matrix | None = key(
         "rad²: covariance of the rotations before the Birge ratio scaled it", None
     )
@@ -54,6 +60,12 @@ def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def unit(name: str, supports: Iterable[str]) -> str:
+    """The unit of a parameter of `parameter_order`."""
+    owner = next((f"{each}." for each in supports if name.startswith(f"{each}.")), "")
+    return _UNITS.get(name.removeprefix(owner).split(".")[0], "rad")
+
+
 def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
     """Names of the covariance's rows: `ncp1.rx`, `ncp1.ry`, `ncp1.rz`, `ncp2.rx` …."""
     return tuple(f"{name}.{axis}" for name in supports for axis in _COMPONENTS["rotation"])
@@ -64,8 +76,10 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
     names = np.array(parameter_order(given.rig.supports))
     used = np.flatnonzero(np.diagonal(given.covariance))
     start = replace(nominal(given.rig), rotation=given.state.rotation)
+    named = tuple(names[used].tolist())
     return {
-        "parameters": tuple(names[used].tolist()),
+        "parameters": named,
+        "units": tuple(unit(name, given.rig.supports) for name in named),
         "value": deviation(given.state, start)[used],
         "matrix": given.covariance[np.ix_(used, used)],
         "unscaled": unscaled,
@@ -164,6 +178,8 @@ def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
         if name not in order:
             raise fault(f"names no parameter of this rig: {name}", "parameters", "parameters")
     place = [order[name] for name in block.parameters]
+    if block.units not in ((), tuple(unit(name, supports) for name in block.parameters)):
+        raise fault("are not those of its parameters", "parameters", "units")
     if place != sorted(set(place)):
         raise fault("are not in their order, each once", "parameters", "parameters")
     return place
