@@ -35,7 +35,7 @@ def test_apply_and_compare_say_that_a_rig_has_another_name(
     tdfscal.calibrate(stand, trials=0, output=other)
     seen = run(capsys, "compare", first, other, "-q")
     assert seen.status == 1  # of one log, and so no two results
-    assert "Stand B" in seen.err
+    assert "Stand B" in seen.out
 
 
 def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
