@@ -30,12 +30,19 @@ class CompareResult(Result):
     """The first calibration against each of the others.
 
     pairs : one comparison each. remarks : of each, on the data that both stand on, their rigs'
-    papers. findings : what must be known of each calibration by itself.
+    papers. defects : what must be known of each calibration by itself.
     """
 
     pairs: tuple[Comparison, ...]
     remarks: tuple[tuple[Finding, ...], ...]
-    findings: tuple[Finding, ...]
+    defects: tuple[Finding, ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Whether each pair agrees, what keeps it from that, and what must be known of each."""
+        each = zip(self.pairs, self.remarks, strict=True)
+        said = (_of_pair(pair) + remarks for pair, remarks in each)
+        return (*(found for pair in said for found in pair), *self.defects)
 
     @property
     def verified(self) -> bool:
@@ -45,7 +52,7 @@ class CompareResult(Result):
     @property
     def notes(self) -> tuple[str, ...]:
         """What must be known of each calibration by itself."""
-        return tuple(map(told, self.findings))
+        return tuple(map(told, self.defects))
 
     @property
     def exit_status(self) -> int:
@@ -63,8 +70,8 @@ class CompareResult(Result):
         """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
         for pair, said in zip(self.pairs, self.remarks, strict=True):
-            own = (one for one in self.findings if set(one.subject) & set(pair.names))
-            found = documents((*filter(None, [pair.obstacle]), *said, *own))
+            own = (one for one in self.defects if set(one.subject) & set(pair.names))
+            found = documents((*_of_pair(pair), *said, *own))
             each.append(comparison_document(pair, {}) | {"findings": found})
         return {"verified": self.verified, "comparisons": each}
 
@@ -124,3 +131,9 @@ def compare(
         remarks.append(remark)
     known = tuple(found for name, c in read for found in defects(name, c))
     return CompareResult(judged_together(pairs), tuple(remarks), known)
+
+
+def _of_pair(pair: Comparison) -> tuple[Finding, ...]:
+    """That they are not compatible, where that can be told, and what keeps them from verifying."""
+    told_apart = np.isfinite(pair.p_value) and not pair.compatible
+    return (*((pair.finding,) if told_apart else ()), *filter(None, [pair.obstacle]))

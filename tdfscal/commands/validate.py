@@ -32,6 +32,7 @@ from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.papers import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
+from tdfscal.reporting.validation_claim import changes
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.residual_wrench import ENOUGH, Validation
@@ -46,13 +47,18 @@ class ValidateResult(Result):
     """Verdict of `validate`.
 
     validation : the test, with the residual contact wrench of every posture, or over the motion.
-    findings : of the calibration, the log and the test. origin : of what it was made.
+    remarks : of the calibration, the log and the test. origin : of what it was made.
     """
 
     validation: Validation | MovingValidation
     calibration: Calibration
-    findings: tuple[Finding, ...]
+    remarks: tuple[Finding, ...]
     origin: Origin
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What has changed, the likeliest first, and what must be known beside it."""
+        return (*changes(self.validation), *self.remarks)
 
     @property
     def inputs(self) -> tuple[InputFile, ...]:
@@ -72,11 +78,11 @@ class ValidateResult(Result):
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
         origin = self.origin if drawings else None
-        return validation_report(self.validation, self.findings, origin, drawings)
+        return validation_report(self.validation, self.remarks, origin, drawings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        return validation_document(self.validation, self.findings, self.origin)
+        return validation_document(self.validation, self.remarks, self.origin)
 
     def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.

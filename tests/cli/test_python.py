@@ -64,6 +64,10 @@ def test_python_and_json_are_the_same_numbers(
     assert result.exit_status == seen.status, seen.err
     assert capsys.readouterr().out == ""
     assert lasting(json.loads(json.dumps(result.to_dict()))) == lasting(json.loads(seen.out))
+    document = result.to_dict()
+    of_each = [document, *document.get("comparisons", ())]
+    written = {found["code"] for part in of_each for found in part.get("findings", ())}
+    assert {found.code for found in getattr(result, "findings", ())} == written
     assert len(repr(result).splitlines()) == 1
     assert 20 < len(repr(result)) < 140
     assert " at 0x" not in repr(result.drawings())
