@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf, coverage_factor, propagate
-from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -120,6 +120,34 @@ class Estimated(Generic[F]):
     def uncertainty(self) -> Uncertainty:
         """Uncertainty of the rotations."""
         return self.estimate.uncertainty
+
+
+Change = Literal["postures", "squeeze", "tare", "seconds"]
+
+
+@record
+class Prospect:
+    """A change of the campaign, and the angles' uncertainty to expect of it.
+
+    amount : postures more; N, largest internal force at an NCP; N, standard uncertainty of a zero;
+    s, of motion. rpy_std : (n, 3), rad, of roll, pitch, yaw.
+    """
+
+    change: Change
+    amount: float
+    rpy_std: FloatArray
+
+
+def linear_rpy_std(
+    rotation: FloatArray, data: FloatArray, priors: FloatArray, count: float = 1.0
+) -> FloatArray:
+    """Standard uncertainties (n, 3), rad, of roll, pitch, yaw where the data count so many times.
+
+    rotation : (n, 3, 3). data, priors : whitened rows (M, p), (m, p) of the Jacobian.
+    """
+    rows = np.concatenate([np.sqrt(count) * data, priors])
+    turns = spectrum(triangular(rows), len(rows)).root[: 3 * len(rotation)]
+    return np.sqrt(so3.rpy_variance(rotation, turns @ turns.T))
 
 
 def quality(of: Fitted, parts: Spectrum) -> Quality:

@@ -18,8 +18,10 @@ from tdfscal.estimation.fit import factored_information, information
 from tdfscal.estimation.uncertainty import (
     UNDECLARED,
     Estimate,
+    Prospect,
     Quality,
     calibrated,
+    linear_rpy_std,
     of_shares,
     parameter_std,
     prior_shares,
@@ -37,7 +39,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.usable import usable_samples
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.numerics.least_squares import Spectrum, block_diagonal, spectrum, triangular
+from tdfscal.numerics.least_squares import Spectrum, block_diagonal, triangular
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 
 #: Names in the budget of what only motion has.
@@ -54,6 +56,8 @@ _LEAST = 0.1
 _CHUNK = 2_000
 #: Blocks of a long log that are looked at.
 _FEW = 4
+#: How many times as long a motion is easily made.
+_LONGER = 2.0
 
 
 @record
@@ -78,18 +82,18 @@ class MovingEstimate(Estimate[MovingFit]):
         """All parameters of the rig with their joint covariance, for those who use them."""
         return calibrated(self.fit, self.posterior, self.uncertainty.covariance)
 
-    def longer(self, times: float) -> FloatArray:
-        """Standard uncertainties (n, 3), rad, of roll, pitch, yaw of a motion that many times as
-        long: what is published, changed as the linear covariance at the spectrum is.
+    def prospects(self, seconds: float) -> tuple[Prospect, ...]:
+        """What a longer motion would bring; seconds : of what there is.
+
+        What is published changes as the linear covariance at the spectrum does.
         """
-        fit, J = self.fit, triangular(self.fit.whiten(self.fit.jacobian))
-
-        def std(count: float) -> FloatArray:
-            rows = np.concatenate([np.sqrt(count) * J, fit.prior_jacobian])
-            turns = spectrum(triangular(rows), len(rows)).root[: 3 * fit.rig.n]
-            return np.sqrt(so3.rpy_variance(fit.still.rotation, turns @ turns.T))
-
-        return self.uncertainty.rpy_std * std(times) / std(1.0)
+        fit, data = self.fit, triangular(self.fit.whiten(self.fit.jacobian))
+        now, then = (
+            linear_rpy_std(fit.still.rotation, data, fit.prior_jacobian, count)
+            for count in (1.0, _LONGER)
+        )
+        longer = self.uncertainty.rpy_std * then / now
+        return (Prospect("seconds", _LONGER * seconds, longer),)
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:

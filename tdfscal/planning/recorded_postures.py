@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
 
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information
-from tdfscal.frozen import record, replace
+from tdfscal.estimation.uncertainty import Change, Prospect, linear_rpy_std
+from tdfscal.frozen import replace
 from tdfscal.model.parameters import nominal, sensing
 from tdfscal.model.statics import Postures, internal_part, postures
-from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state, evaluate
 from tdfscal.selfcal.outliers import fit_robust
@@ -55,24 +53,10 @@ def scatter_of(seen: Postures, rig: Rig) -> float:
     return float(np.sqrt(max(0.0, variance - rig.declared.force_noise**2)))
 
 
-Change = Literal["postures", "squeeze", "tare"]
 #: Postures that a campaign is easily given besides; N, what a tare just before it leaves.
 _MORE, _TARED = 5, 0.1
 #: How much harder it is squeezed.
 HARDER = 2.0
-
-
-@record
-class Prospect:
-    """A change of the campaign, and the angles' uncertainty to expect of it.
-
-    amount : postures more; N, largest internal force at an NCP; N, standard uncertainty of a zero.
-    rpy_std : (n, 3), rad, of roll, pitch, yaw.
-    """
-
-    change: Change
-    amount: float
-    rpy_std: FloatArray
 
 
 def prospects(fit: Fit, rpy_std: FloatArray) -> tuple[Prospect, ...]:
@@ -117,7 +101,5 @@ def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
 
 def _linear_std(fit: Fit, more: float = 1.0) -> FloatArray:
     """Standard uncertainties (n, 3), rad, where each posture counts `more` times."""
-    J = np.sqrt(more) * (fit.root @ fit.jacobian)
-    rows = np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian])
-    turns = spectrum(triangular(rows), len(rows)).root[: 3 * fit.rig.n]
-    return np.sqrt(so3.rpy_variance(fit.state.rotation, turns @ turns.T))
+    data = (fit.root @ fit.jacobian).reshape(-1, fit.jacobian.shape[-1])
+    return linear_rpy_std(fit.state.rotation, data, fit.prior_jacobian, more)

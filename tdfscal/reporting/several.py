@@ -23,7 +23,7 @@ from tdfscal.reporting.traceability import measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 #: Said where calibrations stand on the same recordings.
-_NO_RESULTS, _UNVERIFIED = "NOT SEPARATE RESULTS", "NOT VERIFIED"
+_NO_RESULTS = "NOT SEPARATE RESULTS"
 _K = f"k = {COVERAGE_FACTOR:g}"
 
 
@@ -50,6 +50,17 @@ class Several:
         """One is not compatible with the first, at one level for all (Bonferroni)."""
         pairs = self.history.against_first
         return not all(pair.compatible for pair in pairs if np.isfinite(pair.p_value))
+
+    @property
+    def apart(self) -> bool:
+        """One is of another rig than the first."""
+        return any(p.obstacle and p.obstacle.rejects for p in self.history.against_first)
+
+    @property
+    def unverified(self) -> bool:
+        """One was rejected, which alone keeps them from agreeing."""
+        rejected = not all(c.accepted for c in self.content)
+        return rejected and not self.apart and not self.departs
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
@@ -103,16 +114,16 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
             ),
         ),
         warnings=_warnings(view),
-        advice=(_keep(view),) if view.agrees or _headline(view) == _UNVERIFIED else _DEPARTED,
+        advice=(_keep(view),) if view.agrees or view.unverified else _DEPARTED,
     )
 
 
 def _headline(view: Several) -> str:
-    if any(pair.obstacle and pair.obstacle.rejects for pair in view.history.against_first):
+    if view.apart:
         return "NOT COMPARABLE"
     if view.departs or view.agrees:
         return "NOT COMPATIBLE" if view.departs else "COMPATIBLE"
-    return _NO_RESULTS if all(c.accepted for c in view.content) else _UNVERIFIED
+    return "NOT VERIFIED" if view.unverified else _NO_RESULTS
 
 
 def letter(index: int) -> str:

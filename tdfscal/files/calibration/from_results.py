@@ -43,10 +43,6 @@ if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
 
 
-#: How much longer a motion is easily made.
-_LONGER = 2.0
-
-
 @record
 class Provenance:
     """Where a result comes from."""
@@ -89,7 +85,6 @@ def from_self(
     std, parts = found.parameter_std, _own_parts(result, origin)
     if isinstance(result, SelfCalibration):
         state = result.fit.state
-        parts |= _posture_parts(result)
         if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
             given = joint_posterior(result.fit, found.covariance)
             std = published_std(given, std)
@@ -98,11 +93,6 @@ def from_self(
         state, std = result.fit.state.still, published_std(result.calibrated, std)
         parts["parameters"] = parameters_document(result.calibrated)
         parts["motion"] = statistics.motion(result)
-        if result.observability.determined.all() and not result.reasons:
-            parts["observability"]["forecasts"] = [
-                {"change": "seconds", "amount": _LONGER * result.seconds, "worst_std": longer.max()}
-                for longer in (result.estimate.longer(_LONGER),)
-            ]
     determined = result.observability.determined
     return _file(
         origin,
@@ -158,7 +148,7 @@ def from_joint(
         ("self", own.fit.state.rotation, own.uncertainty.rpy_std),
         ("tracker", tracker.rotations.rotation, tracker.rpy_std),
     )
-    parts = _own_parts(own, origin) | _posture_parts(own)
+    parts = _own_parts(own, origin)
     parts |= {
         "method": "joint",
         "conformity": assess_stated(given),
@@ -206,33 +196,38 @@ def _followed(one: ExactQuantity, weight: FloatArray, follow: FloatArray) -> Exa
 
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:
     """What a self-calibration says of itself, of postures or in motion."""
-    return {
+    seen = statistics.observability(result.observability) | {"forecasts": _forecasts(result)}
+    parts = {
         "method": "self",
-        "estimator": result.estimator if isinstance(result, SelfCalibration) else "ml",
+        "estimator": "ml",
         "fit": statistics.fit(result, origin.campaigns),
-        "observability": statistics.observability(result.observability),
+        "observability": seen,
         "validation": statistics.validation(result.validation),
         "conformity": result.conformity,
     }
-
-
-def _posture_parts(result: SelfCalibration) -> dict[str, Any]:
-    """What a self-calibration from postures says of itself besides."""
-    seen = statistics.observability(result.observability) | {"loads": statistics.loads(result)}
+    if not isinstance(result, SelfCalibration):
+        return parts
+    seen["loads"] = statistics.loads(result)
     if result.with_moves is not None:
         stand = result.with_moves[result.observability.determined]
         seen["with_moves"] = np.sqrt(np.mean(stand**2))
-    if result.observability.determined.all() and not result.reasons:
-        seen["forecasts"] = [
-            {"change": p.change, "amount": p.amount, "worst_std": p.rpy_std.max()}
-            for p in prospects(result.fit, result.uncertainty.rpy_std)
-        ]
-    return {
-        "observability": seen,
+    return parts | {
+        "estimator": result.estimator,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
         **({} if result.estimator == "linear" else statistics.nuisances(result)),
     }
+
+
+def _forecasts(result: SelfCalibration | MotionCalibration) -> list[dict[str, Any]]:
+    """What changes of the campaign would bring, where its angles stand."""
+    if not result.observability.determined.all() or result.reasons:
+        return []
+    if isinstance(result, SelfCalibration):
+        found = prospects(result.fit, result.uncertainty.rpy_std)
+    else:
+        found = result.estimate.prospects(result.seconds)
+    return [{"change": p.change, "amount": p.amount, "worst_std": p.rpy_std.max()} for p in found]
 
 
 def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,10 +31,18 @@ _COMPONENTS = {
     "friction": ("hinge_friction",),
     "drift": (),
 }
-#: Units of the first parts of their names behind the support's; turns are in rad.
-_UNITS = {"zero": "N", "sensitivity": "1", "mass": "kg", "compliance": "m/N"} | {
-    "hinge_friction": "N·m",
-    **dict.fromkeys(("barycenter", "hinge", "datum"), "m"),
+_UNITS = {
+    "rotation": "rad",
+    "zero": "N",
+    "sensitivity": "1",
+    "mass": "kg",
+    "barycentre": "m",
+    "hinge": "m",
+    "datum": "m",
+    "tilt": "rad",
+    "compliance": "m/N",
+    "friction": "N·m",
+    "drift": "",
 }
 _OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 
@@ -51,19 +59,16 @@ class Parameters(Strict):
     )
 
 
-def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of all parameters (P,) in the order of `parameters.layout`."""
-    names: list[str] = []
+def _parameters(supports: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """Name and unit of all parameters (P,) in the order of `parameters.layout`."""
     for group in layout(len(supports)):
         owners = ("",) if group in _OF_THE_RIG else tuple(f"{name}." for name in supports)
-        names += [owner + part for owner in owners for part in _COMPONENTS[group]]
-    return tuple(names)
+        yield from ((o + part, _UNITS[group]) for o in owners for part in _COMPONENTS[group])
 
 
-def unit(name: str, supports: Iterable[str]) -> str:
-    """The unit of a parameter of `parameter_order`."""
-    owner = next((f"{each}." for each in supports if name.startswith(f"{each}.")), "")
-    return _UNITS.get(name.removeprefix(owner).split(".")[0], "rad")
+def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of all parameters (P,)."""
+    return tuple(name for name, _ in _parameters(supports))
 
 
 def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
@@ -73,13 +78,13 @@ def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
 
 def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -> dict[str, Any]:
     """The block of a calibration whose covariance is joint; unscaled : (3n, 3n), rad²."""
-    names = np.array(parameter_order(given.rig.supports))
     used = np.flatnonzero(np.diagonal(given.covariance))
+    known = tuple(_parameters(given.rig.supports))
+    names, units = zip(*(known[k] for k in used), strict=True)
     start = replace(nominal(given.rig), rotation=given.state.rotation)
-    named = tuple(names[used].tolist())
     return {
-        "parameters": named,
-        "units": tuple(unit(name, given.rig.supports) for name in named),
+        "parameters": names,
+        "units": units,
         "value": deviation(given.state, start)[used],
         "matrix": given.covariance[np.ix_(used, used)],
         "unscaled": unscaled,
@@ -173,12 +178,13 @@ def _std(values: Sequence[float | None]) -> FloatArray:
 
 def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
     """Where the block's parameters are among all; raises the model's fault."""
-    order: Mapping[str, int] = {name: k for k, name in enumerate(parameter_order(supports))}
+    known = tuple(_parameters(supports))
+    order: Mapping[str, int] = {name: k for k, (name, _) in enumerate(known)}
     for name in block.parameters:
         if name not in order:
             raise fault(f"names no parameter of this rig: {name}", "parameters", "parameters")
     place = [order[name] for name in block.parameters]
-    if block.units not in ((), tuple(unit(name, supports) for name in block.parameters)):
+    if block.units not in ((), tuple(known[k][1] for k in place)):
         raise fault("are not those of its parameters", "parameters", "units")
     if place != sorted(set(place)):
         raise fault("are not in their order, each once", "parameters", "parameters")
