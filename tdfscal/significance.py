@@ -18,7 +18,7 @@ from tdfscal.records import FloatArray
 
 #: Of every interval about an angle, in files, texts and figures: the field's custom (GUM, 6.3).
 INTERVAL_COVERAGE: Final = 0.95
-#: k of every expanded uncertainty (E_n, limits, certificates): ISO 17043 and DCC practice.
+#: k of every expanded uncertainty (E_n, limits): ISO 17043.
 COVERAGE_FACTOR: Final = 2.0
 #: Coverage of k = 2 in one dimension, normal distribution: 95.45 %.
 EXPANDED_COVERAGE: Final = erf(COVERAGE_FACTOR / sqrt(2.0))

@@ -34,11 +34,10 @@ _FIRST_LINES = (
     b"time,fx,fy,fz,mx,my,mz,u_fx,",
     b"sensor,r_xx,r_xy,r_xz,",
 )
-#: What else they say near their begin: exports, pages, certificates, documents, drafts.
+#: What else they say near their begin: exports, pages, documents, drafts.
 _SAID = re.compile(
     rb"""\btdfscal[ ]\d[^\s,]*,[ ]method[ ]
     | <meta[ ]name="generator"[ ]content="tdfscal[ ]
-    | <dcc:content[ ]lang="en">tdfscal</dcc:content>
     | ^[ ]*"?format"?:[ ]*"?tdfscal-
     | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
     re.VERBOSE | re.MULTILINE,

@@ -1,4 +1,4 @@
-"""`export`: a calibration in the form that a controller or a registry takes."""
+"""`export`: a calibration in the form that a controller takes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
 from tdfscal.reporting.layout import Drawing
 
-Target = Literal["urdf", "ros", "csv", "c", "dcc"]
+Target = Literal["urdf", "ros", "csv", "c"]
 
 
 @record(eq=False)
@@ -91,7 +91,7 @@ def export(
     ] = None,
     progress: options.Telling = SILENT,
 ) -> ExportResult:
-    """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.
+    """Write the rotations for a controller: URDF, ROS, CSV or C.
 
     Raises
     ------

@@ -1,10 +1,9 @@
-"""Files for controllers, and a draft certificate."""
+"""Files for controllers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from tdfscal.exports.certificate import certificate
 from tdfscal.exports.formats import ContactThresholds, c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 
@@ -13,7 +12,6 @@ FORMATS: dict[str, Callable[[Calibration, str, ContactThresholds | None], str]] 
     "ros": ros,
     "csv": lambda calibration, parent, limits: csv_table(calibration),
     "c": lambda calibration, parent, limits: c_header(calibration, limits),
-    "dcc": lambda calibration, parent, limits: certificate(calibration),
 }
 """Format → writer of (calibration, parent frame, thresholds)."""
 #: Formats that hold thresholds.

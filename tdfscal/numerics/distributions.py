@@ -58,11 +58,6 @@ def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
     return np.asarray(np.where(finite, t, special.ndtri(p)), dtype=np.float64)
 
 
-def coverage(k: float, dof: float = np.inf) -> float:
-    """Probability within ±k standard uncertainties, of Student's t with dof degrees of freedom."""
-    return float(1.0 - 2.0 * (special.stdtr(dof, -k) if np.isfinite(dof) else special.ndtr(-k)))
-
-
 #: Half an interval over a normal standard uncertainty.
 INTERVAL_FACTOR = float(coverage_factor(INTERVAL_COVERAGE))
 

@@ -82,7 +82,7 @@ CASES = [
     Case("compare own.yaml", 2, "two files"),
     Case("compare own.yaml nowhere.yaml", 2, "nowhere.yaml"),
     Case("compare own.yaml broken.yaml", 3, "broken.yaml"),
-    Case("export own.yaml --to dcc", 0, "DRAFT"),
+    Case("export own.yaml --to urdf", 0, "<robot"),
     Case("export rejected.yaml --to ros --allow-rejected", 0, "REJECTED"),
     Case("export rejected.yaml --to ros -o out/kept.yaml", 1, "--allow-rejected"),
     Case("export own.yaml --to csv --capability own.yaml", 2, "holds no thresholds"),

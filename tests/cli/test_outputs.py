@@ -170,7 +170,7 @@ def test_a_run_made_again_replaces_its_own_result_in_the_campaign(home: Path, cl
         made.unlink()
 
 
-TARGETS = ("urdf", "ros", "csv", "c", "dcc")
+TARGETS = ("urdf", "ros", "csv", "c")
 
 
 @pytest.mark.slow

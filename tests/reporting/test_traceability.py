@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import yaml
 
 from tdfscal import calibrate
 from tdfscal.commands.calibration import load_calibration
-from tdfscal.exports.certificate import SPACES, certificate
 from tdfscal.exports.statements import cautions
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
@@ -24,7 +22,7 @@ from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import exceeding
 from tdfscal.significance import UNDECLARED_ERROR
-from tests.reporting.samples import changed, fit_with, sample, saved, surveyed
+from tests.reporting.samples import changed, sample, saved, surveyed
 
 
 def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
@@ -40,12 +38,7 @@ def facts(c: Calibration) -> dict[str, str]:
     return {name: text for block in blocks for name, text in block.rows}
 
 
-def lines(c: Calibration) -> list[str | None]:
-    """Sentences of the certificate."""
-    return [e.text for e in ET.fromstring(certificate(c)).iter(f"{{{SPACES['dcc']}}}content")]
-
-
-def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
+def test_instruments_stand_on_the_page() -> None:
     """With the dates' origin, the assumptions and the rule."""
     papers = {"tracker": "LT-4711, D-K-20", "scale": "W-3, D-K-21", "date": "2026-11-21"}
     alone = facts(stated(campaign=papers))
@@ -57,8 +50,6 @@ def test_instruments_stand_on_the_page_and_in_the_certificate() -> None:
     c = changed(c, measured=measured)
     found = facts(c)
     assert (found["Tracker"], found["Scale"]) == (papers["tracker"], papers["scale"])
-    names = ("Tracker", "Scale", "Measured", "Taken as exact", "Decision rule")
-    assert {f"{name}: {found[name]}" for name in names} <= set(lines(c))
     assert "by the file's date" in found["Measured"]
     # Wherever the date stands: in the first lines, and side by side with others.
     both = several_report(put_side_by_side([("a", c), ("b", sample().calibration)]))
@@ -130,7 +121,7 @@ def test_a_limit_with_the_defaults_value_is_called_that() -> None:
 
 
 def test_conformity_stands_beside_the_rule() -> None:
-    """On the page and in the certificate, each quantity whose limit is stated."""
+    """Each quantity whose limit is stated."""
     limits = {"angle_std": 2e-3, "contact": {"force": 5.0}}
     part = {"expanded": 1.25, "exceeding": 1e-4, "conforms": True}
     judged = {"rpy": [0.0, 0.0, 0.0], "force": part | {"limit": 5.0}, "torque": part}
@@ -141,25 +132,11 @@ def test_conformity_stands_beside_the_rule() -> None:
     assert "probability < 1e-6;" in facts(changed(c, conformity=sure))["Contact wrench"]
     assert "force conforms: U = 1.25 N, limit 5 N" in said
     assert "torque" not in said
-    assert f"Contact wrench: {said}" in lines(c)
     assert f"({facts(c)['Taken as exact']}) is exact" in said
     finding = {"code": "gain-suspected", "severity": "rejects", "text": "the gain of support_1"}
     c = changed(c, status="rejected", findings=[finding])
     assert "conforms" not in render(calibration_report(c))
-    assert "Contact wrench: not judged: the result is rejected" in lines(c)
-
-
-def test_the_certificate_warns_as_the_report_does() -> None:
-    """Of a sensor's certificate that had ended, residuals beyond what is stated, and scaled U."""
-    found = {"code": "noise-understated", "severity": "warns", "text": "noise was scaled up"}
-    late = stated(due="2020-01-01")
-    c = changed(late, findings=[found], fit=fit_with(late, 1.87))
-    warned, written = calibration_report(c).warnings, lines(c)
-    assert len(warned) == 2
-    assert {f"Warning: {text}" for text in warned} <= set(written)
-    fit = facts(c)["Fit"]
-    assert "1.87" in fit
-    assert f"Fit: {fit}" in written
+    assert facts(c)["Contact wrench"] == "not judged: the result is rejected"
 
 
 def test_dates_that_cannot_be_are_told_wherever_the_calibration_goes() -> None:
@@ -171,14 +148,14 @@ def test_dates_that_cannot_be_are_told_wherever_the_calibration_goes() -> None:
     }
     for created, said in cases.items():
         c = changed(stated(), measured=day, created=created)
-        for told in (calibration_report(c).warnings, tuple(map(str, lines(c))), cautions(c)):
+        for told in (calibration_report(c).warnings, cautions(c)):
             dated = [text for text in told if "says that it was computed" in text]
             assert len(dated) == bool(said)
             assert all(said in text for text in dated)
 
 
 def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
-    """On the page and in the certificate; a sealed file and a result in memory are not."""
+    """A sealed file and a result in memory are not."""
     path = saved(stated(), tmp_path, "c.json")
     content = json.loads(path.read_text(encoding="utf-8"))
     del content["content_sha256"]
@@ -189,8 +166,6 @@ def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
             sum("has no `content_sha256`" in text for text in calibration_report(c).warnings)
             == marks
         )
-        assert sum("has no `content_sha256`" in str(text) for text in lines(c)) == marks
-        assert sum("the file itself keeps none" in str(text) for text in lines(c)) == 2 * marks
         both = several_report(put_side_by_side((("a", stated()), ("b", c))))
         assert sum("has no `content_sha256`" in text for text in both.warnings) == marks
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 
 from tdfscal.commands.calibration import Calibration as InPython
-from tdfscal.exports.certificate import certificate
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.rig.reading import parse_rig
@@ -22,7 +20,6 @@ from tdfscal.reporting.figures import angles, style
 from tdfscal.reporting.text import render
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, simulate_dwells
-from tests.export.test_certificate import NAMES, check
 from tests.reporting.pages import render_page
 from tests.reporting.samples import RIG, provenance, saved, sketch
 
@@ -72,8 +69,8 @@ def test_a_file_that_states_half_of_an_interval_is_refused(
         Calibration.model_validate(document)
 
 
-def test_frame_text_page_and_certificate_leave_it_out(
-    upright: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_frame_text_and_page_leave_it_out(
+    upright: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sketch(monkeypatch)
     frame = InPython.of(upright).to_frame()
@@ -85,17 +82,6 @@ def test_frame_text_page_and_certificate_leave_it_out(
         False
     ] * 6
     assert not re.search(r"\b(inf|nan|None)\b", render_page(upright))
-    text = certificate(upright)
-    check(text, tmp_path)
-    known = {
-        quantity.findtext("dcc:name/dcc:content", namespaces=NAMES): quantity.find(
-            ".//si:expandedMU", NAMES
-        )
-        is not None
-        for quantity in ET.fromstring(text).iterfind(".//dcc:quantity", NAMES)
-    }
-    for i in range(3):
-        assert [known[f"{a} of s{i}"] for a in ("roll", "pitch", "yaw")] == [i != UPRIGHT] * 3
 
 
 def test_the_figure_draws_no_whisker(upright: Calibration) -> None:
