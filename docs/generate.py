@@ -17,7 +17,7 @@ import tdfscal
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, PRINTED, described, summary
 from tdfscal.commands.options import Described
-from tdfscal.files.schema import schemas
+from tdfscal.commands.schema import schemas
 from tdfscal.findings import Severity
 
 HERE = Path(__file__).parent

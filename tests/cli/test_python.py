@@ -23,7 +23,7 @@ from tdfscal.errors import (
 )
 from tdfscal.files.calibration.document import file_content
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
-from tests.cli.running import SAMPLES, check_keys, run
+from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
@@ -59,7 +59,7 @@ def test_python_and_json_are_the_same_numbers(
             called(case.line)
         assert case.status == caught.value.exit_status == 1
         return
-    check_keys(case.command, json.loads(seen.out, parse_constant=pytest.fail))
+    json.loads(seen.out, parse_constant=pytest.fail)
     result = called(case.line)
     assert result.exit_status == seen.status, seen.err
     assert capsys.readouterr().out == ""
