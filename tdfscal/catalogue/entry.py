@@ -201,3 +201,9 @@ def upwards(size: float, digits: int = 1) -> str:
     digits += digits == 2 and f"{size:e}"[0] == "1"
     step = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
     return rounded(np.ceil(size / step - _EPS) * step, digits)
+
+
+def begun(text: str, end: str = "") -> str:
+    """A sentence with its capital, but for a name that begins it; and what ends it."""
+    first = re.sub("[-',;:]", "", text.split(maxsplit=1)[0])
+    return f"{text[0].upper() if first.isalpha() else text[0]}{text[1:]}{end}"

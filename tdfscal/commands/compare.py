@@ -87,10 +87,10 @@ class CompareResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return one figure per pair of two results: differences with expanded uncertainty."""
-        from tdfscal.reporting.figures.angles import comparison
+        from tdfscal.reporting.figures.angles import differences
 
         return tuple(
-            comparison(pair, k + 1)
+            differences([pair], f"comparison-{k + 1}")
             for k, pair in enumerate(self.pairs)
             if np.isfinite(pair.p_value)
         )

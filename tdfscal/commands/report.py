@@ -53,13 +53,13 @@ class ReportResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        from tdfscal.reporting.figures.angles import drift
+        from tdfscal.reporting.figures.angles import differences
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
-        history = put_side_by_side(self.named).history
-        told = any(np.isfinite(pair.p_value) for pair in history.against_first)
-        return (drift(history),) if told else ()
+        pairs = put_side_by_side(self.named).history.against_first
+        told = [pair for pair in pairs if np.isfinite(pair.p_value)]
+        return (differences(told),) if told else ()
 
 
 @options.command("report calibration.yaml --html report.html", html="html")

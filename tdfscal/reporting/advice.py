@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.entry import begun, rounded
 from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
@@ -25,7 +25,6 @@ from tdfscal.reporting.headline import (
     source_words,
     within,
 )
-from tdfscal.reporting.layout import begun
 from tdfscal.reporting.traceability import exceeding, not_whole
 from tdfscal.significance import MOST_REJECTED
 

@@ -7,7 +7,6 @@ add nothing of their own. Below stand the parts that several reports share.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, cast
@@ -275,12 +274,6 @@ def _with_std(value: float, std: float) -> str:
 def utc(instant: str) -> str:
     """An ISO 8601 instant as people read it."""
     return instant.replace("T", " ").replace("Z", " UTC")
-
-
-def begun(text: str, end: str = "") -> str:
-    """A sentence with its capital, but for a name that begins it; and what ends it."""
-    first = re.sub("[-',;:]", "", text.split(maxsplit=1)[0])
-    return f"{text[0].upper() if first.isalpha() else text[0]}{text[1:]}{end}"
 
 
 def plain(value: Any) -> Any:

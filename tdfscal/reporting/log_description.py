@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.entry import by_wall_clock, when
+from tdfscal.catalogue.entry import begun, by_wall_clock, when
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
-from tdfscal.reporting.layout import begun, told_clock
+from tdfscal.reporting.layout import told_clock
 from tdfscal.reporting.text import table, width, wrapped
 
 _LONGEST_NAME = 200

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.entry import begun
 from tdfscal.comparison.compatibility import Comparison, History, compare
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
@@ -246,7 +247,7 @@ def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
     said = (*([together] if together else ()), *(f"{sentence(remark)}." for remark in remarks))
     blocks = (Table(caption, header, rows, left=2), *said)
     return Report(
-        title=layout.begun(_verdict(c)),
+        title=begun(_verdict(c)),
         accepted=c.verified,
         sections=(Section("Differences", blocks),),
     )

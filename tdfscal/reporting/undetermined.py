@@ -8,6 +8,7 @@ from pathlib import PurePath
 import numpy as np
 
 from tdfscal.catalogue import cure, sentence
+from tdfscal.catalogue.entry import begun
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.parts import DwellTable, PostureTable, RejectedPosture
@@ -16,10 +17,10 @@ from tdfscal.frozen import record, replace
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
-from tdfscal.reporting.figures import residuals, space, timeline
+from tdfscal.reporting.figures import angles, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
-from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, begun
+from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table
 from tdfscal.reporting.papers import Making
 from tdfscal.selfcal.result import Undetermined
 
@@ -63,7 +64,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
     seen = attempt.seen
     if seen is None:
         return ()
-    turns = space.determined(seen.observability, seen.rig.acceptance.identifiable)
+    turns = angles.determined(seen.observability, seen.rig.acceptance.identifiable)
     if isinstance(seen, UndeterminedMotion):
         return turns, timeline.moving(seen.slow, seen.rejected)
     log = attempt.log(seen)
@@ -74,7 +75,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
             "says how well log and rig file agree, and nothing of turns that are not determined."
         )
         left = residuals.at_postures(log.postures)
-        found += [left and replace(left, reading=said), residuals.components(log.postures)]
+        found.append(left and replace(left, reading=said))
     return turns, *(drawing for drawing in found if drawing is not None)
 
 
@@ -132,12 +133,12 @@ def _advice(attempt: Attempt) -> Iterator[str]:
 
 
 def _tiles(seen: Seen) -> tuple[Row, ...]:
-    angles, limit = seen.observability.angles, seen.rig.acceptance.identifiable
-    worst = max(angle.std for angle in angles)
-    known = sum(angle.identified for angle in angles)
+    turns, limit = seen.observability.angles, seen.rig.acceptance.identifiable
+    worst = max(turn.std for turn in turns)
+    known = sum(turn.identified for turn in turns)
     tiles = [
-        ("turns determined", f"{known} of {len(angles)}", "by the data"),
-        ("weakest turn", space.words(worst),
+        ("turns determined", f"{known} of {len(turns)}", "by the data"),
+        ("weakest turn", angles.words(worst),
          f"limit {1e3 * limit:.3g} mrad"),
     ]  # fmt: skip
     if isinstance(seen, Undetermined):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.entry import begun, rounded
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.records import FloatArray
-from tdfscal.reporting import layout
 from tdfscal.reporting.figures.log_time import clock_from
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.validation.in_motion import MovingValidation
@@ -148,7 +147,7 @@ def reasons(v: Tested) -> list[str]:
     noise = " and the noise of this log" if moving else ""
     explained = f"what the stated uncertainties{noise} explain"
     found = changes(v)
-    zeros = [layout.begun(told(f), ".") for f in found if f.code.startswith("zeros-")]
+    zeros = [begun(told(f), ".") for f in found if f.code.startswith("zeros-")]
     if v.holds:
         tests = f"χ²: {chi2_test(v)}; single change: {search_test(v)}"
         return [f"The residual wrench of {extent(v)} is {explained} ({tests}).", *zeros, _sure(v)]

@@ -122,9 +122,9 @@ def test_words_of_the_user_stay_words() -> None:
 
 def test_every_claim_has_figure_reading_and_label(page: str) -> None:
     reader = read(page)
-    assert reader.tags.count("svg") == 8
+    assert reader.tags.count("svg") == 4
     labels = [value for name, value in reader.attributes if name == "aria-label"]
-    assert len(labels) == 8
+    assert len(labels) == 4
     assert all(len(label) > 30 for label in labels)
 
 
@@ -153,7 +153,6 @@ def test_provenance(page: str) -> None:
 def test_tracker_and_joint(which: int) -> None:
     said = " ".join(read(render_page(surveyed()[which])).words)
     assert "Residuals of the tracker's points" in said
-    assert ("Two methods against each other" in said) == (which == 1)
 
 
 @pytest.mark.parametrize("axes", ["z", pytest.param("", marks=pytest.mark.slow)])
@@ -163,7 +162,7 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     assert c.undetermined == ("support_4",)
     page = render_page(c)
     reader = read(page)
-    assert reader.tags.count("svg") == 8
+    assert reader.tags.count("svg") == 4
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
     half = half_widths(c).max()

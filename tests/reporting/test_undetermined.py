@@ -97,7 +97,6 @@ def test_the_log_is_shown_with_what_was_rejected(page: str) -> None:
         "determined",
         "timeline",
         "residuals",
-        "components",
     ]
 
 

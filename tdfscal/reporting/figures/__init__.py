@@ -30,21 +30,16 @@ class Drawing:
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
-    from tdfscal.reporting.figures import angles, residuals, space, timeline
+    from tdfscal.reporting.figures import angles, residuals, timeline
 
     found = (
         angles.draw(calibration),
-        angles.methods(calibration),
         residuals.at_postures(calibration.postures),
-        residuals.components(calibration.postures),
+        residuals.over_motion(calibration),
+        residuals.survey(calibration),
         angles.budget(calibration),
         timeline.draw(calibration),
         timeline.clocks(calibration),
-        space.weakest(calibration),
-        space.rig(calibration),
-        residuals.over_motion(calibration),
         residuals.spectrum(calibration),
-        angles.trials(calibration),
-        residuals.survey(calibration),
     )
     return tuple(drawing for drawing in found if drawing is not None)

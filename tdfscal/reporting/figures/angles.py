@@ -1,7 +1,4 @@
-"""The installation angles: with their intervals, by each method, against others, as planned.
-
-And their uncertainty: what each source contributes, Monte Carlo trials over the prediction.
-"""
+"""The installation angles: with their intervals, against others, as planned; their uncertainty."""
 
 from __future__ import annotations
 
@@ -11,18 +8,17 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.compatibility import Comparison, History, verdict
+from tdfscal.catalogue.entry import begun
+from tdfscal.comparison.compatibility import Comparison
+from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import EDGES, Budget, MonteCarloResult
+from tdfscal.files.calibration.parts import Budget
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import normal_quantile, p_text
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan
-from tdfscal.records import ANGLES, BoolArray, FloatArray
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import (
     Drawing,
@@ -30,9 +26,10 @@ from tdfscal.reporting.figures.style import (
     figure,
     legend_above,
     legend_outside,
+    logarithmic,
     signed,
 )
-from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
+from tdfscal.significance import COVERAGE_FACTOR
 
 #: Widest intervals within which the gate's limit leaves them legible.
 _NEAR = 4.0
@@ -44,11 +41,8 @@ _ON_A_BAR: dict[str, Any] = {
     "fontsize": 7.5,
     "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
 }
-_BARS: dict[str, Any] = {"facecolor": "#c6d6ea", "edgecolor": ink.BLACK, "linewidth": 0.5}
-#: Ends of the linear interval, in standard uncertainties.
-_LIMIT = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
-#: Width of a place in widths of its histogram, and height of a row in those of the highest bar.
-_GAP, _ROW = 1.08, 1.4
+#: rad; a turn no better known than this is not known at all.
+_OPEN = 1.0
 
 
 def by_angle(
@@ -121,81 +115,33 @@ def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> None:
     ax.barh(place, turn, height=0.62, color=ink.BLUE, **ink.EDGE)
 
 
-def methods(c: Calibration) -> Drawing | None:
-    """Each method's angles less the joint ones, with 95 % intervals."""
-    if not c.methods or c.tracker is None:
-        return None
-    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
-    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods]
-    rows = [
-        (name, so3.wrapped(rpy - c.rpy), k * std, np.zeros(rpy.shape, dtype=np.bool_))
-        for name, rpy, std in (*each, ("joint", c.rpy, c.rpy_std))
-    ]
-    label = "angle less the joint estimate, with its 95 % interval, mrad"
-    p = c.tracker.get("consistency_p_value")
-    said = "The two methods are drawn about their joint estimate."
-    if isinstance(p, float):
-        (_, own, own_std), (_, other, other_std) = each
-        apart = so3.wrapped(own - other)
-        en = np.abs(apart) / (COVERAGE_FACTOR * np.hypot(own_std, other_std))
-        names = ("self-calibration", "tracker")
-        found = verdict(names, c.support_names, apart, en, p, np.ones(len(en)))
-        said = f"{sentence(found)}."
-    for disagreement in c.found("methods-disagree"):
-        said = f"{disagreement.text}."
-    title = "Two methods against each other"
-    return Drawing("methods", title, said, lambda: _whiskers(c.support_names, rows, label))
-
-
-def comparison(pair: Comparison, number: int = 1) -> Drawing:
-    """Differences of the angles with their expanded uncertainty, k = 2."""
-    title = f"{pair.names[0]} against {pair.names[1]}"
-    said = f"{sentence(pair.obstacle or pair.finding)}."
-    return Drawing(f"comparison-{number}", title, said, lambda: _changes([pair]))
-
-
-def drift(h: History) -> Drawing:
-    """Changes of every later calibration against the first, of those that can be told."""
-    pairs = [pair for pair in h.against_first if np.isfinite(pair.p_value)]
-    en = np.nan_to_num(np.stack([pair.en for pair in pairs]))
-    f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
-    worst = pairs[f]
-    said = (
-        f"The largest change against {worst.names[1]} is {ANGLES[j]} of {h.supports[i]} in "
-        f"{worst.names[0]}: {signed(1e3 * float(worst.rpy[i, j]), '+.3g')} mrad, "
-        f"E_n = {en[f, i, j]:.2f}; the two are {'' if worst.compatible else 'not '}"
-        f"compatible, {p_text(worst.finding.p_value or 0.0)}."
+def differences(pairs: Sequence[Comparison], name: str = "differences") -> Drawing:
+    """Differences of the angles with their expanded uncertainty, k = 2, a whisker per pair."""
+    least = min(pairs, key=lambda pair: pair.p_value)
+    title = " and ".join(
+        dict.fromkeys(f"{pair.names[0]} against {pair.names[1]}" for pair in pairs)
     )
-    return Drawing("drift", "Change of each angle", said, lambda: _changes(pairs))
+    if len(pairs) > 1:
+        title = f"Change of each angle against {pairs[0].names[1]}"
+    said = f"{begun(sentence(least.obstacle or least.finding))}."
+    return Drawing(name, title, said, lambda: _differences(pairs))
 
 
-def _changes(pairs: Sequence[Comparison]) -> Figure:
-    rows = [(p.names[0], p.rpy, COVERAGE_FACTOR * p.rpy_std, p.en > 1.0) for p in pairs]
-    label = "difference with expanded uncertainty (k = 2), mrad; red: E_n above 1"
-    return _whiskers(pairs[0].supports, rows, label)
-
-
-def _whiskers(
-    supports: Sequence[str],
-    rows: Sequence[tuple[str, FloatArray, FloatArray, BoolArray]],
-    label: str,
-) -> Figure:
-    """Of each angle a whisker per row, from the top down in their order.
-
-    rows : what each is of, its values (n, 3) and their half widths, rad, and which stand out.
-    """
-    step = 0.8 / len(rows)
-    fig, (ax,), place = by_angle(supports, head=1.1, row=0.16 + 0.1 * len(rows))
+def _differences(pairs: Sequence[Comparison]) -> Figure:
+    """Of each angle a whisker per pair, from the top down in their order."""
+    step = 0.8 / len(pairs)
+    fig, (ax,), place = by_angle(pairs[0].supports, head=1.1, row=0.16 + 0.1 * len(pairs))
     ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
-    for k, (name, values, halves, beyond) in enumerate(rows):
-        y = place + (k - 0.5 * (len(rows) - 1)) * step
-        value, half = 1e3 * values.ravel(), 1e3 * halves.ravel()
-        for which, colour in ((~beyond.ravel(), ink.BLUE), (beyond.ravel(), ink.RED)):
+    for k, pair in enumerate(pairs):
+        y = place + (k - 0.5 * (len(pairs) - 1)) * step
+        value, half = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
+        beyond = pair.en.ravel() > 1.0
+        for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
             ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
         for x, at in zip(value + half, y, strict=True):
-            if len(rows) > 1:
-                beside(ax, name, x, at, 4)
-    ax.set_xlabel(label)
+            if len(pairs) > 1:
+                beside(ax, pair.names[0], x, at, 4)
+    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
     return fig
 
 
@@ -271,69 +217,37 @@ def _paint_budget(c: Calibration, budget: Budget) -> Figure:
     return fig
 
 
-def trials(c: Calibration) -> Drawing | None:
-    """One histogram per angle, with the normal curve of the linear uncertainty."""
-    m = c.monte_carlo
-    if m is None or m.histogram is None:
-        return None
-    counts = np.array(m.histogram, dtype=float)[c.determined]
-    ratio = (np.array(m.rpy_std) / c.rpy_std)[c.determined]
+def determined(seen: Observability, limit: float) -> Drawing:
+    """One bar per turn; limit : rad, `acceptance.identifiable`."""
+    known = sum(angle.identified for angle in seen.angles)
+    said = (
+        f"{known} of {len(seen.angles)} turns are determined: their standard uncertainty is below "
+        f"{1e3 * limit:.3g} mrad, and below half of what was stated before the log."
+    )
     return Drawing(
-        "trials",
-        "Monte Carlo over the linear prediction",
-        f"{m.trials} trials {m.verdict} the linear 95 % intervals; their standard deviations are "
-        f"{ratio.min():.2f} to {ratio.max():.2f} times the linear ones.",
-        lambda: _paint_trials(c, m, counts),
+        "determined", "What the data determine", said, lambda: _paint_determined(seen, limit)
     )
 
 
-def _paint_trials(c: Calibration, m: MonteCarloResult, counts: FloatArray) -> Figure:
-    """A place per angle on one pair of axes, a sensor in each row, in standard uncertainties."""
-    known = np.flatnonzero(c.determined)
-    n = len(known)
-    fig = figure(0.9 + 1.05 * n)
-    ax = fig.subplots()
-    width = float(EDGES[1] - EDGES[0])
-    across, k = _GAP * float(EDGES[-1] - EDGES[0]), _LIMIT
-    u = np.linspace(EDGES[0], EDGES[-1], 121)
-    normal = 100 * width * np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
-    density = 100 * counts / np.maximum(counts.sum(axis=2, keepdims=True), 1.0)
-    peak = max(float(density.max()), float(normal.max()))
-    for row, i in enumerate(known):
-        floor = -row * _ROW * peak
-        for j in range(3):
-            middle, std = j * across, c.rpy_std[i, j]
-            height = density[row, j] + floor
-            ax.stairs(height, EDGES + middle, baseline=floor, fill=True, **_BARS)
-            ax.plot(u + middle, normal + floor, color=ink.ORANGE, linewidth=1.4)
-            high = floor + 1.06 * peak
-            ax.vlines(middle + np.array([-k, k]), floor, high, color=ink.ORANGE, linewidth=1.0,
-                      linestyle="--")  # fmt: skip
-            ends = middle + (np.array([m.low[i][j], m.high[i][j]]) - c.rpy[i, j]) / std
-            ax.vlines(ends, floor, high, color=ink.BLACK, linewidth=1.0, linestyle=":")
-            ax.text(
-                middle, floor + 1.1 * peak,
-                f"{c.supports[i].name}  {ANGLES[j]}, σ = {1e3 * std:.3g} mrad",
-                ha="center", va="bottom", fontsize=8,
-            )  # fmt: skip
-    marks = np.array([-3.0, -_LIMIT, 0.0, _LIMIT, 3.0])
-    ax.set_xticks(
-        [mark + j * across for j in range(3) for mark in marks],
-        [signed(mark, ".3g") for _ in range(3) for mark in marks],
-    )
-    ticks = [(value - row * _ROW * peak, f"{value:g}") for row in range(n) for value in (0, 5, 10)]
-    ax.set_yticks([place for place, _ in ticks], [name for _, name in ticks])
-    ax.set_xlim(EDGES[0] - 0.3, 2 * across + EDGES[-1] + 0.3)
-    ax.set_ylim(-(n - 1) * _ROW * peak, 1.3 * peak)
-    ax.grid(visible=False)
-    ax.tick_params(labelsize=7)
-    ax.set_xlabel("deviation from the estimate, std. unc. σ of the linear prediction")
-    ax.set_ylabel("trials per bin, %", fontsize=7.5)
-    keys = [
-        Patch(**_BARS, label="trials"),
-        Line2D([], [], color=ink.BLACK, linestyle=":", label="95 % of the trials"),
-        Line2D([], [], color=ink.ORANGE, label="linear"),
-        Line2D([], [], color=ink.ORANGE, linestyle="--", label="95 % linear"),
-    ]
-    fig.legend(handles=keys, loc="outside upper left", ncols=4)
+def _paint_determined(seen: Observability, limit: float) -> Figure:
+    std = np.array([angle.std for angle in seen.angles])
+    shown = 1e3 * np.clip(np.nan_to_num(std, nan=_OPEN, posinf=_OPEN), 0.0, _OPEN)
+    fig, (ax,), place = by_angle(list(dict.fromkeys(a.support for a in seen.angles)), row=0.21)
+    left = 0.5 * min(float(shown[shown > 0].min(initial=1e3 * limit)), 1e3 * limit)
+    for y, width, angle in zip(place, shown, seen.angles, strict=True):
+        look = {"facecolor": ink.BLUE, **ink.EDGE} if angle.identified else ink.REJECTED
+        ax.barh(y, width - left, left=left, height=0.72, **look)
+        beside(ax, words(angle.std), width, y, 4)
+    ax.axvline(1e3 * limit, color=ink.BLACK, linewidth=1.2, linestyle="--")
+    ax.set_title(f"dashed: limit {1e3 * limit:.3g} mrad", fontsize=7.5, loc="right", pad=2)
+    logarithmic(ax, "x")
+    ax.set_xlim(left, 4e3 * _OPEN)
+    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined")
     return fig
+
+
+def words(std: float) -> str:
+    """A standard uncertainty in rad, as it is worth saying."""
+    if not std < _OPEN:
+        return "over 1 rad"
+    return f"{1e3 * std:.0f} mrad" if std >= 0.1 else f"{1e3 * std:.2g} mrad"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
-from pydantic import JsonValue
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
@@ -24,9 +23,6 @@ from tdfscal.trackercal import PointRegistration
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 
-_BAND = 2.0
-#: Share of a normal distribution within ±2 standard deviations.
-_EXPECTED = 0.9545
 #: Means further apart than this, s, are of different stretches.
 _GAP = 2.5
 #: Inches that a letter of a tick label takes, at most.
@@ -149,38 +145,6 @@ def _over_time(
     )
 
 
-def components(table: PostureTable | None) -> Drawing | None:
-    """Force and moment of each leave-one-out posture, axis by axis, against ±2σ."""
-    if table is None or not table.index or table.force_std is None or table.moment_std is None:
-        return None
-    value = np.hstack([table.force_after, table.moment_after])
-    std = np.hstack([table.force_std, table.moment_std])
-    # An axis that says nothing has no uncertainty.
-    score = np.divide(value, std, out=np.zeros_like(value), where=std > 0)
-    number = np.array(table.index) + 1
-
-    def paint() -> Figure:
-        labels = ("force, std. unc.", "moment, std. unc.")
-        fig, axes = style.panels(3.1, labels, sharey=True)
-        for ax, rows in zip(axes, np.split(score, 2, axis=1), strict=True):
-            ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
-            ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
-            style.marks(ax, number, rows)
-            ax.margins(y=0.1)
-        _numbered(axes[1], "posture; pale: ±2 standard uncertainties")
-        legend_above(axes[0], 3)
-        return fig
-
-    inside = float(np.mean(np.abs(score) <= _BAND))
-    return Drawing(
-        "components",
-        "Residual of each axis against ±2σ",
-        f"{inside:.0%} of the {score.size} residuals lie within ±2 standard uncertainties; "
-        f"{_EXPECTED:.0%} are to be expected.",
-        paint,
-    )
-
-
 def spectrum(c: Calibration) -> Drawing | None:
     """Residual force over frequency, and the noise that the estimate weighed by."""
     if c.motion is None:
@@ -210,81 +174,53 @@ def spectrum(c: Calibration) -> Drawing | None:
 
 
 def survey(c: Calibration) -> Drawing | None:
-    """Residual of each point in µm and in its standard uncertainties."""
-    found = _read(c.tracker)
-    if found is None:
+    """Residual of each point of the tracker, as multiples of its standard uncertainty."""
+    kept = c.tracker.get("residuals") if c.tracker else None
+    if not isinstance(kept, dict) or not isinstance(names := kept.get("points"), list) or not names:
         return None
-    names, residual, normalised = found
+    residual, normalised = (
+        np.array(kept[key], dtype=np.float64) for key in ("residual", "normalised")
+    )
     worst = int(np.abs(normalised).max(axis=1).argmax())
     rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
-
-    def paint() -> Figure:
-        labels = ("residual, µm", "residual / its\nstd. uncertainty")
-        fig, (top, bottom) = style.panels(3.9, labels)
-        for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
-            style.marks(ax, np.arange(len(names)), table)
-            ax.axhline(0, color=ink.GREY, linewidth=0.8)
-        for limit in (-2, 2):
-            bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
-        _groups(bottom, top, names)
-        legend_above(top, 3)
-        return fig
-
-    return Drawing(
-        "survey",
-        "Residuals of the tracker's points",
+    return _of_points(
+        [str(name) for name in names],
+        normalised,
+        "residual / its\nstd. uncertainty",
         f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
         f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
-        paint,
+        "points: moves of each NCP first, then targets on each sensor",
     )
 
 
-def _read(
-    tracker: Mapping[str, JsonValue] | None,
-) -> tuple[list[str], FloatArray, FloatArray] | None:
-    """Names (N), residuals (N, 3) in m and in standard uncertainties, where the file has them."""
-    kept = tracker.get("residuals") if tracker else None
-    if not isinstance(kept, dict) or not isinstance(names := kept.get("points"), list) or not names:
-        return None
-    try:
-        tables = [np.array(kept[key], dtype=float) for key in ("residual", "normalised")]
-    except (KeyError, TypeError, ValueError):
-        return None
-    if any(table.shape != (len(names), 3) for table in tables):
-        return None
-    return [str(name) for name in names], tables[0], tables[1]
-
-
-def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
-    """Name the supports once each along the axis, with a line between them."""
-    start, ticks, labels, upright = 0, [], [], True
-    for group, members in groupby(name.split("/")[0] for name in names):
-        size = len(list(members))
-        ticks.append(start + (size - 1) / 2)
-        labels.append(f"{group} ({size})")
-        upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
-        start += size
-        for ax in (bottom, top):
-            ax.axvline(start - 0.5, color=ink.GREY, linewidth=0.5, linestyle=":")
-    bottom.set_xticks(ticks, labels, rotation=0 if upright else 90)
-    bottom.set_xlabel("points: moves of each NCP first, then targets on each sensor")
-    for ax in (bottom, top):
-        ax.grid(axis="x", visible=False)
-        ax.set_xlim(-0.7, len(names) - 0.3)
-
-
 def registered(r: PointRegistration) -> Drawing:
-    """Residual of each point in µm, by coordinate."""
+    """Residual of each registered point in µm."""
+    said = f"The points fit within {1e6 * r.rms:.3g} µm (rms)."
+    return _of_points(list(r.names), 1e6 * r.residual, "residual, µm", said)
+
+
+def _of_points(
+    names: list[str], residual: FloatArray, label: str, said: str, along: str = "points"
+) -> Drawing:
+    """Components (K, 3) of each point's residual; a line between groups, named once each."""
 
     def paint() -> Figure:
-        fig, (ax,) = style.panels(2.6, ("residual, µm",))
-        place = np.arange(len(r.names))
-        for j, (axis, residual) in enumerate(zip("xyz", 1e6 * r.residual.T, strict=True)):
-            ax.bar(place + 0.27 * (j - 1), residual, width=0.25, color=ink.FILLS[j], label=axis)
-        ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
+        fig, (ax,) = style.panels(2.6, (label,))
+        style.marks(ax, np.arange(len(names)), residual)
+        ax.axhline(0, color=ink.GREY, linewidth=0.8)
+        start, ticks, labels, upright = 0, [], [], True
+        for group, members in groupby(name.split("/")[0] for name in names):
+            size = len(list(members))
+            ticks.append(start + (size - 1) / 2)
+            labels.append(f"{group} ({size})" if size > 1 else group)
+            upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
+            start += size
+            ax.axvline(start - 0.5, color=ink.GREY, linewidth=0.5, linestyle=":")
+        ax.set_xticks(ticks, labels, rotation=0 if upright else 90)
+        ax.set_xlabel(along)
         ax.grid(axis="x", visible=False)
+        ax.set_xlim(-0.7, len(names) - 0.3)
         legend_above(ax, 3)
         return fig
 
-    said = f"The points fit within {1e6 * r.rms:.3g} µm rms."
-    return Drawing("residuals", "Residuals of the points", said, paint)
+    return Drawing("survey", "Residuals of the tracker's points", said, paint)

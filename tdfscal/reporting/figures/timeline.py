@@ -178,19 +178,15 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
 
 
 def found(dwells: Dwells) -> Drawing:
-    """Length of each sensor's mean force, a bar over the time of every dwell."""
+    """Mean forces of each dwell: a panel per axis of the sensors."""
 
     def paint() -> Figure:
-        start = dwells.start - dwells.start[0]
-        end = start + np.maximum(dwells.end - dwells.start, 0.0)
-        fig, (ax,) = panels(2.6, _WRENCH[:1])
-        for i, name in enumerate(dwells.supports):
-            force = np.linalg.norm(dwells.force[:, i], axis=1)
-            colour = ink.FILLS[i % len(ink.FILLS)]
-            ax.hlines(force, start, end, color=colour, linewidth=3, label=name)
-            ax.plot(start, force, "|", color=colour, markersize=4)
-        ax.set_xlabel("time since the first dwell, s")
-        legend_above(ax, 4)
+        fig, axes = panels(3.4, _FORCES)
+        middle = (dwells.start + dwells.end) / 2 - dwells.start[0]
+        look = {"linewidth": 0.7, "markersize": 3.2}
+        _forces(axes, dwells.supports, middle, dwells.force, (), _MARKERS, **look)
+        axes[-1].set_xlabel("time since the first dwell, s")
+        legend_outside(fig, *axes)
         return fig
 
     return Drawing("dwells", "Static dwells", f"{len(dwells)} dwells are found.", paint)
