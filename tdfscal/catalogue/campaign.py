@@ -313,9 +313,4 @@ stops-over-capacity warns
   {number:.0f} of {stops} stops were left out (mostly: {reason}), and F{axis} of
   {subject} reaches its capacity of {capacity:N}
   -> squeeze less, or widen the range of sensor and amplifier
-samples-repeated warns
-  {number:.0f} of {dwells} dwells repeat earlier readings, noise included, and are
-  left out: first, at {begin:.6g} s the readings of {subject} are those of
-  {original:.6g} s
-  -> give each recording once
 """)

@@ -13,7 +13,6 @@ STOPS: dict[str, str] = {
     "stop-changing": "forces never settled",
     "stop-interrupted": "interrupted",
     "stop-jolted": "jolt",
-    "stop-repeated": "readings repeated",
 }
 
 LOGS: dict[str, Entry] = entries("""
@@ -120,8 +119,6 @@ stop-interrupted notes
   interrupted: readings leave their level and return
 stop-jolted notes
   jolt: a burst of force, excluded from the dwell around it
-stop-repeated notes
-  the readings of {subject} are those of {original:.6g} s
 """)
 
 SURVEY: dict[str, Entry] = entries("""

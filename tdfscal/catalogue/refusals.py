@@ -107,11 +107,6 @@ forces-rescaled refuses
   ? unit , as if they were in {unit}{declared: where ~ is declared|}
   -> check log.force_unit, the force fields, the mass, and nominal_rpy
   @ log forces
-samples-twice refuses
-  the readings of {subject} from {begin:.6g} to {end:.6g} s are those from
-  {original:.6g} s on, noise included
-  -> give each recording once; choose a part with --from and --to
-  @ log
 instants-broken refuses
   no instant has finite numbers in all fields
   -> check the cells of the log; `tdfscal info LOG` names the first that is none

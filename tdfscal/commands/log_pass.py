@@ -19,7 +19,6 @@ import numpy as np
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
 from tdfscal.comparison.shared_data import Readings, repeated
@@ -75,8 +74,7 @@ class LogPass:
     inputs : files that were read; ends : s, the log's last time up to each. messages : what the
     logs say of themselves, each once. stops : what became of most of them, where few are dwells.
     begin, end : s, from when to when all signals were recorded, by the first recorder's clock.
-    samples : what tells a copy of them; repeats : those that the logs hold twice. clocks : of the
-    other recorders.
+    clocks : of the other recorders.
     """
 
     campaign: Campaign
@@ -87,8 +85,6 @@ class LogPass:
     begin: float = float("inf")
     end: float = float("-inf")
     stops: Finding | None = None
-    samples: RepeatedSamples | None = None
-    repeats: tuple[Repeat, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
     rig: Rig = field(init=False)
     progress: Progress = field(init=False)
@@ -124,19 +120,10 @@ class LogPass:
     def dwells(self) -> Dwells:
         """Read the logs and find the static dwells."""
         self.progress.stage("reading the log and finding the dwells")
-        return self.noted(find_dwells(self.watched()))
-
-    def watched(self) -> Iterator[Log]:
-        """Read the logs once, with an eye on samples that are there twice."""
-        looking = RepeatedSamples(self.rig)
-        for piece in self.pieces():
-            looking.add(piece)
-            yield piece
-        self.repeats, self.samples = looking.found(), looking
+        return self.noted(find_dwells(self.pieces()))
 
     def noted(self, dwells: Dwells) -> Dwells:
-        """Keep what the dwells say of the log; samples that are there twice count once."""
-        dwells = counted_once(dwells, self.repeats)
+        """Keep what the dwells say of the log."""
         self._note(dwells.findings)
         self.stops = _lost_stops(dwells, self.rig)
         return dwells
@@ -252,16 +239,11 @@ def day(moment: float) -> str:
 
 @record
 class Recording:
-    """What tells one recording from another.
-
-    samples, means : its readings, and their means; None where not at hand.
-    """
+    """What tells one recording from another. means : of its readings; None where not at hand."""
 
     name: str
     inputs: Sequence[InputFile]
     measured: Measured | None
-    rig: Rig | None = None
-    samples: RepeatedSamples | None = None
     means: Readings | None = None
 
 
@@ -274,8 +256,6 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
             what = "their clocks say so, for no rig is recorded twice at a time"
         if what is None and _alike(first, second):
             what = "their mean forces agree far below their uncertainty"
-        if what is None and _copied(first, second):
-            what = "the readings of every sensor are the same, noise included"
         if what is not None:
             raise UsageError(
                 f"holds the same recording as {first.name}: {what}",
@@ -300,13 +280,3 @@ def _alike(a: Recording, b: Recording) -> bool:
     if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
         return False
     return bool(2 * repeated(many, few).sum() >= len(few.force))
-
-
-def _copied(a: Recording, b: Recording) -> bool:
-    """Whether samples of every sensor that measures are in both."""
-    if a.samples is None or b.samples is None or a.rig is None or b.rig is None:
-        return False
-    if a.rig.supports != b.rig.supports:
-        return False
-    copied = {repeat.sensor for repeat in a.samples.shared(b.samples)}
-    return copied >= set(np.flatnonzero(a.rig.axes.any(axis=1)).tolist())

@@ -252,7 +252,7 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
     log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
 
     def watched() -> Iterator[Log]:
-        for piece in log.watched():
+        for piece in log.pieces():
             seen = [series.value for series in piece.position]
             means.append([x.mean(axis=0) if len(x) else np.full(3, np.nan) for x in seen])
             yield piece

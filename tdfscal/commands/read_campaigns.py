@@ -121,7 +121,6 @@ def _read(name: str, log: LogPass) -> Read:
         measured=measured(log),
         rig=log.rig,
         dwells=dwells,
-        samples=log.samples,
         means=None if dwells is None else readings(log.rig, dwells),
         log=log,
         survey=survey,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.checks.repeated_samples import refuse
 from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
@@ -51,8 +50,6 @@ def calibrate_samples(
     if samples == "moving":
         return _moving(log, moving_samples(log), rng=rng)
     dwells, slow = read_samples(log)
-    if len(dwells) < _ENOUGH:
-        refuse(log.repeats, log.rig.supports)
     if slow is None:
         return _static(log, dwells, estimator, rng)
     if samples is None and len(dwells) >= _ENOUGH:
@@ -142,7 +139,7 @@ class _Streams:
         self._log, self._averaged, self._thermometer = log, False, Thermometer()
 
     def pieces(self) -> Iterator[Log]:
-        for piece in self._thermometer.passing(self._log.watched()):
+        for piece in self._thermometer.passing(self._log.pieces()):
             self._averaged |= piece.rows == "postures"
             if not self._averaged:
                 self._decimator.add(piece)
@@ -155,7 +152,6 @@ class _Streams:
                 where="log",
                 hint="use --samples static, or give the recording itself",
             )
-        refuse(self._log.repeats, self._log.rig.supports)
         slow = self._decimator.finish()
         return replace(
             slow, temperature=self._thermometer.at(slow.time, slow.time, len(slow.supports))
