@@ -58,9 +58,13 @@ change-gain rejects
   along {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
   -> have this sensor, its amplifier and its cable checked; calibrate again with
     uncertainty.force_sensitivity declared until then
+change-gains rejects
+  the gains of all sensors have changed alike by {change:+.3f} ± {change_95:.3f} % (95 %)
+  -> weigh the terminal; where that is right, look at what the amplifiers have in common (supply,
+    range, unit), then calibrate again
 change-load rejects
-  the terminal's mass has changed by {mass:+.3f} ± {mass_95:.3f} kg, and its
-  barycentre by {barycentre:m}, ± {barycentre_95:m} (95 %)
+  the terminal's mass has changed by {mass:+.3f} ± {mass_95:.3f} kg (95 %)
+  ? shifted , and its barycentre by {barycentre:m}, ± {barycentre_95:m}
   -> correct the load, or the rig file and calibrate again
 change-base-tilted rejects
   the base is no longer level as it was: {change:rad} about x, y of the BCS, ±
@@ -177,6 +181,9 @@ posture-used-before warns
   it is of {subject}, which went into this calibration
 log-used-before warns
   {subject} went into this calibration: what it shows is no proof
+log-before-calibration warns
+  this log is of {log}, and the calibration's data begin at {calibration}: the verdict is
+  about the time before it
 noise-of-calibration notes
   neither the log nor the rig file states a force noise; {size} per axis and posture
   was taken from the residuals of the calibration

@@ -24,7 +24,7 @@ from tdfscal.comparison.shared_data import (
 )
 from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
-from tdfscal.files.calibration.parts import MeasuredResult
+from tdfscal.files.calibration.parts import MeasuredResult, seconds
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
@@ -149,8 +149,10 @@ def validate(
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
     when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
+    past = _before_calibration(use, when)
+    result = replace(result, earlier=bool(past))
     ended = overdue(by.rig, when.end[:10], "this check")
-    found = (*use.findings, *own, *_left_out(result), *result.findings, *ended)
+    found = (*use.findings, *own, *past, *_left_out(result), *result.findings, *ended)
     making = Making(command, tuple(log.inputs))
     origin = Origin(use.calibration, use.name, by, when, making)
     return ValidateResult(result, use.calibration, found, origin)
@@ -211,8 +213,8 @@ def _known_noise(use: InUse) -> KnownNoise:
         return AS_STATED
     channels = None if fit.channel_noise is None else np.array(fit.channel_noise)
     if use.calibration.motion is not None:  # its noise is that of samples in motion
-        return KnownNoise(channels, fit.kurtosis, fit.postures)
-    return KnownNoise(channels, fit.kurtosis, fit.postures, max(1.0, fit.birge), fit.dof)
+        return KnownNoise(channels, fit.postures)
+    return KnownNoise(channels, fit.postures, max(1.0, fit.birge), fit.dof)
 
 
 def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
@@ -228,6 +230,21 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
         for k, (file, span) in enumerate(zip(log.files_at(dwells.end), spans, strict=True))
         if again[k] or Recorded(file.sha256, span).meets_any(used)
     }
+
+
+def _before_calibration(use: InUse, when: MeasuredResult) -> tuple[Finding, ...]:
+    """Say so where a log was recorded before any of the calibration's data."""
+    c = use.calibration
+    dated = [m for m in (c.measured, *(k.measured for k in c.campaigns)) if m is not None]
+    if when.source == "file" or not dated or any(m.source == "file" for m in dated):
+        return ()
+    begin = min((m.begin for m in dated), key=seconds)
+    if seconds(when.end) >= seconds(begin):
+        return ()
+    digits = 10 if when.end[:10] < begin[:10] else 16
+    log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
+    values: dict[str, Value] = {"log": log, "calibration": calibration}
+    return (Finding("log-before-calibration", values=values),)
 
 
 def _left_out(tested: Validation | MovingValidation) -> list[Finding]:

@@ -57,6 +57,7 @@ _SHARPER = (
     "there is.",
 )
 _ANOTHER = ("Validate on a log that did not go into the calibration.",)
+_LATER = ("Validate on a log recorded since the calibration: only that shows whether it holds.",)
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
@@ -118,7 +119,6 @@ def validation_document(
         search_limit=SEARCH_LIMIT,
         chi2_limit=CHI2_LIMIT,
         chi2_noise_dof=v.judged.noise_dof,
-        chi2_heavy_tails=v.judged.tails,
         false_alarm=VALIDATION_ALARM,
         **parts,
         **{name: w.model_dump() for name, w in _residual(v).items()},
@@ -148,13 +148,14 @@ def validation_document(
 def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
-        return "not contradicted", _ANOTHER if v.own else _MORE if v.few else _SHARPER
+        advice = _ANOTHER if v.own else _LATER if v.earlier else _MORE if v.few else _SHARPER
+        return "not contradicted", advice
     return _SAID[v.outcome]
 
 
 def _own(v: Tested, found: Finding) -> bool:
-    """A log of the calibration's own, which would not have shown any turn: in the headline."""
-    return v.holds and found.code == "log-used-before"
+    """A log that would not have shown what happened since: said in the headline."""
+    return v.holds and found.code in ("log-used-before", "log-before-calibration")
 
 
 def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:

@@ -78,9 +78,9 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
         case "zeros drift" | "zeros follow temperature":
             size, unit = float(np.abs(cause.value).max()), "N"
         case "load changed":
-            values |= {"mass": value[0], "mass_95": half[0]}
+            values |= {"mass": value[0], "mass_95": half[0], "shifted": bool(half[1] > 0)}
             values |= {"barycentre": value[1:], "barycentre_95": half[1:]}
-        case "gain changed":
+        case "gain changed" | "gains changed":
             values |= _gain(cause)
         case "contact":
             assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
@@ -129,8 +129,7 @@ def search_test(v: Tested) -> str:
 def chi2_test(v: Tested) -> str:
     """The probability of χ², with its limit; and by what, where it is not by χ² alone."""
     by = ", by Fisher's F" if np.isfinite(v.judged.noise_dof) else ""
-    tails = ", heavy tails allowed for" if v.judged.tails else ""
-    return f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}{by}{tails}"
+    return f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}{by}"
 
 
 def extent(v: Tested) -> str:

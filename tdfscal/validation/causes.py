@@ -41,8 +41,6 @@ _GAINS = (
     np.eye(6),
 )
 
-#: Postures on either side of a step: one alone is an outlier, not a part of the log.
-_FEWEST = 2
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
 #: Postures up to which noise that connects them is tried: its work grows with their cube.
@@ -63,7 +61,8 @@ def causes(given: Whitened) -> Causes:
             best[key] = cause
     tried = len(models) + (len(given.at.own) if contacts else 0)
     found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
-    return Causes(tuple(sorted(found, key=WEIGHT, reverse=True)), tried)
+    # What looks alike to rounding stays in the order above.
+    return Causes(tuple(sorted(found, key=lambda cause: -round(cause.weight, 6))), tried)
 
 
 def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
@@ -79,7 +78,11 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
         case "sensors turned":
             return at.columns[:, place["rotation"]]
         case "load changed":
-            return np.concatenate([at.columns[:, place[name]] for name in load], axis=1)
+            return np.concatenate([at.columns[:, place[name]] for name in load], axis=1)[
+                :, cause.std > 0
+            ]
+        case "gains changed":
+            return _common_gain(at.columns, at.sensors)
         case "base tilted":
             return at.columns[:, place["tilt"]]
         case "contact":
@@ -95,9 +98,14 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
 
 
 def _models(given: Whitened) -> list[Model]:
-    place = layout(given.at.sensors)
+    place, sensors = layout(given.at.sensors), given.at.sensors
     load = slice(place["mass"].start, place["barycentre"].stop)
-    found = [Model("load changed", None, (), given.columns[:, load])]
+    # A gain common to all sensors looks like another mass: whoever weighs the terminal knows.
+    found = [
+        Model("load changed", None, (), given.columns[:, load]),
+        Model("load changed", None, (), given.columns[:, place["mass"]], np.eye(4)[:, :1]),
+        Model("gains changed", None, (), _common_gain(given.columns, sensors), _GAINS[0]),
+    ]
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
             found.append(Model(kind, i, (), given.columns[:, first : first + 3]))
@@ -111,10 +119,16 @@ def _models(given: Whitened) -> list[Model]:
     return found
 
 
+def _common_gain(columns: FloatArray, sensors: int) -> FloatArray:
+    """Derivative (m, 1) by a gain that all sensors have in common."""
+    gains = columns[:, layout(sensors)["sensitivity"]]
+    return np.asarray(gains.reshape(len(columns), sensors, 6).sum(axis=1) @ _GAINS[0])
+
+
 def _in_course(given: Whitened) -> Iterator[Model]:
     """Steps of each sensor, from its likeliest posture on, and drifts of its zero or of all."""
     everyone = range(given.at.sensors)
-    for kind in STEPS if len(given.at.own) >= 2 * _FEWEST else ():
+    for kind in STEPS if len(given.at.own) > 1 else ():
         for i in everyone:
             first = _likeliest_step(given, kind, i)
             columns = given.white(_stepping(kind, i, first, given.at))
@@ -167,8 +181,8 @@ def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
     score, common = after(y), after(M)
     information = after(columns) - common @ np.swapaxes(common, 1, 2)
     seen = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
-    gain = np.sum(score * (seen @ score), axis=(1, 2))[_FEWEST : K - _FEWEST + 1]
-    return int(order[_FEWEST + int(np.argmax(gain))])
+    gain = np.sum(score * (seen @ score), axis=(1, 2))[1:]
+    return int(order[1 + int(np.argmax(gain))])
 
 
 def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:

@@ -78,8 +78,7 @@ def validate(
     rig : the rig of this log, for what it declares, its zeros and its load; default the
     calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
-    known : what the calibration found of the noise. A single posture, and how far any of them
-    scatters, is judged by its tails.
+    known : what the calibration found of the noise.
     age : of the calibration's zeros at the first dwell, from which on they move as is declared.
     aside : dwells that take no part, with the reason.
 
@@ -139,27 +138,15 @@ def validate(
 
 
 def _judged(white: Whitened, known: KnownNoise) -> Judged:
-    """Residuals held against chance: all together, and what looks most like one single cause.
-
-    A posture counts as far off as it would have to be with normal noise to be as improbable.
-    """
+    """Residuals held against chance: all together, and what looks most like one single cause."""
     found = causes.causes(white)
-    spared = known.as_normal(white)
-    likest = found if spared is white else causes.causes(spared)
-    overall = known.chi2_sf(spared.chi2, spared.dof) if white.dof > 0 else 1.0
+    overall = known.chi2_sf(white.chi2, white.dof) if white.dof > 0 else 1.0
 
     def chance(cause: Cause) -> float:
-        rest = spared.chi2 - cause.gain
-        return known.gain_sf(cause.gain, cause.unknowns, rest, spared.dof - cause.unknowns)
+        rest = white.chi2 - cause.gain
+        return known.gain_sf(cause.gain, cause.unknowns, rest, white.dof - cause.unknowns)
 
-    return Judged(
-        white,
-        found,
-        overall,
-        searched(likest, chance),
-        noise_dof=known.freedom,
-        tails=spared is not white,
-    )
+    return Judged(white, found, overall, searched(found, chance), noise_dof=known.freedom)
 
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[Finding, ...]]:

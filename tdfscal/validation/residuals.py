@@ -175,30 +175,16 @@ def basis(columns: FloatArray) -> FloatArray:
     return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
 
 
-#: Components of a posture's wrench.
-_ROWS = 6
-#: Standard errors by which the noise's kurtosis may exceed what the calibration's postures show.
-_ALLOWED = 2.0
-#: Variance of Mardia's kurtosis over that of normal residuals of six components, per posture.
-_KURTOSIS_VARIANCE = 1.0 / 6.0
-#: Residuals that would shrink by less stay as they are.
-_UNTOUCHED = 0.98
-#: Points of the integral over one reading's noise.
-_POINTS = 400
-
-
 @record
 class KnownNoise:
     """What a calibration's own postures say of the noise.
 
-    channels : (n, 3), standard deviation over the stated one; None where it is as stated.
-    kurtosis : of its residual wrenches over that of normal ones; None unknown. postures : K, behind
-    both. birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too.
+    channels : (n, 3), standard deviation over the stated one, by so many postures; None where it is
+    as stated. birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too.
     dof : behind that.
     """
 
     channels: FloatArray | None = None
-    kurtosis: float | None = None
     postures: int = 0
     birge: float = 1.0
     dof: int = 0
@@ -253,57 +239,6 @@ class KnownNoise:
         freedom = self.freedom + rest_freedom
         variance = max((self.freedom + rest) / freedom, self.birge**-2)
         return float(special.fdtrc(unknowns, freedom, gain / unknowns / variance))
-
-    def reading_tail(self, sensors: int) -> float:
-        """Degrees of freedom ν of the t by which one reading scatters, as heavy as may be; or ∞.
-
-        3n readings of excess kurtosis 6 / (ν − 4) make the six components of a wrench, each with a
-        weight h = 2 / n: E q² of its squared length is 48 + Σ h² · 6 / (ν − 4), normally 48.
-        """
-        if self.kurtosis is None or self.postures == 0:
-            return np.inf
-        error = np.sqrt(_KURTOSIS_VARIANCE / self.postures)
-        excess = max(self.kurtosis - 1.0, 0.0) + _ALLOWED * error
-        weight = 3 * sensors * (2.0 / sensors) ** 2 / (_ROWS * (_ROWS + 2))
-        return float(4.0 + 6.0 * weight / excess)
-
-    def posture_sf(self, square: FloatArray, sensors: int) -> FloatArray:
-        """Probability that one posture's white wrench has a larger squared length; square (K,).
-
-        It is large where the noise is, or where one of the 3n readings, of weight h = 2 / n, is in
-        its tail: h x² + χ² of the five other components.
-        """
-        square = np.asarray(square, dtype=np.float64)
-        normal = np.asarray(special.chdtrc(_ROWS, square))
-        tail = self.reading_tail(sensors)
-        if np.isinf(tail):
-            return normal
-        h = min(2.0 / sensors, 1.0)
-        unit = np.sqrt(tail / (tail - 2.0))
-        edge = np.sqrt(square / h)[:, None] * np.linspace(0.0, 1.0, _POINTS)
-        beyond = 2.0 * special.stdtr(tail, -unit * edge)
-        usual = 2.0 * special.ndtr(-edge)
-        rest = special.chdtrc(_ROWS - 1, np.maximum(square[:, None] - h * edge**2, 0.0))
-        # ∫ P(χ²₅ > s − h x²) dP(x), by parts: the tail beyond x against how the rest grows.
-        extra = np.sum((beyond - usual)[:, 1:] * np.diff(rest, axis=1), axis=1)
-        return np.asarray(np.minimum(normal + 3 * sensors * np.maximum(extra, 0.0), 1.0))
-
-    def as_normal(self, white: Whitened) -> Whitened:
-        """Residuals whose postures are as far off as they would have to be with normal noise.
-
-        To be as improbable as they are; none is made larger. What noise with tails does once in a
-        while no longer looks like a contact, or like anything else that one posture can pretend.
-        """
-        if np.isinf(self.reading_tail(white.at.sensors)):
-            return white
-        each = white.residual.reshape(-1, _ROWS)
-        square = np.sum(each**2, axis=1)
-        p = np.maximum(self.posture_sf(square, white.at.sensors), np.finfo(np.float64).tiny)
-        usual = np.minimum(special.chdtri(_ROWS, p), square)
-        factor = np.sqrt(np.divide(usual, square, out=np.ones_like(square), where=square > 0))
-        if factor.min() > _UNTOUCHED:
-            return white
-        return replace(white, residual=(each * factor[:, None]).ravel())
 
 
 #: A calibration that says nothing of the noise.

@@ -34,6 +34,7 @@ Kind = Literal[
     "load changed",
     "zero drifted",
     "gain changed",
+    "gains changed",
     "base tilted",
     "contact",
     "noise grown",
@@ -199,7 +200,7 @@ class Judged:
     white : the residual wrench, all that correlates it taken away. causes : held against each
     other. p_value : of its χ². search_p : as `searched` has it. tared : as white, by zeros drawn
     anew; what stands out of it passes for no tare. noise_dof : degrees of freedom with which the
-    noise behind p_value is known, ∞ as stated; tails : postures in its tails count for less there.
+    noise behind p_value is known, ∞ as stated.
     """
 
     white: Whitened
@@ -208,7 +209,6 @@ class Judged:
     search_p: float
     tared: Whitened | None = None
     noise_dof: float = np.inf
-    tails: bool = False
 
     @property
     def holds(self) -> bool:
@@ -269,7 +269,8 @@ class Verdict:
 
     rig : of the log. judged : the test. zeros : whether they moved.
     findings : what is to be said of log and noise. own : logs that went into the
-    calibration itself, where what was tested is theirs.
+    calibration itself, where what was tested is theirs. earlier : the log is older than the
+    calibration's data.
     """
 
     rig: Rig
@@ -277,6 +278,7 @@ class Verdict:
     zeros: Zeros
     findings: tuple[Finding, ...]
     own: tuple[str, ...] = ()
+    earlier: bool = False
 
     @property
     def few(self) -> bool:
@@ -295,11 +297,11 @@ class Verdict:
 
     @property
     def outcome(self) -> Outcome:
-        """What the test says of the calibration; what is touched by the likeliest cause."""
+        """What the test says of the calibration; touched where nothing else explains the log."""
         if not self.holds:
-            likeliest = next(iter(self.suspected), None)
-            return "touched" if likeliest and likeliest.kind == "contact" else "changed"
-        return "unproven" if self.own or self.few or self.blind else "holds"
+            return "touched" if {c.kind for c in self.suspected} == {"contact"} else "changed"
+        unproven = self.own or self.earlier or self.few or self.blind
+        return "unproven" if unproven else "holds"
 
     @property
     def decided_by_search(self) -> bool:

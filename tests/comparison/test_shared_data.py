@@ -289,6 +289,15 @@ def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
     assert codes(*json.loads(done.out)["comparisons"]) == []
 
 
+def test_a_log_from_before_the_calibration_says_nothing_of_what_came_since(
+    made: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run(capsys, "validate", made["b"], made["edited"], "--json", "-q")
+    said = json.loads(done.out)
+    assert (done.status, said["verdict"]) == (0, "not contradicted")
+    assert "log-before-calibration" in codes(said)
+
+
 @pytest.mark.parametrize(
     ("pair", "code"),
     [(("ab", "pooled"), "compared-same-data"), (("ab", "bc"), "compared-overlapping")],

@@ -53,12 +53,14 @@ WRONG = {
     "sensors turned": Wrong(Faults(slips=tuple(Slip(k, 0, turn) for k, turn in enumerate(TURNS)))),
     "zero drifted": Wrong(Faults(zero_shifts=(ZeroShift(1, 0, (2.0, -1.0, 3.0)),))),
     "gain changed": Wrong(Faults(gains=(Gain(0, (5e-3, 5e-3, 5e-3)),))),
+    "gains changed": Wrong(Faults(gains=tuple(Gain(k, (4e-3, 4e-3, 4e-3)) for k in range(3)))),
     "load changed": Wrong(real=make_rig(mass=502.0)),
     "base tilted": Wrong(real=replace(RIG, gravity_tilt_std=3e-3)),
     "contact": Wrong(Faults(contacts=tuple(Contact(k, (10.0, -20.0, 15.0)) for k in (1, 3)))),
     "noise grown": Wrong(real=declared(force_noise=0.8)),
     "hinges stick": Wrong(real=declared(hinge_moment=3.0)),
     "sensor slipped": Wrong(Faults(slips=(Slip(1, SLIPPED, TURN),))),
+    "sensor slipped at the end": Wrong(Faults(slips=(Slip(1, CHECKED - 1, TURN),))),
     "zero jumped": Wrong(Faults(zero_shifts=(ZeroShift(1, SLIPPED, (0.6, -0.5, 0.6)),))),
     "zeros drift": Wrong(
         Faults(drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0))))
@@ -98,8 +100,14 @@ def verdicts(kind: str, earlier: bool) -> tuple[Validation, ...]:
 def test_what_is_wrong_is_named_and_held_against_it(kind: str, earlier: bool) -> None:
     found = verdicts(kind, earlier)
     assert not any(v.holds for v in found)
-    named = Counter(v.suspected[0].kind if v.suspected else "" for v in found)
-    assert named[kind] == TRIALS, named
+    assert not any(v.outcome == "touched" for v in found) or kind == "contact"
+    # Another mass and a gain that all sensors have in common look alike.
+    alike = ("load changed", "gains changed")
+    named: Counter[str] = Counter(
+        name for v in found for name in {c.kind for c in v.suspected[: 1 + (kind in alike)]}
+    )
+    assert named[kind.removesuffix(" at the end")] == TRIALS, named
+    assert kind not in alike or set(named) == set(alike)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +117,7 @@ def test_what_is_wrong_is_named_and_held_against_it(kind: str, earlier: bool) ->
         ("sensors turned", None, (), sum(TURNS, ())),
         ("zero drifted", 1, (), (2.0, -1.0, 3.0)),
         ("gain changed", 0, (), (5e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0)),
+        ("gains changed", None, (), (4e-3, 4e-3, 4e-3, 0.0, 0.0, 0.0)),
         ("load changed", None, (), (2.0, 0.0, 0.0, 0.0)),
         ("contact", None, (1, 3), ()),
         ("sensor slipped", 1, (SLIPPED,), TURN),
@@ -120,11 +129,12 @@ def test_it_is_named_with_its_place_and_an_honest_size(
 ) -> None:
     right, squares = 0, []
     for v in verdicts(kind, False):
-        best = v.suspected[0]
+        best = next(c for c in v.suspected if c.kind == kind)
         right += (best.support, best.postures) == (support, postures)
         known = best.std > 0
         squares += [*(((best.value - true)[known] / best.std[known]) ** 2)]
-        assert changes(v)[0].code == f"change-{kind.removesuffix(' changed').replace(' ', '-')}"
+        code = f"change-{kind.removesuffix(' changed').replace(' ', '-')}"
+        assert code in [found.code for found in changes(v)[:2]]
     assert right == TRIALS
     # Components of one cause are not independent: about a third of them.
     assert not squares or np.mean(squares) < stats.chi2.ppf(0.999, len(squares) / 3) * 3 / len(

@@ -72,7 +72,7 @@ def test_a_noisy_sensor_that_the_calibration_knows_is_no_change() -> None:
         # Variances from 24 postures, shrunk; along one axis sensors are hard to tell apart.
         assert 3.0 < factor[0].mean() < 9.0
         assert factor[1:].mean() < 2.0
-        known = KnownNoise(factor, file.fit.kurtosis, file.fit.postures)
+        known = KnownNoise(factor, file.fit.postures)
         holding += judged(result, dwells, known).holds
         without += judged(result, dwells, AS_STATED).holds
     # One false call in 200 is the level.
@@ -80,25 +80,10 @@ def test_a_noisy_sensor_that_the_calibration_knows_is_no_change() -> None:
     assert without <= 1
 
 
-@pytest.mark.parametrize("kurtosis", [1.0, 1.2])
-def test_the_tail_of_a_posture_is_that_of_simulated_readings(kurtosis: float) -> None:
-    rng, known = np.random.default_rng(0), KnownNoise(None, kurtosis, 24)
-    nu = known.reading_tail(3)
-    # Six components of nine readings, each of weight 2/3.
-    pair = np.linalg.svd(np.ones((1, 3)))[2][1:].T  # what a sum of three leaves, alike for each
-    mixing = np.kron(pair, np.eye(3))
-    readings = rng.standard_t(nu, (400_000, 9)) * np.sqrt((nu - 2) / nu)
-    square = np.sum((readings @ mixing) ** 2, axis=1)
-    for edge in (15.0, 25.0, 40.0):
-        told = known.posture_sf(np.array([edge]), 3)[0]
-        assert told == pytest.approx(np.mean(square > edge), rel=0.35)
-    assert known.posture_sf(np.array([0.0]), 3)[0] == pytest.approx(1.0)
-
-
 def test_a_level_from_residuals_widens_the_tail_as_few_of_them_do() -> None:
     rng, dof, freedom = np.random.default_rng(1), 30, 12
     ratio = rng.chisquare(freedom, 200_000) / (rng.chisquare(dof, 200_000) / dof)
-    known = KnownNoise(None, None, 6, 1.5, dof)
+    known = KnownNoise(None, 6, 1.5, dof)
     for edge in (20.0, 30.0):
         assert known.chi2_sf(edge, freedom) == pytest.approx(np.mean(ratio > edge), rel=0.1)
         assert AS_STATED.chi2_sf(edge, freedom) < known.chi2_sf(edge, freedom)
