@@ -221,24 +221,23 @@ def looks_recorded(path: Path) -> bool:
     """
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
-    from tdfscal.logs.text.head import numbered_columns
-    from tdfscal.logs.text.opening import lines_of
+    from tdfscal.logs.text.header import table_of_numbers
+    from tdfscal.logs.text.reader import lines_of
 
     try:
         with path.open("rb") as file:
             text = file.read(_OPENING).decode("latin-1")
     except OSError:
         return True  # the reader says why
-    lines = lines_of(text, "\n" if "\n" in text else "\r")
-    tables = (numbered_columns(lines, decimal) for decimal in ".,")
-    return any(table is not None and len(table.cells) > _FEWEST for table in tables)
+    table = table_of_numbers(lines_of(text))
+    return table is not None and table.width > _FEWEST
 
 
 def check_text(path: Path) -> None:
     """Raise DataError where a file is text by its suffix, and none by its first lines."""
     if path.suffix.lower() in _TEXT:
         from tdfscal.logs.log_file import placed
-        from tdfscal.logs.text.opening import decoded
+        from tdfscal.logs.text.reader import decoded
 
         with placed(path), path.open("rb") as file:
             decoded(file.read(_OPENING))

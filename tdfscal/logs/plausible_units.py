@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.files.units import UNITS, Quantity, canonical, unit_factor
 from tdfscal.frozen import record
 from tdfscal.logs.contents import Column, Contents, Vector
-from tdfscal.logs.text.head import split_label
+from tdfscal.logs.text.header import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
 
 _APART: Final = (0.01, 100.0)  # m, between which hinges of any rig are apart

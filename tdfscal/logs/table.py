@@ -81,6 +81,12 @@ def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray:
     return np.where(empty, np.nan, seconds + nanoseconds * 1e-9)
 
 
+def as_times(seconds: FloatArray) -> Any:
+    """A column of s since 1970, (N,), as times of Arrow; empty where they are NaN."""
+    ticks = np.rint(np.nan_to_num(seconds) * 1e9).astype(np.int64)
+    return as_arrow(ticks, np.isnan(seconds)).cast(pa.timestamp("ns"))
+
+
 def _matched(cell: str) -> tuple[Any, ...] | None:
     text = cell.strip()
     if (iso := _ISO.fullmatch(text) or _BASIC.fullmatch(text)) is not None:

@@ -191,14 +191,6 @@ def test_header_times_are_used_where_the_recorder_stalled(cli: Cli, tmp_path: Pa
     assert any("by 2 s at most" in problem for problem in found["problems"])
 
 
-def test_a_line_that_is_neither_a_row_nor_utf8(cli: Cli, tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"t,a\n1,2\n\xb5\n")
-    result = cli("info", path, ends=0)
-    assert result.err == ""
-    assert "a line has 1 cell where a row has 2" in " ".join(result.out.split())
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [

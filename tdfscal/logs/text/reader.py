@@ -1,20 +1,25 @@
-"""Logs as text: CSV, TSV and what recorders make of them."""
+"""Logs as text: CSV, TSV and what recorders make of them, plain or compressed, block by block."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
-from typing import TYPE_CHECKING, Final
+import re
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
+import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_arrow
-from tdfscal.logs.log_file import EMPTY, LogFile, mapped
+from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, mapped
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
+    as_times,
     has_zone,
     is_date_time,
     repeated,
@@ -22,57 +27,55 @@ from tdfscal.logs.table import (
     seconds_of_all,
     table_piece,
 )
-from tdfscal.logs.text.head import (
-    END,
-    SEARCHED,
-    decimal_of,
-    is_number,
-    line_above_rows,
-    number_in,
-    row_cells,
-    scope_head,
-    split_cells,
-    split_label,
-    units_below,
-)
-from tdfscal.logs.text.opening import EXPANDING, TextFile, open_text
-from tdfscal.logs.text.rows import RowParser, Rows, find_header, single_spaces
+from tdfscal.logs.text.header import SEARCHED, find_table, is_number, split_cells
+from tdfscal.logs.text.rows import RowParser, Rows, find_columns, number_in, single_spaces
+from tdfscal.records import Integrity
 
 if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
 
+Decimal = Literal[".", ","]
+
 _THREADS: Final = 2
 _GLANCE: Final = 1 << 16
+_BLOCK: Final = 8 << 20
+_COMPRESSED: Final = 1 << 16
+_COMPRESSED_ZSTD: Final = 1 << 12  # may expand to as many times as much
+_HEAD: Final = 1 << 18
+_OPENING: Final = 1 << 12
+_CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
+_BLANK: Final = b" \t\n\v\f\r\x1a"  # with the mark at which DOS ends a text
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+_WITH_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 class TextLog(LogFile):
     """One text file, plain or compressed."""
 
-    faults = EXPANDING
+    faults = (pa.ArrowException, zlib.error, zstandard.ZstdError)
 
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""
         with open_text(self.path) as file:
-            header = find_header(file.lines, request)
-            parser = RowParser(header, file.newline, request.mapping.decimal)
-            line, rows_before, series = header.lines + 1, 0, request.mapping.rows == "timeseries"
-
+            columns = find_columns(file.lines, request)
+            parser = RowParser(columns, file.newline, request.mapping.decimal)
+            begin, n = columns.table.lines, len(columns.factors)
+            line, rows_before, series = begin + 1, 0, request.mapping.rows == "timeseries"
             above, ended = b"", True
 
             def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
                 return (*given, parser.fast(given[0]))
 
-            with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
+            with closing(mapped(parsed, file.blocks(begin), _THREADS)) as results:
                 for block, whole, fast in results:
                     if not (whole or parser.ends_alike(block, above, series)):
                         continue
                     above, ended = block, whole
                     value, lines = fast or parser.slow(block, line)
-                    n = len(header.factors)
                     vectors = value[: 3 * n].reshape(n, 3, value.shape[1])
-                    time = None if header.time is None else value[-1] * header.time_factor
+                    time = None if columns.time is None else value[-1] * columns.time_factor
                     piece = table_piece(
-                        request, vectors, header.factors, time, rows_before, sparse=header.sparse
+                        request, vectors, columns.factors, time, rows_before, sparse=columns.sparse
                     )
                     rows_before += value.shape[1]
                     line += lines
@@ -89,121 +92,208 @@ class TextLog(LogFile):
         self.integrity = file.integrity
 
     def look(self) -> Contents:
-        """Its header, found without knowing what is wanted, and some rows of each block."""
+        """Its columns, and some rows of each block."""
         from tdfscal.logs.contents import SAMPLES, table_contents
 
         with open_text(self.path) as file:
-            table = _Table(file)
+            lines = file.lines[: 2 * SEARCHED]
+            table = find_table(lines)
+            labels = table.labels()[: table.width]
+            cells = (c for line in lines[table.lines :] for c in split_cells(line, table.separator))
+            comma = table.separator != "," and any(map(_WITH_COMMA.fullmatch, cells))
+            decimal: Decimal = "," if comma else "."
             parts: list[tuple[int, pa.Table]] = []
             count = 0
-            for block, whole in file.blocks(table.skipped):
+            for block, _ in file.blocks(table.lines):
                 end = block.find(file.newline, _GLANCE) + 1 if parts else 0
-                parts.append((count, table.parsed(block[: end or None], whole=whole)))
+                part = _looked_at(block[: end or None], table.separator, table.width, decimal)
+                parts.append((count, part))
                 count += block.count(file.newline) + (not block.endswith(file.newline))
-        found = [
-            sampled([(row, part.column(k)) for row, part in parts], SAMPLES)
-            for k in range(len(table.names))
-        ]
-        kinds = [
-            "empty" if not parts
-            else "text" if one is None
-            else "date and time" if k in table.dated
-            else "number"
-            for k, one in enumerate(found)
-        ]  # fmt: skip
-        twice = repeated(table.names)
-        numbers = {
-            name: one
-            for name, one in zip(table.names, found, strict=True)
-            if one is not None and name not in twice
-        }
-        described = list(zip(table.names, kinds, table.units, strict=True))
-        return table_contents(
-            self.path, "csv", count, described, numbers,
-            decimal=table.decimal, problems=table.problems(),
-        )  # fmt: skip
+        columns, numbers = [], {}
+        twice = repeated([name for name, _ in labels])
+        for k, (name, unit) in enumerate(labels):
+            cells_of = [(row, part.column(k)) for row, part in parts]
+            found = sampled(cells_of, SAMPLES)
+            dated = bool(parts) and pa.types.is_timestamp(cells_of[0][1].type)
+            kind = "date and time" if dated else "text" if found is None else "number"
+            columns.append((name, kind if parts else "empty", unit))
+            if found is not None and name not in twice:
+                numbers[name] = found
+        return table_contents(self.path, "csv", count, columns, numbers, decimal=decimal)
 
 
-class _Table:
-    """A table as it is looked through: its columns, and some of its rows.
+def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa.Table:
+    """Some whole lines without knowing what is wanted; those with other cells are left out."""
+    table = pa_csv.read_csv(
+        pa.BufferReader(single_spaces(block) if separator == " " else block),
+        pa_csv.ReadOptions(
+            column_names=[str(k) for k in range(width)],
+            # At once, so that no line is longer than what is parsed at a time.
+            block_size=len(block) + 1,
+            # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
+            encoding="utf8" if block.isascii() else "latin1",
+            # Its threads would call the handler, and have ended the process over long lines.
+            use_threads=False,
+        ),
+        pa_csv.ParseOptions(delimiter=separator, invalid_row_handler=lambda row: "skip"),
+        # Dates as text: one reader of them, for all notations.
+        pa_csv.ConvertOptions(decimal_point=decimal, timestamp_parsers=["never"]),
+    )
+    for k, column in enumerate(table.columns):
+        first = column[0].as_py() if pa.types.is_string(column.type) and len(column) else ""
+        if is_number(first):  # a spoilt cell is a hole; the reading names it
+            numbers = [_number(cell, decimal) for cell in column.to_pylist()]
+            table = table.set_column(k, str(k), pa.array(numbers, pa.float64()))
+        elif is_date_time(first):
+            seconds = seconds_of_all(column, zoned=has_zone(first))
+            if not np.isnan(seconds).any():
+                table = table.set_column(k, str(k), as_times(seconds))
+    return table
 
-    skipped : lines before the first row. dated : columns of dates with times of day. Raises
-    DataError where it is no table with a header.
+
+def _number(cell: str, decimal: Decimal) -> float | None:
+    """The number in a cell, with the other decimal too: reading the column says what is wrong."""
+    number = number_in(cell, decimal)
+    return number_in(cell, ".") if number is None else number
+
+
+@contextmanager
+def open_text(path: Path) -> Iterator[TextFile]:
+    """Open a file for one reading; compressed or not by its first bytes, not by its name."""
+    with path.open("rb") as raw:
+        magic = raw.read(64)
+        raw.seek(0)
+        parts = iter(lambda: raw.read(_BLOCK), b"")
+        integrity: Integrity = "unverified"
+        if magic.startswith(_GZIP):
+            gzip = partial(zlib.decompressobj, 31)
+            parts, integrity = _expanded(raw, gzip, _COMPRESSED, _BLOCK), "verified"
+        elif magic.startswith(_ZSTD):
+            checked = zstandard.get_frame_parameters(magic).has_checksum
+            integrity = "verified" if checked else "unverified"
+            zstd = zstandard.ZstdDecompressor().decompressobj
+            parts = _expanded(raw, zstd, _COMPRESSED_ZSTD)
+        yield TextFile(raw, parts, integrity)
+
+
+class TextFile:
+    """A text log that is open.
+
+    cut_at : byte of the text at which one that was cut short stops being whole; None of a whole
+    one. integrity : how far its compression checks the content. lines : the first ones.
+    newline : what ends each.
     """
 
-    def __init__(self, file: TextFile) -> None:
-        lines = file.lines[: 2 * SEARCHED]
-        head = scope_head(lines) or line_above_rows(lines)
-        self._separator, cells, self._ends = head.separator, head.cells, head.scope
-        self.skipped = head.lines if head.scope else head.line + 1
-        rows = [split_cells(line, self._separator) for line in lines[self.skipped :]]
-        self.decimal = decimal_of((cell for row in rows for cell in row), self._separator)
-        if head.scope:
-            stated = [head.units.get(k) for k in range(len(cells))]
-        else:
-            below = units_below(lines, head)
-            self.skipped += below is not None
-            stated = [split_label(c)[1] or (below or {}).get(k) for k, c in enumerate(cells)]
-        self._width = row_cells(lines[self.skipped :], self._separator, cells)
-        self.names = [split_label(cell)[0] for cell in cells[: self._width]]
-        self.units = stated[: self._width]
-        self.dated: set[int] = set()
-        self._pointed: set[str] = set()  # columns of numbers by the other decimal
-        self._odd: list[int] = []  # numbers of cells of the lines that have others
+    def __init__(self, raw: BinaryIO, parts: Iterator[bytes], integrity: Integrity) -> None:
+        self._raw, self._parts, self._rest = raw, parts, b""
+        self.integrity = integrity
+        self.cut_at: int | None = None
+        self._expanded = 0
+        self._head = self._read(_HEAD)
+        text = decoded(self._head)
+        if self.cut_at is None and not self._head.strip():
+            raise DataError("the file is empty", hint=AGAIN)
+        if b"\n" not in self._head and b"\r" not in self._head:
+            raise DataError("the file was cut short within its first line", hint=AGAIN)
+        self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
+        self.lines = lines_of(text)
 
-    def parsed(self, block: bytes, *, whole: bool) -> pa.Table:
-        """Parse whole lines; those with another number of cells are left out, and noted."""
+    @property
+    def position(self) -> int:
+        """Bytes of the file that are read."""
+        return self._raw.tell()
 
-        def leave_out(row: pa_csv.InvalidRow) -> str:
-            if whole and not (self._ends and row.text == END.decode()):
-                self._odd.append(row.actual_columns)
-            return "skip"
+    def blocks(self, skipped: int) -> Iterator[tuple[bytes, bool]]:
+        """Yield blocks of whole lines after the first ones; False with a last line without an end.
 
-        if self._separator == " ":
-            block = single_spaces(block)
-        table = pa_csv.read_csv(
-            pa.BufferReader(block),
-            pa_csv.ReadOptions(
-                column_names=[str(k) for k in range(self._width)],
-                # At once, so that no line is longer than what is parsed at a time.
-                block_size=len(block) + 1,
-                # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
-                encoding="utf8" if block.isascii() else "latin1",
-                # Its threads would call the handler, and have ended the process over long lines.
-                use_threads=False,
-            ),
-            pa_csv.ParseOptions(delimiter=self._separator, invalid_row_handler=leave_out),
-            # Dates as text: one reader of them, for all notations.
-            pa_csv.ConvertOptions(decimal_point=self.decimal, timestamp_parsers=["never"]),
-        )
-        for k, column in enumerate(table.columns):
-            first = column[0].as_py() if pa.types.is_string(column.type) and len(column) else ""
-            if is_number(first, self.decimal):  # a spoilt cell is a hole; the reading names it
-                cells = [number_in(cell, self.decimal) for cell in column.to_pylist()]
-                if self.decimal == "," and all(cell is None for cell in cells):
-                    self._pointed.add(self.names[k])
-                table = table.set_column(k, str(k), pa.array(cells, pa.float64()))
-            if is_date_time(first):
-                seconds = seconds_of_all(column, zoned=has_zone(first))
-                if not np.isnan(seconds).any():
-                    self.dated.add(k)
-                    table = table.set_column(k, str(k), [as_arrow(seconds)])
-        return table
+        Raises DataError for a line without end.
+        """
+        parts = self._head.split(self.newline, skipped)
+        rest = parts[skipped] if len(parts) > skipped else b""
+        while chunk := self._read(_BLOCK):
+            end = chunk.rfind(self.newline) + 1
+            if end:
+                yield b"".join((rest, memoryview(chunk)[:end])), True
+                rest = chunk[end:]
+                continue
+            rest += chunk
+            if len(rest) > 2 * _BLOCK:
+                raise _no_table(f"a line is longer than {2 * _BLOCK >> 20} MiB")
+        end = rest.rfind(self.newline) + 1
+        if end:
+            yield rest[:end], True
+        if rest[end:].strip(_BLANK):
+            there = self.cut_at is None  # all that was compressed
+            self.cut_at = self._expanded - len(rest) + end
+            if there:
+                yield rest[end:], False
 
-    def problems(self) -> list[str]:
-        """What is wrong with columns that are not read and with the lines that were left out."""
-        pointed = [
-            f"{name} has numbers with a point, and the decimal of this file is a comma: they are "
-            "not read; export them alike"
-            for name in sorted(self._pointed)
-        ]
-        if not self._odd:
-            return pointed
-        found = ", ".join(str(n) for n in sorted(set(self._odd))[:3])
-        found += " cell" if found == "1" else " cells"
-        many = "a line has" if len(self._odd) == 1 else f"{len(self._odd)} lines have"
-        return [
-            *pointed,
-            f"{many} {found} where a row has {self._width}; the file may be damaged there: "
-            "record or export it again",
-        ]
+    def _read(self, size: int) -> bytes:
+        """Up to so many bytes; none at the end."""
+        parts, there = [self._rest], len(self._rest)
+        while there < size:
+            try:
+                part = next(self._parts, None)
+            except EOFError:
+                self.cut_at, self.integrity, part = self._expanded + there, "unverified", None
+            if part is None:
+                break
+            parts.append(part)
+            there += len(part)
+        whole = b"".join(parts) if len(parts) > 1 else parts[0]
+        self._rest = whole[size:]
+        self._expanded += min(there, size)
+        return whole[:size] if self._rest else whole
+
+
+def _expanded(raw: BinaryIO, fresh: Callable[[], Any], size: int, *most: int) -> Iterator[bytes]:
+    """Expand stream by stream; raises EOFError at the end of a file that was cut short.
+
+    fresh : begins a stream. size : read at a time. most : of what it gives at a time, if it can.
+    """
+    stream, begun, data = fresh(), False, b""
+    while data := data or raw.read(size):
+        if not begun and not (data := data.lstrip(b"\0")):
+            continue  # zeros behind all that was compressed
+        begun = True
+        yield stream.decompress(data, *most)
+        data = stream.unconsumed_tail
+        if stream.eof:
+            stream, begun, data = fresh(), False, stream.unused_data
+    yield stream.flush()
+    if begun and not stream.eof:
+        raise EOFError
+
+
+def lines_of(text: str) -> list[str]:
+    """Lines as the rows have them: nothing but line feeds ends them, or returns without any."""
+    lines = [line.removesuffix("\r") for line in text.split("\n" if "\n" in text else "\r")]
+    return lines if lines[-1] else lines[:-1]
+
+
+def decoded(head: bytes) -> str:
+    """The first lines; in the rows only ASCII matters.
+
+    Raises DataError where the text is UTF-16 or none at all, or its first line has no end.
+    """
+    opening = head[:_OPENING]
+    # ASCII as UTF-16 without a mark at its start: one of two bytes is NUL, the other is not.
+    nul = [opening[k::2].count(0) / max(len(opening[k::2]), 1) for k in (0, 1)]
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (min(nul) < 0.1 and max(nul) > 0.9):
+        raise DataError("the text is UTF-16", hint="export it as UTF-8")
+    if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
+        hint = "export the recording as CSV, or name the file by what it is"
+        raise DataError("the file is not text", hint=hint)
+    if len(head) >= _HEAD and not (b"\n" in head or b"\r" in head):
+        raise _no_table(f"the first line is longer than {_HEAD >> 10} KiB")
+    # The last character may be cut in two by the block's end; it is far below the header.
+    whole = head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
+    try:
+        text = whole.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = whole.decode("cp1252", errors="replace")
+    return text.replace("\0", "\ufffd")
+
+
+def _no_table(what: str) -> DataError:
+    return DataError(what, hint="this is not a table of numbers")

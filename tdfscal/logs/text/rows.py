@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +16,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.units import UNITS, Quantity, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record
-from tdfscal.logs.log_file import AGAIN, placed
+from tdfscal.logs.log_file import placed
 from tdfscal.logs.request import Request, Signal
 from tdfscal.logs.table import (
     DATES,
@@ -26,54 +27,39 @@ from tdfscal.logs.table import (
     seconds_of_all,
     takes_turns,
 )
-from tdfscal.logs.text.head import (
-    END,
-    Head,
-    advice,
-    best_line,
-    is_number_of_either,
-    number_in,
-    numbered_columns,
-    ragged,
-    row_cells,
-    scope_head,
-    split_cells,
-    split_label,
-    units_below,
-)
+from tdfscal.logs.text.header import Table, find_table, ragged, split_cells, split_label
 from tdfscal.records import FloatArray
 
-_SEARCHED_ROWS = 256
+_SEARCHED_ROWS: Final = 256
+_PARSER_BLOCK: Final = 1 << 20  # stays in the cache
+_RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
+_OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_SWAPPED: Final = str.maketrans(".,", ",.")
+
+Rows = tuple[FloatArray, int]
+"""(C, N), the wanted columns as recorded, in the order of `Columns.wanted`: NaN in the three of a
+signal that a row of a sparse table leaves out. And how many lines these were, blank ones too."""
 
 
 @record
-class Header:
-    """How to read the table.
+class Columns:
+    """The wanted columns of a table.
 
-    lines : how many lines of the file come before the first row.
-    columns : how many cells a row has: as many as names, but for a separator at the end of one of
-    the two; a cell without a name is empty in every row.
-    time : column of the time; None where rows are postures and the file has no time.
-    zoned : whether the time is written as date and time of day with a zone, or without; None where
-        it is a number.
-    components : per signal, the columns of x, y, z.
-    factors : per signal, of x, y, z, to SI and tdfscal's sign.
-    time_factor : to s.
-    sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
-    ends : the last line may say EOF.
+    components : per signal, the columns of x, y, z. factors : per signal, of x, y, z, to SI and
+    tdfscal's sign. time : its column; None where rows are postures and the file has no time.
+    time_factor : to s. zoned : whether the time is written as date and time of day with a zone, or
+    without; None where it is a number. sparse : streams take turns: a row holds the cells of some
+    signals, those of others are empty.
     """
 
-    separator: str
-    lines: int
-    columns: int
-    names: tuple[str, ...]
-    time: int | None
-    zoned: bool | None
+    table: Table
     components: tuple[tuple[int, int, int], ...]
     factors: tuple[tuple[float, float, float], ...]
+    time: int | None
     time_factor: float
-    sparse: bool = False
-    ends: bool = False
+    zoned: bool | None
+    sparse: bool
 
     @property
     def wanted(self) -> tuple[int, ...]:
@@ -82,85 +68,46 @@ class Header:
         return (*(column for three in self.components for column in three), *time)
 
 
-def find_header(lines: Sequence[str], request: Request) -> Header:
-    """Find the header line among the file's first, and resolve the wanted fields to columns.
-
-    The line that holds most of the wanted names is the header, whatever comes before it. Columns
-    of a table without one are named by their numbers, from 1.
+def find_columns(lines: Sequence[str], request: Request) -> Columns:
+    """Find the table among the file's first lines, and in it the wanted fields.
 
     Raises DataError where columns are missing or repeated, or a unit contradicts the mapping.
     """
-    names = [name for signal in request.signals for name in signal.components]
-    wanted = {request.mapping.time_field, *names}
-    best = _head(lines, names, wanted, request.mapping.decimal)
-    with placed(f"line {max(best.line, 0) + 1}"):
-        labels = [split_label(cell, wanted) for cell in best.cells]
+    mapping = request.mapping
+    names = {name for signal in request.signals for name in signal.components}
+    table = find_table(lines, names | {mapping.time_field})
+    with placed(f"line {max(table.lines - bool(table.below), 1)}"):
+        labels = table.labels(names | {mapping.time_field})
         column_of = columns_of(request, [name for name, _ in labels])
-        row_units, above = best.units, best.lines
-        if not best.scope:
-            row_units = units_below(lines, best, list(column_of.values())) or {}
-            above = best.line + 1 + bool(row_units)
-        stated = [unit or row_units.get(c) for c, (_, unit) in enumerate(labels)]
-        time = column_of.get(request.mapping.time_field)
-        first = next((line for line in lines[above:] if line.strip()), "")
-        opening = split_cells(first, best.separator)
-        dated = time is not None and time < len(opening) and is_date_time(opening[time])
-        components = []
-        factors = []
+        components, factors = [], []
         for signal in request.signals:
             x, y, z = (column_of[name] for name in signal.components)
             components.append((x, y, z))
-            named = [(stated[c], best.cells[c]) for c in (x, y, z)]
-            factors.append(_factors(signal, named, request))
-        time_factor = 1.0
-        if time is not None and not dated:
-            unit = request.mapping.time_unit
-            time_factor = _unit("time", unit, stated[time], request, best.cells[time])
-    return Header(
-        separator=best.separator,
-        lines=above,
-        columns=row_cells(lines[above:], best.separator, best.cells),
-        names=best.cells,
-        time=time,
-        zoned=has_zone(opening[time]) if time is not None and dated else None,
-        components=tuple(components),
-        factors=tuple(factors),
-        time_factor=time_factor,
-        ends=best.scope,
-        sparse=time is not None and _takes_turns(lines[above:], best.separator, components),
-    )
-
-
-def _head(lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str) -> Head:
-    """The line of the columns' names."""
-    best = scope_head(lines) or best_line(lines, wanted, decimal)
-    if best is None:
-        raise DataError("it begins with nothing but blank lines", hint=AGAIN)
-    if best.scope:
-        return best
-    if all(name.isdecimal() for name in names):
-        return numbered_columns(lines, decimal) or best
-    if best.named == 0 and all(is_number_of_either(c) for c in best.cells):
-        raise DataError(
-            "there is no header line; the first line holds numbers",
-            where=f"line {best.line + 1}",
-            hint="put the columns' names in the first line, or name the fields of the log block "
-            "by their numbers: 1, 2, …",
-        )
-    return best
-
-
-def _takes_turns(
-    rows: Sequence[str], separator: str, components: Sequence[tuple[int, int, int]]
-) -> bool:
-    """Whether a table is of streams with times of their own; see `request.takes_turns`."""
-    if separator == " ":
-        return False
-    cells = [split_cells(line, separator) for line in rows[:_SEARCHED_ROWS] if line.strip()]
+            stated = [(labels[c][1], table.names[c]) for c in (x, y, z)]
+            factors.append(_factors(signal, stated, request))
+        rows = [line for line in lines[table.lines :] if line.strip()][:_SEARCHED_ROWS]
+        cells = [split_cells(row, table.separator) for row in rows]
+        time, time_factor, zoned = column_of.get(mapping.time_field), 1.0, None
+        if time is not None:
+            first = cells[0][time] if cells and time < len(cells[0]) else ""
+            if is_date_time(first):
+                zoned = has_zone(first)
+            else:
+                unit = labels[time][1]
+                time_factor = _unit("time", mapping.time_unit, unit, request, table.names[time])
     filled = [
-        [sum(c < len(r) and r[c] != "" for c in three) for r in cells] for three in components
+        [sum(c < len(row) and row[c] != "" for c in three) for row in cells] for three in components
     ]
-    return bool(cells) and takes_turns(np.array(filled))
+    turns = time is not None and table.separator != " " and bool(cells)
+    return Columns(
+        table,
+        tuple(components),
+        tuple(factors),
+        time,
+        time_factor,
+        zoned,
+        sparse=turns and takes_turns(np.array(filled)),
+    )
 
 
 def _factors(
@@ -197,36 +144,27 @@ def _unit(
     return factor
 
 
-_PARSER_BLOCK = 1 << 20  # stays in the cache
-_RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
-_OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
-
-
-Rows = tuple[FloatArray, int]
-"""(C, N), the wanted columns as recorded, in the order of `Header.wanted`: NaN in the three of a
-signal that a row of a sparse table leaves out. And how many lines these were, blank ones too."""
-
-
 class RowParser:
     """Parses blocks of whole lines: those wanted of the table's columns."""
 
-    def __init__(self, header: Header, newline: bytes, decimal: str) -> None:
-        self._header, self._newline, self._decimal = header, newline, decimal
-        names = [str(c) for c in range(header.columns)]
-        wanted = [str(c) for c in header.wanted]
+    def __init__(self, columns: Columns, newline: bytes, decimal: str) -> None:
+        self._columns, self._newline, self._decimal = columns, newline, decimal
+        self._width, self._separator = columns.table.width, columns.table.separator
+        names = [str(c) for c in range(self._width)]
+        wanted = [str(c) for c in columns.wanted]
         self._read = pa_csv.ReadOptions(
             column_names=names, block_size=_PARSER_BLOCK, use_threads=False
         )
-        self._parse = pa_csv.ParseOptions(delimiter=header.separator)
+        self._parse = pa_csv.ParseOptions(delimiter=self._separator)
         # Cells without a name are read too, as nothing but empty ones.
-        nameless = names[len(header.names) :]
+        nameless = names[len(columns.table.names) :]
         types = dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null())
-        if header.zoned is not None:
-            types[str(header.time)] = pa.string()
+        if columns.zoned is not None:
+            types[str(columns.time)] = pa.string()
         self._convert = pa_csv.ConvertOptions(
             column_types=types,
             include_columns=[*wanted, *nameless],
-            null_values=[""] if nameless or header.sparse else [],
+            null_values=[""] if nameless or columns.sparse else [],
             decimal_point=decimal,
         )
 
@@ -234,8 +172,8 @@ class RowParser:
         """Parse a block of whole lines with pyarrow; None where one might be wrong."""
         lines = block.count(self._newline)
         if block.isspace():
-            return np.empty((len(self._header.wanted), 0)), lines
-        source = single_spaces(block) if self._header.separator == " " else block
+            return np.empty((len(self._columns.wanted), 0)), lines
+        source = single_spaces(block) if self._separator == " " else block
         try:
             table = pa_csv.read_csv(pa.BufferReader(source), self._read, self._parse, self._convert)
         except pa.ArrowInvalid:
@@ -244,17 +182,17 @@ class RowParser:
         whole = lines + (not block.endswith(self._newline))
         if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
             return None
-        value = np.empty((len(self._header.wanted), table.num_rows))
-        sparse = self._header.sparse
+        value = np.empty((len(self._columns.wanted), table.num_rows))
+        sparse = self._columns.sparse
         for k, (column, values) in enumerate(zip(table.columns, value, strict=False)):
             if column.null_count and not (sparse and k < len(value) - 1):
                 return None
-            begin = 0
             if pa.types.is_string(column.type):
-                values[:] = seconds_of_all(column, zoned=bool(self._header.zoned))
+                values[:] = seconds_of_all(column, zoned=bool(self._columns.zoned))
                 if np.isnan(values).any():
                     return None
                 continue
+            begin = 0
             for chunk in column.chunks:
                 values[begin : begin + len(chunk)] = as_numpy(chunk)
                 begin += len(chunk)
@@ -275,7 +213,7 @@ class RowParser:
         for number, line in self._lines(block, first_line):
             with placed(f"line {number}"):
                 kept.append(self._row(line.decode("utf-8", errors="replace")))
-        table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
+        table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._columns.wanted))
         return table.T.copy(), block.count(self._newline)
 
     def ends_alike(self, line: bytes, above: bytes, series: bool) -> bool:
@@ -285,49 +223,48 @@ class RowParser:
         """
         before = above.rstrip().split(self._newline)[-1 if series else 0 :]
         texts = [one.decode("utf-8", errors="replace").strip() for one in (line, *before)]
-        cells = [split_cells(text, self._header.separator) for text in texts if text]
+        cells = [split_cells(text, self._separator) for text in texts if text]
         last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
-        if len(cells[0]) != self._header.columns or texts[0].endswith(self._decimal):
+        if len(cells[0]) != self._width or texts[0].endswith(self._decimal):
             return False
         return [last] == others > [0] if series else last >= min(others, default=0)
 
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
         for k, line in enumerate(block.split(self._newline)):
-            bare = line.strip(b"\r\n")
-            if bare and not (self._header.ends and bare == END):
+            if bare := line.strip(b"\r\n"):
                 yield first_line + k, bare
 
     def _row(self, line: str) -> list[float]:
-        header = self._header
-        cells = split_cells(line, header.separator)
-        if len(cells) != header.columns:
-            same = header.columns == len(header.names)
-            raise ragged(len(cells), header.columns, "the header" if same else "the first row")
-        if any(cells[len(header.names) :]):
+        columns, names = self._columns, self._columns.table.names
+        cells = split_cells(line, self._separator)
+        if len(cells) != self._width:
+            above = "the header" if self._width == len(names) else "the first row"
+            raise ragged(len(cells), self._width, above)
+        if any(cells[len(names) :]):
             raise DataError(
                 f"{shorten(cells[-1])!r} stands in a column that has no name in the header",
                 hint="the other rows end with a separator; record or export the file again",
             )
-        wanted = set(header.wanted)
-        for three in header.components if header.sparse else ():
+        wanted = set(columns.wanted)
+        for three in columns.components if columns.sparse else ():
             if not any(cells[c] for c in three):
                 wanted -= set(three)
         numbers: dict[int, float] = {}
         for c in sorted(wanted):
-            dated = header.zoned is not None and c == header.time
+            dated = columns.zoned is not None and c == columns.time
             if dated:
-                value = seconds_of(cells[c], zoned=header.zoned)
+                value = seconds_of(cells[c], zoned=columns.zoned)
             else:
                 value = number_in(cells[c], self._decimal)
             if value is None:
-                raise self._fault(cells[c], header.names[c], dated)
+                raise self._fault(cells[c], names[c], dated)
             numbers[c] = value
-        return [numbers.get(c, np.nan) for c in header.wanted]
+        return [numbers.get(c, np.nan) for c in columns.wanted]
 
     def _fault(self, cell: str, name: str, dated: bool) -> DataError:
         bare, _ = split_label(name)
-        what, hint = f"{shorten(cell)!r} is not a finite number", advice(cell, self._decimal)
+        what, hint = f"{shorten(cell)!r} is not a finite number", _advice(cell, self._decimal)
         if bare and cell.strip() in (name, bare):
             what = "the header stands there again: the recorder was started anew"
             hint = "split the file there; where its clock began anew, that is another campaign"
@@ -339,6 +276,24 @@ class RowParser:
         unread = cell.strip().lower() in ("", "nan")
         fields = (name, bare) if unread else ()
         return DataError(what, where=f"column {name}", hint=hint, fields=fields)
+
+
+def number_in(cell: str, decimal: str) -> float | None:
+    """Return the finite number that a cell holds; None where it holds none."""
+    plain = cell.translate(_SWAPPED) if decimal == "," else cell
+    if _NUMBER.fullmatch(plain) and math.isfinite(value := float(plain)):
+        return value
+    return None
+
+
+def _advice(cell: str, decimal: str) -> str:
+    """Say what to do about a cell that holds no finite number."""
+    swapped = cell.replace(",", ".") if decimal == "." else cell
+    if swapped != cell and _NUMBER.fullmatch(swapped):
+        return 'state `decimal: ","` in the log block of rig.yaml if the comma is the decimal'
+    if decimal == "," and _NUMBER.fullmatch(cell):
+        return 'the mapping says `decimal: ","`; take it out if the point is the decimal'
+    return "each cell must be a finite number"
 
 
 def _whole_signals(value: FloatArray) -> bool:

@@ -71,8 +71,8 @@ def test_progress_ascends_to_one(
         monkeypatch.setattr("tdfscal.logs.messages.recording._ENOUGH", 64)
         path.write_bytes(mcap_bytes(truth))
     elif suffix == "csv":
-        monkeypatch.setattr("tdfscal.logs.text.opening._HEAD", 1 << 13)
-        monkeypatch.setattr("tdfscal.logs.text.opening._BLOCK", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.reader._HEAD", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 13)
         table(truth).to_csv(path, index=False)
     else:
         table(truth).to_parquet(path, row_group_size=50)

@@ -30,7 +30,7 @@ from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, plac
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.text.opening import open_text
+from tdfscal.logs.text.reader import open_text
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     MAPPING,

@@ -108,7 +108,7 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
         (b"\n\n", "is empty"),
         (text(HEADER), "a header and no rows"),
         (text(HEADER, "", ""), "a header and no rows"),
-        (text(*ROWS), "no header line"),
+        (text(*ROWS), "no column t, X, .* it has 1, 2, 3"),
         (text(HEADER.replace("Y,", "Y2,"), *ROWS), "line 1: no column Y, FY; the nearest.*Y2"),
         (text(HEADER.replace("t,", "time,"), *ROWS), "no column t"),
         (text(HEADER.replace("FY", "FX"), *ROWS), "column FX is there 2 times"),
@@ -138,8 +138,8 @@ def test_quotation_marks_swallow_no_rows(tmp_path: Path) -> None:
 
 
 def test_fault_far_down_has_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tdfscal.logs.text.opening._HEAD", 1 << 12)
-    monkeypatch.setattr("tdfscal.logs.text.opening._BLOCK", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.text.reader._HEAD", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 12)
     lines = [f"{k * 1e-3:.3f},1,2,3,4,5,6" for k in range(2000)]
     lines[1900] = "1.900,1,2,3,4,5,6x"
     with pytest.raises(DataError, match="line 1902, column FZ: '6x'"):

@@ -155,7 +155,7 @@ def test_streams_that_take_turns(
     tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each signal has the samples of its own rows, at their times, over blocks of any size."""
-    monkeypatch.setattr("tdfscal.logs.text.opening._BLOCK", block)
+    monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", block)
     turns(tmp_path / "log.csv")
     log = read_log([tmp_path / "log.csv"], None, SUPPORTS)
     for i, name in enumerate(SUPPORTS):
@@ -177,31 +177,3 @@ def test_a_hole_in_a_vector_is_refused(tmp_path: Path) -> None:
     turns(tmp_path / "log.csv", hole)
     with pytest.raises(DataError, match=r"column ncp2.fy: the cell is empty"):
         read_log([tmp_path / "log.csv"], None, SUPPORTS)
-
-
-def scope(path: Path, late: float = 0.0, sep: str = "\t", rows: int = 50) -> None:
-    """A TwinCAT Scope export whose last channel is sampled later than the others."""
-    lines = ["Name\tScope", "", sep.join(f"Name{sep}{name}" for name in NAMES[1:])]
-    lines += [sep.join(f"{key}{sep}{key[:1]}" for _ in NAMES[1:]) for key in ("Data-Type", "Port")]
-    lines.append("")
-    for time, *values in FRAME.to_numpy().tolist()[:rows]:
-        stamps = [f"{1000 * time:.3f}"] * (len(values) - 1) + [f"{1000 * time + late:.3f}"]
-        lines.append(sep.join(f"{t}{sep}{v!r}" for t, v in zip(stamps, values, strict=True)))
-    path.write_text("\n".join([*lines, "EOF", ""]))
-
-
-@pytest.mark.parametrize("sep", ["\t", ";", ",", " "])
-def test_scope_exports(tmp_path: Path, sep: str) -> None:
-    path = tmp_path / "scope.csv"
-    scope(path, sep=sep)
-    mapping = replace(LogMapping.default(SUPPORTS), time_field="time", time_unit="ms")
-    assert_same(path, mapping)
-    assert "cell" not in " ".join(describe_logs([path]).problems)
-    scope(path, late=0.5, sep=sep)
-    with pytest.raises(DataError, match=r"line 7: the channels are sampled at different times"):
-        read_log([path], mapping, SUPPORTS)
-    with pytest.raises(DataError, match="different times"):
-        describe_logs([path])
-    scope(path, rows=0, sep=sep)
-    with pytest.raises(DataError):
-        read_log([path], mapping, SUPPORTS)
