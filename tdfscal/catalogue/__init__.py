@@ -76,9 +76,7 @@ def documents(findings: Iterable[Finding]) -> list[dict[str, Any]]:
 
 
 def rigs_apart(found: Sequence[Finding], code: str, **values: Value) -> Finding:
-    """Return all that tells two rigs apart as one finding; another LCS speaks for itself."""
-    if [finding.code for finding in found] == ["lcs-restated"]:
-        return found[0]
+    """Return all that tells two rigs apart as one finding."""
     differences = "; ".join(sentence(finding) for finding in found)
     values["exchanged"] = all(finding.code == "sensor-exchanged" for finding in found)
     return Finding(code, values={**values, "differences": differences})

@@ -73,10 +73,9 @@ axis-saturated refuses
   -> check the range of the sensor and of its amplifier, and squeeze less
   @ log forces
 hinges-off refuses
-  the NCP positions miss the hinge pattern of rig.yaml by {size}{scale:: the positions
-  of {servo} are out of scale, by {scale:+.1%}|}{hinge:{scale:, or|:} the hinge of ~
+  the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~
   is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
-  servo coordinates of ~ are offset, by {by:m}{more: or more|}|}
+  servo coordinates of ~ are offset, or out of scale, by {by:m}{more: or more|}|}
   ? fits ; it would fit with {fits}
   -> {fits:correct the position fields of the log block in rig.yaml|measure
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
@@ -161,11 +160,6 @@ sensor-exchanged notes
   the sensor of {subject} has serial number {other} instead of {own}
 rig-constant notes
   the {what}{of: of ~|} is {other} {unit} instead of {own} {unit}
-lcs-restated refuses
-  the same hinges stand in another LCS, turned by {degrees:.3g}° and shifted by
-  {shift:m}: angles in the BCS would be the same, but load and hinges cannot be held
-  against each other
-  -> state hinges, barycentre and inertia in one LCS in both rig files
 rigs-differ refuses
   this is another rig than that of {first}: {differences}
   -> {exchanged:another sensor is mounted in another way: calibrate anew and go on from
@@ -174,7 +168,8 @@ rigs-differ refuses
 rig-uncalibrated refuses
   this rig is not the one that was calibrated: {differences}
   -> {exchanged:another sensor is mounted in another way: calibrate anew, or correct the
-    serial number|correct the rig file, or calibrate this rig}
+    serial number|correct the rig file (hinges and
+    load in the same LCS), or calibrate this rig}
 linear-axis-missing refuses
   the sensor of {subject} does not measure {axis}, and the linear method needs every
   component

@@ -12,12 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.checks.wirings import REACTION, rewired_sensors
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray
 from tdfscal.significance import WRENCH_PRESENT
-from tdfscal.wrench.contact_wrench import contact_wrench, single, wrenches
+from tdfscal.wrench.contact_wrench import contact_wrench, wrenches
 from tdfscal.wrench.kinematics import rotations
 from tdfscal.wrench.resampling import Samples
 
@@ -145,17 +146,16 @@ def _check_forces(given: Calibrated, seen: Samples) -> None:
 def _doubt(given: Calibrated, seen: Samples) -> tuple[Finding, ...]:
     """Name a wrench that another wiring explains, or that is of the weight's order."""
     found = wrenches(given, seen.time, seen.position, seen.force)
-    rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
-    # First among equals: every axis of every sensor of the opposite sign is the reaction.
-    words = ["", *(text for text, _ in rewired)]
-    readings = [-seen.force, *(other.force for _, other in rewired)]
-    here, *left = _sizes(given, seen, [seen.force, *readings])
+    others = list(rewired_sensors(given.rig.supports))
+    readings = [seen.force, *(other.signals(seen.force) for other in others)]
+    here, *left = _sizes(given, seen, readings)
     best = int(np.argmin(left))
     force = float(np.median(np.linalg.norm(found.value[:, :3], axis=1)))
     torque = float(np.median(np.linalg.norm(found.value[:, 3:], axis=1)))
     values: dict[str, Value] = {"torque": torque}
     if left[best] * _BETTER < here:
-        values |= {"ratio": here / left[best], "other": words[best]}
+        words = others[best].words
+        values |= {"ratio": here / left[best], "other": "" if words == REACTION else words}
         return (Finding("wrench-rewired", size=force, unit="N", values=values),)
     weight = float(given.state.mass) * given.rig.gravity
     std = float(np.median(np.linalg.norm(found.calibration_std[:, :3], axis=1)))

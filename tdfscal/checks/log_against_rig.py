@@ -5,14 +5,14 @@ These checks come before any estimate: a mislabelled log must not become a plaus
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, permutations, product
+from itertools import chain
 
 import numpy as np
 
 from tdfscal.checks import geometry
 from tdfscal.checks.hinge_distances import Cause
+from tdfscal.checks.wirings import exchanged_supports, mirrored_frames
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State, gravity, nominal
@@ -20,92 +20,6 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
-
-#: Sensors above which not every pair of channels is exchanged.
-_MANY = 8
-#: How the readings of the reaction are named, with a place for whose.
-REACTION = "the opposite sign of every axis of {}"
-#: Whose, where it is every sensor's.
-EVERYONE = "every sensor"
-
-
-def orders(n: int) -> Iterator[list[int]]:
-    """Ways to exchange supports other than the given one: all for up to four, pairs beyond."""
-    if n <= 4:
-        yield from (list(p) for p in permutations(range(n)) if list(p) != list(range(n)))
-        return
-    for i in range(n):
-        for j in range(i):
-            order = list(range(n))
-            order[i], order[j] = j, i
-            yield order
-
-
-def rewired(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
-    """Postures as they would be with the forces' fields named otherwise, each with its words.
-
-    Sensors exchanged; two axes of a sensor, or of all, exchanged, or one of opposite sign. What
-    only turns a sensor's axes is not among them: that is a mounting.
-    """
-    for order in orders(rig.n):
-        yield (
-            f"the sensors of {renamed(rig, order)}",
-            replace(seen, force=seen.force[:, order], force_cov=seen.force_cov[:, order]),
-        )
-    for name in (*rig.supports, EVERYONE):
-        here = np.array([name in (support, EVERYONE) for support in rig.supports])
-        for words, mirror in _mirrors():
-            M = np.where(here[:, None, None], mirror, np.eye(3))
-            yield (
-                words.format(name),
-                replace(
-                    seen,
-                    force=(M @ seen.force[..., None])[..., 0],
-                    force_cov=M @ seen.force_cov @ np.swapaxes(M, 1, 2),
-                ),
-            )
-
-
-def channels_exchanged(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
-    """Postures with two channels of different sensors exchanged, each with its words.
-
-    Of many sensors only the same axes: cables of one kind are mistaken for each other.
-    """
-    some = np.argwhere(rig.axes)
-    for (i, a), (j, b) in combinations(some.tolist(), 2):
-        if i == j or (a != b and rig.n > _MANY):
-            continue
-        force, cov = seen.force.copy(), seen.force_cov.copy()
-        force[:, i, a], force[:, j, b] = seen.force[:, j, b], seen.force[:, i, a]
-        cov[:, i, a, a], cov[:, j, b, b] = seen.force_cov[:, j, b, b], seen.force_cov[:, i, a, a]
-        yield (
-            f"F{'xyz'[a]} of {rig.supports[i]} and F{'xyz'[b]} of {rig.supports[j]} exchanged",
-            replace(seen, force=force, force_cov=cov),
-        )
-
-
-def _mirrors() -> Iterator[tuple[str, FloatArray]]:
-    """Axes exchanged or of opposite sign, as words with a place for whose, and matrices (3, 3)."""
-    eye = np.eye(3)
-    for a, b in ((0, 1), (0, 2), (1, 2)):
-        order = list(range(3))
-        order[a], order[b] = b, a
-        yield f"F{'xyz'[a]} and F{'xyz'[b]} of {{}} exchanged", eye[order]
-    for a in range(3):
-        yield (
-            f"the opposite sign of F{'xyz'[a]} of {{}}",
-            eye * np.where(np.arange(3) == a, -1.0, 1.0),
-        )
-    yield REACTION, -eye
-
-
-def renamed(rig: Rig, order: list[int]) -> str:
-    """Words for an exchange of supports."""
-    moved = [
-        f"{rig.supports[i]} taken from {rig.supports[j]}" for i, j in enumerate(order) if i != j
-    ]
-    return " and ".join(moved)
-
 
 #: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
@@ -151,14 +65,11 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if off <= limit:
         raise DataError(Finding("terminal-overturned", values=facts))
     for cause in reversed(misplaced):
-        own = "hinge" if cause.kind == "hinge" else "servo"
-        facts[own] = rig.supports[i := cause.support or 0]
-        if own == "servo" and (scale := _own_scale(rig, position, i, limit)):
-            facts["scale"] = scale
+        facts["hinge" if cause.kind == "hinge" else "servo"] = rig.supports[cause.support or 0]
         facts |= {
             "by": float(np.linalg.norm(cause.amount)),
             "more": bool(np.isinf(cause.std).any()),
-            "either": "hinge" in facts or "scale" in facts,
+            "either": "hinge" in facts,
         }
     raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
 
@@ -169,19 +80,6 @@ def _misplaced(rig: Rig, position: FloatArray) -> list[Cause]:
     if not (found.explained and found.causes and found.causes[0].support is not None):
         return []
     return [cause for cause in found.causes if cause.support is not None]
-
-
-def _own_scale(rig: Rig, position: FloatArray, i: int, limit: float) -> float | None:
-    """By which share positions (K, n, 3) of one positioner are too large, if that explains all."""
-    others = np.arange(rig.n) != i
-    apart = position[:, i, None] - position[:, others]
-    length = np.linalg.norm(apart, axis=2)
-    slope = np.einsum("kna,ka->kn", apart, position[:, i]) / length
-    off = length - np.linalg.norm(rig.hinge[i] - rig.hinge[others], axis=1)
-    share = float(np.sum(slope * off) / np.sum(slope**2))
-    mended = position.copy()
-    mended[:, i] *= 1 - share
-    return share if geometry.misfit(rig.hinge, mended)[0] <= limit else None
 
 
 def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:
@@ -246,11 +144,12 @@ def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
     if clear:
         values["axis"] = f"{sign}{'XYZ'[axis]}"
     limit, upright = geometry.gross_limit(rig), []
-    for order in orders(rig.n):
-        off, up = geometry.misfit(rig.hinge, position[:, order])
-        left = float(np.linalg.norm(_turn(rig, position[:, order])))
+    for other in exchanged_supports(rig.supports, ""):
+        place = other.signals(position)
+        off, up = geometry.misfit(rig.hinge, place)
+        left = float(np.linalg.norm(_turn(rig, place)))
         if off <= limit and up > 0 and left <= _TURNED:
-            upright.append((left, renamed(rig, order)))
+            upright.append((left, other.words.removeprefix(" of ")))
     if upright:
         values["upright"] = min(upright)[1]
     return (Finding("terminal-turned", size=angle, unit="rad", values=values),)
@@ -265,25 +164,14 @@ def _turn(rig: Rig, position: FloatArray) -> FloatArray:
 def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
     """Words for the rearrangement that fits upright with the terminal least turned."""
     fitting = []
-    for text, candidate in _rearranged(rig, position):
-        off, up = geometry.misfit(rig.hinge, candidate)
+    ways = exchanged_supports(rig.supports, "the positions"), mirrored_frames(rig.n)
+    for other in chain(*ways):
+        place = other.signals(position)
+        off, up = geometry.misfit(rig.hinge, place)
         if off <= limit and up > 0:
-            R, _ = register(rig.hinge, candidate)
-            fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), text))
+            R, _ = register(rig.hinge, place)
+            fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), other.words))
     return min(fitting)[1] if fitting else None
-
-
-def _rearranged(rig: Rig, position: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    """Positions with supports exchanged, or axes exchanged and mirrored, each with its words."""
-    for order in orders(rig.n):
-        yield f"the positions of {renamed(rig, order)}", position[:, order]
-    # A proper rotation of the axes always fits: only mirrors leave a trace.
-    for axes, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        if np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0:
-            names = ", ".join(
-                f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(axes, signs, strict=True)
-            )
-            yield f"the axes read as {names}", position[..., list(axes)] * np.array(signs)
 
 
 def check_weight(rig: Rig, postures: Postures, state: State) -> None:

@@ -6,17 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.findings import Finding, Value
-from tdfscal.model.postures import register
-from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CONTRADICTION
 
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9
 _GRAVITY = 1.0e-4
-#: Coordinates in another LCS are typed to so many m, and away from the others by so many times
-#: what their distances may differ by.
-_TYPED, _APART = 1.0e-5, 10.0
 #: Standard uncertainties of constants, as users know them: field and unit.
 _CONSTANT_UNCERTAINTIES = {
     "hinge": ("hinge", "m"),
@@ -25,8 +20,6 @@ _CONSTANT_UNCERTAINTIES = {
     "compliance.lateral": ("compliance_lateral", "m/N"),
     "compliance.vertical": ("compliance_vertical", "m/N"),
 }
-#: What says that hinges stand alike, in another LCS.
-_RESTATED = "lcs-restated"
 
 
 def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
@@ -63,19 +56,12 @@ def _serials(rig: Rig) -> dict[str, str]:
 
 
 def _hinges(first: Rig, other: Rig) -> tuple[Finding, ...]:
-    """Hinges that differ; or that all stand alike, in another LCS."""
+    """Hinges that differ."""
     std = float(np.hypot(first.declared.hinge, other.declared.hinge))
-    pairs = list(zip(first.supports, first.hinge, other.hinge, strict=True))
-    found = [_differs("hinge", name, "m", a, b) for name, a, b in pairs if not _agree(a, b, std)]
-    if len(found) > 1:
-        R, T = register(first.hinge, other.hinge[None])
-        left = np.abs(first.hinge @ R[0].T + T[0] - other.hinge).max()
-        limit = CONTRADICTION * std + _TYPED
-        if left <= limit < np.abs(other.hinge - first.hinge).max() / _APART:
-            turn = float(np.linalg.norm(so3.log(R[0])))
-            values: dict[str, Value] = {"shift": T[0].tolist()}
-            return (Finding(_RESTATED, (), turn, "rad", values=values),)
-    return tuple(found)
+    pairs = zip(first.supports, first.hinge, other.hinge, strict=True)
+    return tuple(
+        _differs("hinge", name, "m", a, b) for name, a, b in pairs if not _agree(a, b, std)
+    )
 
 
 def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
@@ -99,8 +85,7 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
         ("mass", "kg", calibrated.mass, given.mass),
         ("barycentre", "m", calibrated.barycentre, given.barycentre),
     ):
-        if what == "mass" or not any(each.code == _RESTATED for each in found):
-            pairs.append((what, "", unit, a.value, b.value, np.hypot(a.std, b.std)))
+        pairs.append((what, "", unit, a.value, b.value, np.hypot(a.std, b.std)))
     return found + tuple(_differs(*pair[:5]) for pair in pairs if not _agree(*pair[3:]))
 
 
@@ -113,12 +98,10 @@ def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
     found = _named(first, other)
     if first.supports != other.supports:
         return found
-    restated = tuple(each for each in _hinges(first, other) if each.code == _RESTATED)
     pairs: list[tuple[str, str, str, npt.ArrayLike, npt.ArrayLike]] = []
     for i, name in enumerate(other.supports):
-        if not restated:
-            pairs.append(("hinge", name, "m", first.hinge[i], other.hinge[i]))
         pairs += [
+            ("hinge", name, "m", first.hinge[i], other.hinge[i]),
             ("nominal mounting", name, "rad", first.nominal_rpy[i], other.nominal_rpy[i]),
             ("rpy_std", name, "rad", first.rpy_std[i], other.rpy_std[i]),
         ]
@@ -129,8 +112,7 @@ def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
     for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
         a, b = getattr(first.declared, field), getattr(other.declared, field)
         pairs.append((f"uncertainty.{key}", "", unit, a, b))
-    differing = tuple(_differs(*pair) for pair in pairs if not _same(*pair[3:]))
-    return found + restated + differing
+    return found + tuple(_differs(*pair) for pair in pairs if not _same(*pair[3:]))
 
 
 def _named(first: Rig, other: Rig) -> tuple[Finding, ...]:

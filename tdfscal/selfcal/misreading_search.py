@@ -8,10 +8,12 @@ and its length says the scale. A jump is tried between all postures, its size el
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.checks.wirings import exchanged_channels, rewired_sensors
 from tdfscal.estimation.fit import Priors
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import starting_state
@@ -188,9 +190,8 @@ def _descended(
 
 
 def _renamed(rig: Rig, seen: Postures) -> Iterator[Undone]:
-    for ways in (log_against_rig.rewired, log_against_rig.channels_exchanged):
-        for words, other in ways(rig, seen):
-            yield Undone(other, words)
+    for other in chain(rewired_sensors(rig.supports), exchanged_channels(rig)):
+        yield Undone(other.postures(seen), other.words)
 
 
 def _in_other_units(rig: Rig, seen: Postures) -> Iterator[Undone]:

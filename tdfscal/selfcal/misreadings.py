@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.checks.wirings import REACTION
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -228,7 +229,7 @@ def misread(
     check : the postures are those of a check, which has no zeros to calibrate.
     """
     mistake = found.mistake
-    if mistake.names == log_against_rig.REACTION.format(log_against_rig.EVERYONE):
+    if mistake.names == REACTION:
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     values: dict[str, Value] = {

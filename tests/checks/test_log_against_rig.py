@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import permutations
 
@@ -11,17 +11,15 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.catalogue import sentence
 from tdfscal.checks.faulty_sensors import screen
 from tdfscal.checks.log_against_rig import (
     check_geometry,
     check_size,
     check_weight,
-    renamed,
-    rewired,
     turned,
     weight_share,
 )
+from tdfscal.checks.wirings import exchanged_channels, exchanged_supports, rewired_sensors
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import postures
@@ -68,23 +66,6 @@ def test_the_rigs_own_log_fits() -> None:
     held_against(RIG, POSITION)
     check_size(RIG, POSITION)
     assert turned(RIG, POSITION) == ()
-
-
-@pytest.mark.parametrize("scale", [0.01, -0.02])
-def test_a_positioner_that_is_out_of_scale(scale: float) -> None:
-    """To first order: given back, the share that is told leaves nothing to refuse."""
-    off = DWELLS.position.copy()
-    off[:, 1] *= 1 + scale
-    finding = refused(MADE, off).finding
-    assert finding is not None
-    assert finding.values["servo"] == MADE.supports[1]
-    assert "rig.yaml by" in sentence(finding)
-    assert sentence(finding).index("out of scale") < sentence(finding).index("offset")
-    share = finding.values["scale"]
-    assert isinstance(share, float)
-    assert share == pytest.approx(scale, abs=4 * scale**2)
-    off[:, 1] *= 1 - share
-    held_against(MADE, off)
 
 
 @pytest.mark.parametrize(
@@ -141,10 +122,16 @@ def _turning(arm: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
     return -so3.hat(arm).reshape(-1, 3), off.ravel()
 
 
+def renamed(rig: Rig, order: Sequence[int]) -> str:
+    """Words for supports that are taken in another order."""
+    moved = [(rig.supports[i], rig.supports[j]) for i, j in enumerate(order) if i != j]
+    return " and ".join(f"{name} taken from {other}" for name, other in moved)
+
+
 def test_supports_exchanged_are_named() -> None:
     for order in list(permutations(range(3)))[1:]:
         error = refused(RIG, POSITION[:, list(np.argsort(order))])
-        assert f"the positions of {renamed(RIG, list(order))}" in error.what
+        assert f"the positions of {renamed(RIG, order)}" in error.what
 
 
 @pytest.mark.parametrize(
@@ -226,21 +213,38 @@ def test_names_in_a_circle_are_said_with_the_way_back(step: int) -> None:
         ("the opposite sign of every axis of ncp3", lambda f: f * _at(2, [-1, -1, -1])),
         ("Fx and Fz of every sensor exchanged", lambda f: f[..., [2, 1, 0]]),
         ("the sensors of ncp1 taken from ncp2 and ncp2 taken from ncp1", lambda f: f[:, [1, 0, 2]]),
+        ("Fx of ncp1 and Fz of ncp2 exchanged", lambda f: _channels(f)),
     ],
 )
 def test_a_rewiring_does_what_it_says(
     words: str, change: Callable[[FloatArray], FloatArray]
 ) -> None:
-    rig, seen = MADE, SEEN
-    found = dict(rewired(rig, seen))[words]
-    assert np.array_equal(found.force, change(seen.force))
+    ways = (*rewired_sensors(MADE.supports), *exchanged_channels(MADE))
+    (wiring,) = (way for way in ways if way.words == words)
+    assert np.array_equal(wiring.signals(SEEN.force), change(SEEN.force))
     # Each entry of a covariance is that of two readings, and goes where these go.
-    root = RNG.normal(size=(len(seen), 3, 3, 3))
-    cov = dict(rewired(rig, replace(seen, force_cov=root @ np.swapaxes(root, 2, 3))))[words]
-    turned_root = np.stack([change(root[..., j]) for j in range(3)], axis=-1)
-    assert np.allclose(
-        cov.force_cov, turned_root @ np.swapaxes(turned_root, 2, 3), rtol=1e-12, atol=0
-    )
+    root = RNG.normal(size=(len(SEEN), 3, 3, 3))
+    found = wiring.postures(replace(SEEN, force_cov=root @ np.swapaxes(root, 2, 3)))
+    assert np.array_equal(found.force, change(SEEN.force))
+    independent = np.zeros((len(SEEN), 3, 3, 3, 3))
+    independent[:, range(3), :, range(3)] = np.moveaxis(root, 1, 0)
+    noise = np.stack([change(independent[..., i, j]) for i in range(3) for j in range(3)], axis=-1)
+    expected = noise @ np.swapaxes(noise, 2, 3)
+    assert np.allclose(found.force_cov, expected, rtol=1e-12, atol=1e-15)
+
+
+def _channels(force: FloatArray) -> FloatArray:
+    out = force.copy()
+    out[:, 0, 0], out[:, 1, 2] = force[:, 1, 2], force[:, 0, 0]
+    return out
+
+
+@pytest.mark.parametrize(("n", "ways"), [(3, 5), (4, 23), (6, 15)])
+def test_supports_are_exchanged_in_every_order_or_by_pairs(n: int, ways: int) -> None:
+    names = tuple(f"s{i}" for i in range(n))
+    orders = {tuple(way.source[:, 0] // 3) for way in exchanged_supports(names, "all")}
+    assert len(orders) == ways
+    assert tuple(range(n)) not in orders
 
 
 def _at(sensor: int, signs: list[int]) -> FloatArray:

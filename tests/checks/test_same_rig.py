@@ -123,32 +123,10 @@ def test_a_serial_that_one_of_two_states_is_named_with_who_does() -> None:
     assert (renamed.code, renamed.values["other"]) == ("rig-renamed", "another")
 
 
-@pytest.mark.parametrize("turn", [(0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.3, -0.1, 2.0)])
-@pytest.mark.parametrize("digits", [6, 15])
-@pytest.mark.parametrize("compared", [other_rig, contradictions, different_constants])
-def test_hinges_in_another_lcs_are_of_the_same_rig(
-    turn: tuple[float, float, float], digits: int, compared: Callable[[Rig, Rig], Any]
-) -> None:
-    """Shifted, turned, written with six digits: distances stay, coordinates do not."""
-    R, T = so3.exp(np.array(turn)), np.array([0.3, -0.2, 0.5])
-    other = replace(
-        RIG,
-        hinge=np.round(RIG.hinge @ R.T + T, digits),
-        barycentre=replace(RIG.barycentre, value=R @ RIG.barycentre.value + T),
-    )
-    found = compared(RIG, other)
-    assert [each.code for each in found] == ["lcs-restated"]
-    assert found[0].size == pytest.approx(np.linalg.norm(so3.log(R)), abs=1e-5)
-    assert "one LCS" in cure(rigs_apart(found, "rigs-differ"))
-
-
-def test_hinges_elsewhere_are_no_other_lcs() -> None:
-    """Distances that differ by 0.3 mm, and one hinge off along the normal of three."""
-    off = RIG.hinge + np.array([0.3, -0.2, 0.5]) + 3e-4 * np.eye(3)
-    found = other_rig(RIG, replace(RIG, hinge=off))
-    assert {each.code for each in found} == {"rig-constant"}
-    (alone,) = other_rig(RIG, shifted("hinge", 3e-3))
-    assert alone.code == "rig-constant"
+def test_hinges_in_another_lcs_are_told_one_by_one() -> None:
+    turned = RIG.hinge @ so3.exp(np.array([0.0, 0.0, 0.5])).T
+    assert len(other_rig(RIG, replace(RIG, hinge=turned))) == 3
+    assert len(other_rig(RIG, shifted("hinge", 3e-3))) == 1
 
 
 def test_other_supports_are_another_rig_at_once() -> None:
