@@ -25,8 +25,8 @@ from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self
-from tdfscal.files.calibration.parts import CampaignResult
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace

@@ -34,9 +34,10 @@ from tdfscal.files.calibration.compared import own_readings, readings_of
 from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self, published_std
 from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
-from tdfscal.files.calibration.parts import CampaignResult, HistoryEntry
+from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace

@@ -249,7 +249,7 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:
     """Residuals too large, and no suspect that stands out; of the tracker's survey too."""
-    limit, survey = c.rig.acceptance.birge_max, c.tracker or {}
+    limit = c.rig.acceptance.birge_max
     if c.motion is None and c.fit is not None and c.fit.birge > limit and not _suspected(c):
         yield (
             "look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
@@ -258,8 +258,7 @@ def _of_the_misfit(c: Calibration) -> Iterator[str]:
             "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
     yield from (found.cure or "" for found in c.found("methods-disagree"))
-    birge = survey.get("birge")
-    if c.method != "self" and isinstance(birge, float) and birge > limit:
+    if c.method != "self" and c.tracker is not None and c.tracker.birge > limit:
         yield (
             "look at the tracker's residuals: a moved instrument, a loose target, or understated "
             "uncertainties"

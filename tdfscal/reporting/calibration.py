@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import MotionResult, ResidualWrench
+from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import p_text, student_dof
 from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
@@ -185,14 +185,14 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
         ("each angle, 95 %", within(c), f"limit ± {1e3 * c.limit_half_width:.2g}"),
         *layout.residual_tiles(_residual(c)),
     ]
-    birge = c.tracker.get("birge") if c.tracker is not None else None
+    birge = c.tracker.birge if c.tracker is not None else None
     if c.motion is not None:
         tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))
     elif c.fit is not None:
         total = c.fit.postures + len(c.fit.rejected)
         tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
     elif c.tracker is not None and isinstance(birge, float):
-        tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
+        tiles.append(("points", str(c.tracker.points), "of the survey"))
     if c.fit is not None:
         birge = c.fit.birge
     if isinstance(birge, float):
@@ -219,8 +219,8 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
             ("Fit", chi_squared(f.chi2, f.dof, None if c.motion else f.p_value) + _scaled(c)),
         ]
     if c.tracker is not None:
-        t = {name: float(str(c.tracker[name])) for name in ("chi2", "dof", "p_value")}
-        facts.append(("Survey", chi_squared(t["chi2"], int(t["dof"]), t["p_value"])))
+        t = c.tracker
+        facts.append(("Survey", chi_squared(t.chi2, t.dof, t.p_value)))
     if c.observability is not None:
         alone = "by the log alone, " if c.method == "joint" else ""
         facts.append(("Observability", alone + c.observability.verdict))

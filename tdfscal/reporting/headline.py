@@ -89,7 +89,7 @@ def _rests_on(c: Calibration) -> str:
         parts[-1] += " free of contact (a constant one may hide)"
     if c.tracker is not None:
         alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
-        parts.append(f"{c.tracker.get('points')} points of the tracker{alone}")
+        parts.append(f"{c.tracker.points} points of the tracker{alone}")
     if c.fit is not None and c.fit.dof:
         parts.append(f"scatter against stated {c.fit.birge:.2f}")
     parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]

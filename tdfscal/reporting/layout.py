@@ -22,13 +22,9 @@ from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
-    from tdfscal.files.calibration.parts import (
-        ClockResult,
-        LeftOutStretch,
-        RejectedPosture,
-        ResidualWrench,
-    )
-    from tdfscal.files.calibration.parts import Stretch as StretchOfRest
+    from tdfscal.files.calibration.evidence import ClockResult, LeftOutStretch, ResidualWrench
+    from tdfscal.files.calibration.evidence import Stretch as StretchOfRest
+    from tdfscal.files.calibration.parts import RejectedPosture
     from tdfscal.files.rig.recorders import LogBlock
     from tdfscal.motioncal.blocks import Stretch
     from tdfscal.reporting.figures.log_time import Clock

@@ -15,11 +15,8 @@ from tdfscal.catalogue.entry import quantity, rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.defects import doubtful
 from tdfscal.files.calibration.document import Calibration, file_content, recorded
-from tdfscal.files.calibration.parts import (
-    ConformityResult,
-    ExactQuantityResult,
-    FindingResult,
-)
+from tdfscal.files.calibration.evidence import ConformityResult, ExactQuantityResult
+from tdfscal.files.calibration.parts import FindingResult
 from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.numerics.distributions import probability
 from tdfscal.records import FloatArray

@@ -11,7 +11,8 @@ from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
-from tdfscal.files.calibration.parts import DwellTable, PostureTable, RejectedPosture
+from tdfscal.files.calibration.evidence import DwellTable, PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.pipeline import UndeterminedMotion

@@ -10,7 +10,8 @@ import numpy as np
 from tdfscal.catalogue import documents, sentence, told
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import MeasuredResult, ResidualWrench
+from tdfscal.files.calibration.evidence import ResidualWrench
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace

@@ -178,7 +178,7 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
             "force": wrench,
             "moment": copy.copy(wrench),
         },
-        "tracker": {"chi2": 40.0, "dof": 36, "p_value": 0.3, "birge": 1.05, "points": [4, 4, 4]},
+        "tracker": {"chi2": 40.0, "dof": 36, "p_value": 0.3, "birge": 1.05, "points": 12},
         "findings": [
             {"code": "campaign-remark", "severity": "warns", "subject": ["ncp1"], "text": text}
             for text in ("Δ: a warning, with a colon", "1e5", "yes", "0x1F")

@@ -19,11 +19,10 @@ from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.estimator import at_state, estimate, evaluate, fit
+from tdfscal.selfcal.estimator import estimate, evaluate, fit
 from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import misplaced_hinges
-from tdfscal.selfcal.result import nuisances
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
 from tests.words import in_words
@@ -168,25 +167,6 @@ def test_declarations_that_contradict_the_log() -> None:
     with pytest.raises(DataError) as told:
         faulty_sensors.screen(lacking(), still)
     assert "`axes: [y, z]` for ncp2" in str(told.value.hint)
-
-
-def test_share_of_a_drift_is_the_variance_that_knowing_it_takes_away() -> None:
-    """Against the same design without the slopes."""
-    rig = replace(simulation.make_rig(3), drift=Drift(time=np.inf))
-    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(8), 1).dwells(0)
-    seen = postures(rig, dwells)
-    there = replace(fit(rig, seen, nominal(rig)).state, drift=np.zeros((1, 3, 3)))
-    result = at_state(rig, seen, there, np.ones(len(seen)))
-    parts = information(result)
-    (slopes,) = nuisances(result, parts, evaluate(result, parts, 1.0))
-    assert slopes.kind == "time"
-    still = replace(rig, drift=Drift())
-    state = replace(result.state, drift=np.zeros((0, 3, 3)))
-    known = information(at_state(still, postures(still, dwells), state, result.weight)).root
-    R = result.state.rotation
-    before, after = (so3.rpy_variance(R, r[:9] @ r[:9].T) for r in (known, parts.root))
-    assert np.allclose(slopes.share, 1 - before / after, rtol=0, atol=1e-9)
-    assert slopes.share.max() > 0.01
 
 
 def test_a_parabola_is_estimated_where_the_residuals_ask_for_it() -> None:

@@ -23,7 +23,7 @@ from tdfscal.comparison.shared_data import (
     relation_of_readings,
 )
 from tdfscal.files.calibration.document import Calibration, recorded
-from tdfscal.files.calibration.parts import DwellTable, ReadingsTable
+from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Rotations
 

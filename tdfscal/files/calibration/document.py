@@ -7,16 +7,17 @@ import numpy as np
 from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration import parts
-from tdfscal.files.calibration.consistency import ALTERED, CHANGED, Status, check
+from tdfscal.files.calibration import evidence, parts
+from tdfscal.files.calibration.consistency import ALTERED, CHANGED, check
 from tdfscal.files.calibration.parameters import Parameters
-from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
+from tdfscal.frozen import replace
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
 from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
@@ -40,7 +41,7 @@ class Calibration(Strict):
     """
 
     format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
-    status: Status = key(
+    status: parts.Status = key(
         "the gate's verdict; provisional: accepted, but lines of the rig file are unconfirmed"
     )
     method: parts.Method = key("self, tracker, or joint of both")
@@ -59,26 +60,21 @@ class Calibration(Strict):
     terminal: parts.TerminalResult = key("mass and barycentre after the adjustment")
     fit: parts.FitResult | None = key("how the model fits", None)
     observability: parts.ObservabilityResult | None = key("what the data determine", None)
-    budget: parts.Budget | None = key("contribution of each source to each angle's variance", None)
-    taken_as_exact: tuple[parts.ExactQuantityResult, ...] = key("and what its error would do", ())
-    monte_carlo: parts.MonteCarloResult | None = key("JCGM 101", None)
-    validation: parts.ValidationResult | None = key("of held-out postures", None)
-    drift: dict[Literal["time", "temperature", "parabola", "walk"], parts.Slopes] | None = key(
-        "how the zeros moved: N/h, N/K, N/h², a walk",
-        None,
+    budget: evidence.Budget | None = key(
+        "contribution of each source to each angle's variance", None
     )
-    compliance: dict[Literal["lateral", "vertical"], parts.Give] | None = key(
-        "what gives between encoder and hinge, sideways and along Z",
-        None,
+    taken_as_exact: tuple[evidence.ExactQuantityResult, ...] = key(
+        "and what its error would do", ()
     )
-    conformity: parts.ConformityResult | None = key("against acceptance.contact", None)
-    tracker: parts.TrackerStatistics | None = key("numbers of the survey", None)
-    clocks: tuple[parts.ClockResult, ...] = key("of all recorders but the first", ())
-    motion: parts.MotionResult | None = key("samples in motion, where they were used", None)
-    postures: parts.PostureTable | None = key("the postures in the fit, column by column", None)
-    dwells: parts.DwellTable | None = key("means of all dwells, up to 2000", None)
-    methods: tuple[parts.MethodAngles, ...] | None = key("what each says alone", None)
-    campaigns: tuple[parts.CampaignResult, ...] = key("each of several, by time", ())
+    monte_carlo: evidence.MonteCarloResult | None = key("JCGM 101", None)
+    validation: evidence.ValidationResult | None = key("of held-out postures", None)
+    conformity: evidence.ConformityResult | None = key("against acceptance.contact", None)
+    tracker: evidence.TrackerResult | None = key("numbers of the survey", None)
+    clocks: tuple[evidence.ClockResult, ...] = key("of all recorders but the first", ())
+    motion: evidence.MotionResult | None = key("samples in motion, where they were used", None)
+    postures: evidence.PostureTable | None = key("the postures in the fit, column by column", None)
+    dwells: evidence.DwellTable | None = key("means of all dwells, up to 2000", None)
+    campaigns: tuple[evidence.CampaignResult, ...] = key("each of several, by time", ())
     history: tuple[parts.HistoryEntry, ...] = key("what an update stands on", ())
     findings: tuple[parts.FindingResult, ...] = key("all that was found", ())
     content_sha256: Sha256 | None = key(
@@ -94,11 +90,6 @@ class Calibration(Strict):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         check(self)
-        if self.content_sha256 is not None:
-            # Without defaults that a later version may add: the file does not state them.
-            own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-            if self.content_sha256 != content_sha256(own):
-                raise fault(CHANGED, hint=ALTERED)
         return self
 
     def __eq__(self, other: object) -> bool:
@@ -255,10 +246,8 @@ def file_content(calibration: Calibration) -> dict[str, Any]:
     for support in content["supports"]:
         for name in ("rotation", "rpy_interval", "quaternion_xyzw"):
             support.setdefault(name, None)
-    content["findings"] = [
-        {name: finding.get(name) for name in parts.FindingResult.model_fields}
-        for finding in content["findings"]
-    ]
+    nothing = dict.fromkeys(parts.FindingResult.model_fields)
+    content["findings"] = [nothing | finding for finding in content["findings"]]
     return {**content, "content_sha256": digest}
 
 
@@ -282,17 +271,48 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     write_text(place, dump_calibration(calibration, form))
 
 
+#: Keys of evidence that 1.0 wrote, and that no report draws any more.
+FORMER = (
+    ("methods",),
+    ("drift",),
+    ("compliance",),
+    ("monte_carlo", "histogram"),
+    ("observability", "loads"),
+    ("tracker", "coplanar_targets"),
+    ("tracker", "rms_residual"),
+    ("motion", "spectrum", "position_noise"),
+)
+
+
+def _without(content: dict[str, Any], *place: str) -> dict[str, Any]:
+    """Return a copy without the key at a place."""
+    name, *deeper = place
+    inner = content.get(name)
+    if not deeper:
+        return {key: value for key, value in content.items() if key != name}
+    return content | {name: _without(inner, *deeper)} if isinstance(inner, dict) else content
+
+
 def _from_document(document: Document) -> Calibration:
+    """Check a document: that it is whole, and as it was written where it has a digest."""
     require_format(document, parts.CALIBRATION_FORMAT, DataError)
+    stated = document.content.get("content_sha256")
+    written = _without(document.content, "content_sha256")
+    intact = stated in (None, content_sha256(written))
+    content = document.content
+    for former in FORMER:
+        content = _without(content, *former)
     try:
-        calibration = checked(Calibration, document, DataError)
+        calibration = checked(Calibration, replace(document, content=content), DataError)
     except DataError as error:
-        content = dict(document.content)
-        seal = content.pop("content_sha256", None)
-        if seal in (None, content_sha256(content)) or error.what == CHANGED:
+        if intact:
             raise
         place = str(error.where).removeprefix(document.source).lstrip(", ") or "the top"
         what = f"{CHANGED}; look at {place}: {error.what}"
         raise error.restated(what=what, where=document.source, hint=ALTERED) from None
+    # Other programs write numbers in another notation, and no defaults of a later version.
+    own = calibration.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    if not intact and stated != content_sha256(own):
+        raise DataError(CHANGED, where=document.source, hint=ALTERED)
     calibration._read = True
     return calibration

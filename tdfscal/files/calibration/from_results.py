@@ -14,8 +14,8 @@ from tdfscal.acceptance.gate import assess_stated, locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
+from tdfscal.files.calibration import evidence, statistics
 from tdfscal.files.calibration import parts as keys
-from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import (
@@ -52,7 +52,7 @@ class Provenance:
     command: str
     seed: int
     measured: Measured | None = None
-    campaigns: tuple[keys.CampaignResult, ...] = ()
+    campaigns: tuple[evidence.CampaignResult, ...] = ()
     history: tuple[keys.HistoryEntry, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
 
@@ -144,17 +144,12 @@ def from_joint(
         "consistency_p_value": both.test.p_value,
         "largest_en": float(np.abs(both.test.en).max()),
     }
-    apart = (
-        ("self", own.fit.state.rotation, own.uncertainty.rpy_std),
-        ("tracker", tracker.rotations.rotation, tracker.rpy_std),
-    )
     parts = _own_parts(own, origin)
     parts |= {
         "method": "joint",
         "conformity": assess_stated(given),
         "parameters": parameters_document(given),
         "tracker": statistics.tracker_statistics(tracker) | test,
-        "methods": [{"method": m, "rpy": so3.to_rpy(X), "rpy_std": std} for m, X, std in apart],
     }
     # With its weight in the joint estimate, C C_a⁻¹, each method moves it by what it has as exact,
     # and has the share C C_a⁻¹ C of its covariance, whose sum is C.
@@ -207,7 +202,6 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
     }
     if not isinstance(result, SelfCalibration):
         return parts
-    seen["loads"] = statistics.loads(result)
     if result.with_moves is not None:
         stand = result.with_moves[result.observability.determined]
         seen["with_moves"] = np.sqrt(np.mean(stand**2))
@@ -215,7 +209,6 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "estimator": result.estimator,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
-        **({} if result.estimator == "linear" else statistics.nuisances(result)),
     }
 
 
@@ -298,7 +291,7 @@ def _file(
                 _exact(rig.supports, angles, quantity) | exact_moves_document(quantity, rows)
                 for quantity in exact
             ],
-            "monte_carlo": statistics.trials(angles.trials, angles.std()),
+            "monte_carlo": statistics.trials(angles.trials),
             "findings": found,
             **parts,
             "conformity": statistics.conformity(

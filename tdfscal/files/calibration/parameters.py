@@ -15,7 +15,7 @@ from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, Rig, Un
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
     from tdfscal.files.calibration.document import Calibration
-    from tdfscal.files.calibration.parts import ExactQuantityResult
+    from tdfscal.files.calibration.evidence import ExactQuantityResult
     from tdfscal.model.calibrated import Calibrated
 
 _COMPONENTS = {

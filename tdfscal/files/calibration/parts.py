@@ -1,22 +1,13 @@
-"""The parts of the calibration file `tdfscal-calibration/1` as models.
+"""The blocks of the calibration file `tdfscal-calibration/1` that say what was found, and of what.
 
 Everything is finite; None stands for a standard uncertainty that does not exist because the data
-and the rig leave the quantity open.
+and the rig leave the quantity open. Tables of evidence are in `evidence`.
 """
 
-import json
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self, get_args
 
-import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    JsonValue,
-    StringConstraints,
-    model_validator,
-)
+from pydantic import BeforeValidator, StringConstraints, model_validator
 
 from tdfscal.files.field_types import (
     Count,
@@ -28,14 +19,10 @@ from tdfscal.files.field_types import (
     Name,
     NotNegative,
     Number,
-    Numbers,
     OpenAngles,
-    OpenRows,
     OpenStd,
-    OpenStdRows,
     OpenStds,
     Positive,
-    PositiveCount,
     Probability,
     Sha256,
     Strict,
@@ -47,8 +34,7 @@ from tdfscal.files.field_types import (
     key,
 )
 from tdfscal.frozen import record
-from tdfscal.numerics.distributions import trials_decide
-from tdfscal.records import FloatArray, InputFile, Integrity, Measured
+from tdfscal.records import InputFile, Integrity, Measured
 from tdfscal.significance import COVERAGE_FACTOR
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
@@ -61,18 +47,28 @@ CONVENTION, CONVENTION_WITH_SENSITIVITY = get_args(Convention)
 CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, rad"]
 (COVARIANCE_DEFINITION,) = get_args(CovarianceDefinition)
 
-
+Status = Literal["accepted", "provisional", "rejected"]
 Method = Literal["self", "tracker", "joint"]
 Angle = Literal["roll", "pitch", "yaw"]
 #: A turn about an axis of the BCS goes by the angle's name where it is that angle.
 Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
 Texts = tuple[Text, ...]
-Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
-#: Edges of the bins of Monte Carlo trials, in standard uncertainties: normally one trial in 16 000
-#: lies beyond.
-EDGES = np.linspace(-4.0, 4.0, 33)
-Bins = Annotated[Counts, Field(min_length=len(EDGES) - 1, max_length=len(EDGES) - 1)]
+Instant = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
+]
+"""UTC, ISO 8601."""
+
+
+def instant(time: float) -> str:
+    """Write seconds since 1970 as an instant, to the second."""
+    return datetime.fromtimestamp(round(time), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def seconds(text: str) -> float:
+    """Read an instant as seconds since 1970."""
+    return datetime.fromisoformat(text).timestamp()
 
 
 class Software(Strict):
@@ -96,6 +92,32 @@ class Input(Strict):
         return InputFile(self.path, self.sha256, self.bytes, self.integrity, self.note)
 
 
+class MeasuredResult(Strict):
+    """When the data were recorded, and whether the log, the rig file or the file's date says so."""
+
+    begin: Instant = key("UTC: first sample")
+    end: Instant = key("UTC: last sample")
+    source: Literal["log", "rig", "file"] = key("what says so; rig: campaign.date")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _written(cls, given: Any) -> Any:
+        if not isinstance(given, Measured):
+            return given
+        begin, end = instant(given.begin), instant(given.end)
+        return {"begin": begin, "end": end, "source": given.source}
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if seconds(self.begin) > seconds(self.end):
+            raise fault("ends before it begins", "end")
+        return self
+
+    def record(self) -> Measured:
+        """Return it in seconds since 1970."""
+        return Measured(seconds(self.begin), seconds(self.end), self.source)
+
+
 class Interval(Strict):
     """Coverage interval of roll, pitch, yaw, rad; null for an angle whose `rpy_std` is null."""
 
@@ -105,11 +127,11 @@ class Interval(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ends = list(zip(self.low, self.high, strict=True))
-        if any((low is None) != (high is None) for low, high in ends):
-            raise fault("an interval has one of its ends and lacks the other")
-        if any(low > high for low, high in ends if low is not None and high is not None):
-            raise fault("an interval's low end is above its high end")
+        for low, high in zip(self.low, self.high, strict=True):
+            if (low is None) != (high is None):
+                raise fault("an interval has one of its ends and lacks the other")
+            if low is not None and high is not None and low > high:
+                raise fault("an interval's low end is above its high end")
         return self
 
 
@@ -180,20 +202,13 @@ class SupportResult(Strict):
         if not self.determined:
             return None
         own: Any = self  # nothing of it is missing then
-        return Mounting(
-            name=own.name,
-            rotation=own.rotation,
-            rpy=own.rpy,
-            rpy_std=own.stated_std,
-            turn_std=own.turn_std,
-            interval=own.rpy_interval,
-        )
+        std, interval = own.stated_std, own.rpy_interval
+        return Mounting(own.name, own.rotation, own.rpy, std, own.turn_std, interval)
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
         angles = (*self.rpy, *self.stated_std, self.rpy_interval, self.quaternion_xyzw)
-        absent = [value is None for value in angles]
-        if any(absent) != (not self.determined) or all(absent) != (not self.determined):
+        if {value is None for value in angles} != {not self.determined}:
             raise fault("has some of its angles and lacks others", "rotation")
         if self.rpy_interval is not None:
             ends = zip(self.rpy_interval.low, self.rpy_std, strict=True)
@@ -268,15 +283,6 @@ class AngleSeen(Strict):
     identified: Flag = key("whether the data determine it")
 
 
-class SensorLoad(Strict):
-    """Where the loads on a sensor point; quadratic means of what lies about it."""
-
-    support: Name = key("name of the support")
-    axis: Vector = key("mean line of action, unit vector, BCS")
-    spread: NotNegative = key("rad: how far the loads spread about it")
-    across: NotNegative = key("N: load across the mean line of action")
-
-
 class ForecastResult(Strict):
     """What a change of the campaign would bring."""
 
@@ -290,123 +296,8 @@ class ObservabilityResult(Strict):
 
     verdict: Text = key("one sentence")
     angles: tuple[AngleSeen, ...] = key("every angle with what is known of it")
-    loads: tuple[SensorLoad, ...] | None = key("where the loads on each sensor point", None)
     with_moves: NotNegative | None = key("rad: mean to expect with --samples all", None)
     forecasts: tuple[ForecastResult, ...] = key("what changes would bring", ())
-
-
-class AngleBudget(Strict):
-    """Variance of one angle by source, rad²."""
-
-    support: Name = key("name of the support")
-    angle: Angle = key("roll, pitch or yaw")
-    variance: dict[Text, NotNegative] = key("rad²: contribution of each source")
-
-
-class Budget(Strict):
-    """Contribution of each source to each angle's variance."""
-
-    sources: Texts = key("names of the sources")
-    angles: tuple[AngleBudget, ...] = key("one entry per angle")
-
-    @property
-    def shares(self) -> FloatArray:
-        """(angles, sources), share of each angle's variance; 0 where it has none."""
-        table = np.array([[angle.variance[s] for s in self.sources] for angle in self.angles])
-        total = table.sum(axis=1, keepdims=True)
-        return np.asarray(np.divide(table, total, out=np.zeros_like(table), where=total > 0))
-
-
-class ExactEffect(Strict):
-    """By how much a typical error of a quantity would turn a sensor, rad."""
-
-    name: Name = key("name of the support")
-    turn: Vector = key("rad: of the turn about the BCS axes")
-    rpy: Vector | None = key("rad: of roll, pitch, yaw; null where these are not separable", None)
-
-
-class ExactQuantityResult(Strict):
-    """A quantity that was taken as exact, and a typical error of each of its components."""
-
-    name: Text = key("the quantity")
-    error: NotNegative = key("a typical error of each component, in `unit`")
-    unit: Text = key("of the error")
-    supports: tuple[ExactEffect, ...] = key("what it does to each sensor")
-    common: Matrix | None = key(
-        "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
-        "component, which campaigns of the rig have in common; for `update`",
-        None,
-    )
-    apart: Matrix | None = key("SI: the same by errors that each campaign has anew", None)
-
-
-class MonteCarloResult(Strict):
-    """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
-
-    trials: PositiveCount = key("number of trials")
-    rpy_std: Vectors = key("rad: standard deviations over the trials")
-    low: Vectors = key("rad: lower ends of the coverage intervals")
-    high: Vectors = key("rad: upper ends of the coverage intervals")
-    tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
-    linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
-    histogram: tuple[tuple[Bins, Bins, Bins], ...] | None = key(
-        "per support and angle: trials by (angle − estimate) / rpy_std, from −4 to 4 by quarters",
-        None,
-    )
-
-    @property
-    def decides(self) -> bool:
-        """Whether the intervals stated are those of the trials."""
-        return trials_decide(self.trials, validated=self.linear_interval_validated)
-
-    @property
-    def verdict(self) -> str:
-        """What the trials say of the linear intervals."""
-        if self.linear_interval_validated:
-            return "confirm"
-        return "do not confirm" if self.decides else "are too few to judge"
-
-
-class ResidualWrench(Strict):
-    """Residual of held-out postures without and with the calibration: N or N·m."""
-
-    rms_before: NotNegative = key("root mean square, with the nominal mounting")
-    rms_after: NotNegative = key("root mean square, calibrated")
-    max_before: NotNegative = key("largest, with the nominal mounting")
-    max_after: NotNegative = key("largest, calibrated")
-
-
-class ValidationResult(Strict):
-    """Cross-validation: residual contact wrench of leave-one-out postures."""
-
-    method: Text = key("how postures were held out")
-    postures: Count = key("number of postures")
-    force: ResidualWrench = key("N: residual contact force")
-    moment: ResidualWrench = key("N·m: residual contact moment")
-
-
-class LimitedResult(Strict):
-    """A contact force or torque, N or N·m: expanded uncertainty (k = 2), limit, and their verdict.
-
-    Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
-    """
-
-    expanded: NotNegative = key("uncertainty of the length, coverage 95.45 %")
-    limit: Annotated[
-        NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
-    ] = key("the rig file's; null where it states none", None)
-    exceeding: Probability = key("that the error is beyond the limit")
-    conforms: Flag = key(
-        "whether the result is accepted, and the expanded uncertainty within the limit"
-    )
-
-
-class ConformityResult(Strict):
-    """The contact wrench's uncertainty at a posture against the rig file's limits."""
-
-    rpy: Vector = key("rad: posture of the terminal")
-    force: LimitedResult = key("N: length of the force's error")
-    torque: LimitedResult = key("N·m: length of the torque's error")
 
 
 class FindingResult(Strict):
@@ -428,111 +319,6 @@ class FindingResult(Strict):
         return f"{self.text}: {self.cure}" if self.cure else self.text
 
 
-def _finite(given: dict[str, Any]) -> dict[str, Any]:
-    try:
-        json.dumps(given, allow_nan=False)
-    except ValueError:
-        raise fault("holds a number that is not finite") from None
-    return given
-
-
-TrackerStatistics = Annotated[
-    dict[str, JsonValue],
-    AfterValidator(_finite),
-]
-"""χ², degrees of freedom, p-value, Birge ratio, number of points … of the tracker's survey."""
-
-
-Instant = Annotated[
-    str,
-    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
-]
-"""UTC, ISO 8601."""
-
-
-class MeasuredResult(Strict):
-    """When the data were recorded, and whether the log, the rig file or the file's date says so."""
-
-    begin: Instant = key("UTC: first sample")
-    end: Instant = key("UTC: last sample")
-    source: Literal["log", "rig", "file"] = key("what says so; rig: campaign.date")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _written(cls, given: Any) -> Any:
-        if not isinstance(given, Measured):
-            return given
-        begin, end = instant(given.begin), instant(given.end)
-        return {"begin": begin, "end": end, "source": given.source}
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if seconds(self.begin) > seconds(self.end):
-            raise fault("ends before it begins", "end")
-        return self
-
-    def record(self) -> Measured:
-        """Return it in seconds since 1970."""
-        return Measured(seconds(self.begin), seconds(self.end), self.source)
-
-
-class ReadingsTable(Strict):
-    """Mean readings, sensor frames, by which a recording is known again."""
-
-    force: tuple[Vectors, ...] = key("N: per support, of each dwell or slowest moment of a motion")
-    noise: Vectors = key("N: per support, a mean's typical standard error by noise")
-
-
-class CampaignResult(Strict):
-    """One of several campaigns: its own zeros and load, and what it added to χ²."""
-
-    name: Text = key("its folder")
-    measured: MeasuredResult | None = key("when it was recorded", None)
-    inputs: tuple[Input, ...] = key("its files")
-    zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
-    zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
-    terminal: TerminalResult = key("its own mass and barycentre")
-    postures: Count = key("number of postures used")
-    chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
-    dof: Count = key("degrees of freedom that it added")
-    readings: ReadingsTable | None = key("by which its recording is known again", None)
-
-
-def _without_nan(values: object) -> object:
-    """Write numbers, in hundredths; null where there is none."""
-    if isinstance(values, np.ndarray):
-        return [None if np.isnan(v) else round(float(v), 2) for v in values]
-    return values
-
-
-Course = Annotated[tuple[Number | None, ...], BeforeValidator(_without_nan)]
-
-
-class ActivityResult(Strict):
-    """Log of how fast the readings of two recorders change, in bins by each one's own stamps."""
-
-    width: Positive = key("s: of a bin")
-    lag: Number = key("s: of the same move by this recorder's stamps behind the first's, each "
-                      "counted from its own first stamp")  # fmt: skip
-    start: Number = key("s: of the first bin, by the first recorder")
-    first: Course = key("of the first recorder; null where it holds nothing")
-    second_start: Number = key("s: of the first bin, by this recorder")
-    second: Course = key("of this recorder; null where it holds nothing")
-
-
-class ClockResult(Strict):
-    """A recorder's clock against the first one's; the offset is its stamp of the instant of the
-    first recorder's first stamp, less that, and grows by the rate.
-    """
-
-    recorder: Text = key("its files, as the rig file names them")
-    offset: Number = key("s: its stamps minus the first's, at the first's first stamp")
-    offset_std: NotNegative = key("s: standard uncertainty")
-    rate: Number = key("relative: growth of the offset")
-    rate_std: NotNegative = key("relative: standard uncertainty")
-    activity: ActivityResult | None = key("how fast both changed, for the page's figure", None)
-
-
 class HistoryEntry(Strict):
     """A calibration that this one stands on, by the hash of its file; the oldest first."""
 
@@ -540,140 +326,3 @@ class HistoryEntry(Strict):
     measured: MeasuredResult | None = key("when its data were recorded", None)
     method: Method = key("self, tracker or joint")
     sha256: Sha256 = key("of the calibration's file")
-
-
-class Stretch(Strict):
-    """A stretch of the log in s that is no posture, and why."""
-
-    start: Number = key("s in the log's time")
-    end: Number = key("s in the log's time")
-    reason: Text = key("in words")
-
-
-class PostureTable(Strict):
-    """The postures in the fit, column by column: the contact wrench that remains, in LCS axes.
-
-    Moments are about the LCS origin; before: nominal mounting and stated zeros, after: calibrated
-    without the posture.
-    """
-
-    index: Counts = key("number of the dwell, from 0")
-    start: Numbers = key("s in the log's time")
-    end: Numbers = key("s in the log's time")
-    force_before: Vectors = key("N: residual force with the nominal mounting")
-    force_after: Vectors = key("N: residual force, calibrated")
-    moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
-    moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
-    left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
-    force_std: Vectors | None = key("N: standard uncertainty of force_after", None)
-    moment_std: Vectors | None = key("N·m: of moment_after", None)
-
-
-class DwellTable(Strict):
-    """All dwells, column by column, and their mean readings, as tdfscal's sign has them."""
-
-    start: Numbers = key("s: begin of each dwell, as the log counts")
-    end: Numbers = key("s: end of each dwell")
-    force: tuple[Vectors, ...] = key("N: per support the mean reading of each dwell, sensor frame")
-    temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
-    noise: Vectors | None = key("N: per support, a mean's typical standard error by noise", None)
-
-
-class MethodAngles(Strict):
-    """What one method alone says: roll, pitch, yaw per support with standard uncertainties, rad."""
-
-    method: Literal["self", "tracker"] = key("self or tracker")
-    rpy: Vectors = key("rad: roll, pitch, yaw of each support")
-    rpy_std: Vectors = key("rad: their standard uncertainties")
-
-
-class Slopes(Strict):
-    """How the zeros moved by one cause; a walk has only its share."""
-
-    value: OpenRows | None = key("per support, of each axis; null where not measured", None)
-    std: OpenStdRows | None = key("standard uncertainties, in the same unit; null where open", None)
-    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
-
-
-class Give(Strict):
-    """A compliance between encoder and hinge, m/N."""
-
-    value: Number = key("m/N")
-    std: OpenStd = key("m/N: its standard uncertainty; null where open", None)
-    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
-
-
-Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(min_length=2)]
-
-
-class LeftOutStretch(Strict):
-    """A stretch of the log that was not used, s in the log's time."""
-
-    begin: Number = key("s in the log's time")
-    end: Number = key("s in the log's time")
-    code: Text | None = key("of the finding about it", None)
-    reason: Text = key("contact, a frozen channel, a sensor at its capacity")
-
-
-class MotionValue(Strict):
-    """A number with its standard uncertainty."""
-
-    value: Number = key("s of a delay, N·m of a friction, none of a rate")
-    std: NotNegative = key("standard uncertainty, in the unit of the value")
-
-
-class InertiaValue(Strict):
-    """Inertia about the LCS origin, kg m²."""
-
-    value: Matrix3 = key("kg m²: about the LCS origin, 3 × 3")
-    std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
-
-
-class MotionSpectrum(Strict):
-    """Residual of the balance, its three forces together: roots of two-sided densities."""
-
-    frequency: Density = key("Hz")
-    before: Density = key("N/√Hz: residual force with the nominal mounting")
-    after: Density = key("N/√Hz: residual force, calibrated")
-    force_noise: Density = key("N/√Hz: of a force component, as the estimate weighs by it")
-    position_noise: Density = key("m/√Hz: of a servo coordinate, as the estimate weighs by it")
-
-
-Lengths = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
-
-
-class MotionResidual(Strict):
-    """Lengths of the residual wrench over time, in means of a second or more."""
-
-    time: Lengths = key("s in the log's time: middles of the means")
-    force_before: Lengths = key("N: with the nominal mounting and the stated zeros")
-    force_after: Lengths = key("N: calibrated")
-    moment_before: Lengths = key("N·m: about the barycentre, with the nominal mounting")
-    moment_after: Lengths = key("N·m: calibrated")
-
-
-class MotionResult(Strict):
-    """Samples in motion: from when, how long, what was left out, and what they tell besides."""
-
-    begin: Number = key("s in the log's time: first sample")
-    seconds: Positive = key("s: length of what went in")
-    dwells: Count = key("number of static postures that went in too", 0)
-    rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
-    delay: MotionValue = key("s: force stamps minus position stamps, in the middle of the log")
-    rate: MotionValue | None = key("growth of that delay, where the log says it", None)
-    inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
-    friction: MotionValue = key("N·m: Coulomb friction of each hinge")
-    halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
-    spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
-    residual: MotionResidual | None = key("of the wrench, over time", None)
-    readings: ReadingsTable | None = key("by which the recording is known again", None)
-
-
-def instant(time: float) -> str:
-    """Write seconds since 1970 as an instant, to the second."""
-    return datetime.fromtimestamp(round(time), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-def seconds(text: str) -> float:
-    """Read an instant as seconds since 1970."""
-    return datetime.fromisoformat(text).timestamp()

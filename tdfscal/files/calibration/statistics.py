@@ -10,11 +10,9 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
-from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.observability import Observability, load_directions
-from tdfscal.files.calibration.parts import EDGES, CampaignResult
+from tdfscal.estimation.observability import Observability
+from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
 from tdfscal.files.field_types import measured_only
-from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
@@ -23,7 +21,6 @@ from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
 from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
-from tdfscal.selfcal.result import nuisances as nuisance_estimates
 
 if TYPE_CHECKING:
     from tdfscal.acceptance.gate import Conformity
@@ -35,9 +32,6 @@ if TYPE_CHECKING:
 _LOOKED_AT = 2000
 #: Frequencies of the spectrum in the file.
 _LINES = 24
-#: What is said of a limited quantity besides its verdict.
-_LIMITED = ("expanded", "limit", "exceeding")
-_POWERS_OF_TIME = {"time": 1, "parabola": 2}
 
 
 def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
@@ -128,11 +122,10 @@ def budget(
     return {"sources": list(kept), "angles": angles}
 
 
-def trials(found: MonteCarlo | None, std: FloatArray) -> dict[str, Any] | None:
-    """Monte Carlo of either method, with its trials in bins of the linear std (n, 3)."""
+def trials(found: MonteCarlo | None) -> dict[str, Any] | None:
+    """Monte Carlo of either method."""
     if found is None:
         return None
-    columns = np.moveaxis(found.sample / std, 0, -1)
     return {
         "trials": found.trials,
         "rpy_std": found.std,
@@ -140,7 +133,6 @@ def trials(found: MonteCarlo | None, std: FloatArray) -> dict[str, Any] | None:
         "high": found.high,
         "tolerance": float(found.tolerance.min()),
         "linear_interval_validated": found.validated,
-        "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
     }
 
 
@@ -148,10 +140,9 @@ def conformity(found: Conformity | None, *, rejected: bool) -> dict[str, Any] | 
     """Of the contact wrench; of a rejected result nothing conforms."""
     if found is None:
         return None
-    said: dict[str, Any] = {"rpy": found.rpy}
-    for part in (found.force, found.torque):
-        said[part.quantity] = {key: getattr(part, key) for key in _LIMITED}
-        said[part.quantity]["conforms"] = part.conforms and not rejected
+    said = ConformityResult.model_validate(found).model_dump()
+    for part in ("force", "torque"):
+        said[part]["conforms"] &= not rejected
     return said
 
 
@@ -166,13 +157,7 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
         **{name: getattr(result, name) for name in ("chi2", "dof", "p_value", "birge")},
         "points": len(names),
         "rejected": [point.name for point in result.rejected],
-        "coplanar_targets": list(result.coplanar_targets),
-        "rms_residual": float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
-        "residuals": {
-            "points": names,
-            "residual": residual.tolist(),
-            "normalised": normalised.tolist(),
-        },
+        "residuals": {"points": names, "residual": residual, "normalised": normalised},
     }
 
 
@@ -215,16 +200,6 @@ def known_again(means: Readings) -> dict[str, Any]:
     return {"force": np.swapaxes(means.force, 0, 1), "noise": means.noise}
 
 
-def loads(result: SelfCalibration) -> list[dict[str, Any]]:
-    """Mean line of action and spread of the loads on each sensor."""
-    fit = result.fit
-    axis, spread, across = load_directions(fit.state, fit.postures.subset(fit.weight > 0))
-    return [
-        {"support": name, "axis": axis[i], "spread": spread[i], "across": across[i]}
-        for i, name in enumerate(result.rig.supports)
-    ]
-
-
 def campaign(
     state: State, std: State, axes: BoolArray, means: Readings | None, **more: Any
 ) -> CampaignResult:
@@ -236,25 +211,6 @@ def campaign(
     return CampaignResult.model_validate(
         {**more, **zeros_and_load(state, std, axes), "readings": kept}
     )
-
-
-def nuisances(result: SelfCalibration) -> dict[str, Any]:
-    """The blocks `drift` and `compliance`, each None where the rig file declares none."""
-    axes, determined = result.rig.axes, result.observability.determined
-    parts = factored_information(result.fit)
-    blocks: dict[str, dict[str, Any]] = {"drift": {}, "compliance": {}}
-    for one in nuisance_estimates(result.fit, parts, result.uncertainty):
-        unit = HOUR ** _POWERS_OF_TIME.get(one.kind, 0)
-        values: dict[str, Any] = {"value": unit * one.value, "std": unit * one.std}
-        block = "compliance" if one.kind in ("lateral", "vertical") else "drift"
-        if block == "compliance":
-            values = {name: each[0] for name, each in values.items()}
-        elif one.kind == "walk":  # its modes say nothing one by one
-            values = {}
-        else:
-            values = {n: measured_only(each.reshape(-1, 3), axes) for n, each in values.items()}
-        blocks[block][one.kind] = values | {"share": measured_only(one.share, determined[:, None])}
-    return {name: block or None for name, block in blocks.items()}
 
 
 def motion(result: MotionCalibration) -> dict[str, Any]:
@@ -286,14 +242,13 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
 
 def _spectrum(result: MotionCalibration) -> dict[str, Any]:
     f = np.geomspace(np.exp(result.fit.noise.knot[0]), np.exp(result.fit.noise.knot[-1]), _LINES)
-    force, place = result.fit.noise.density(f)
+    force, _ = result.fit.noise.density(f)
     at, before, after = result.residual_power
     return {
         "frequency": f,
         "before": _binned(f, at, before),
         "after": _binned(f, at, after),
         "force_noise": np.sqrt(force),
-        "position_noise": np.sqrt(place),
     }
 
 

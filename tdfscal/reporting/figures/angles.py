@@ -14,7 +14,7 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import Budget
+from tdfscal.files.calibration.evidence import Budget
 from tdfscal.numerics import so3
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.planning.plan import Plan

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import PostureTable, RejectedPosture
+from tdfscal.files.calibration.evidence import PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.frozen import record
 

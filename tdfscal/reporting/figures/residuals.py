@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import LeftOutStretch, PostureTable
+from tdfscal.files.calibration.evidence import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import ink, style
@@ -175,16 +175,14 @@ def spectrum(c: Calibration) -> Drawing | None:
 
 def survey(c: Calibration) -> Drawing | None:
     """Residual of each point of the tracker, as multiples of its standard uncertainty."""
-    kept = c.tracker.get("residuals") if c.tracker else None
-    if not isinstance(kept, dict) or not isinstance(names := kept.get("points"), list) or not names:
+    kept = c.tracker.residuals if c.tracker else None
+    if kept is None or not kept.points:
         return None
-    residual, normalised = (
-        np.array(kept[key], dtype=np.float64) for key in ("residual", "normalised")
-    )
+    names, residual, normalised = kept.points, np.array(kept.residual), np.array(kept.normalised)
     worst = int(np.abs(normalised).max(axis=1).argmax())
     rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
     return _of_points(
-        [str(name) for name in names],
+        list(names),
         normalised,
         "residual / its\nstd. uncertainty",
         f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "

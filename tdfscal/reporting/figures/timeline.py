@@ -13,12 +13,8 @@ from matplotlib.figure import Figure
 from tdfscal.catalogue import sentence
 from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.parts import (
-    ActivityResult,
-    DwellTable,
-    PostureTable,
-    RejectedPosture,
-)
+from tdfscal.files.calibration.evidence import ActivityResult, DwellTable, PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.frozen import record
 from tdfscal.motioncal.blocks import Stretch

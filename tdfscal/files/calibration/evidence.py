@@ -1,0 +1,351 @@
+"""The evidence behind a calibration, which a report draws and `update` and `compare` go by."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from tdfscal.files.calibration.parts import Angle, Input, MeasuredResult, TerminalResult, Texts
+from tdfscal.files.field_types import (
+    Count,
+    Flag,
+    Matrix,
+    Matrix3,
+    Name,
+    NotNegative,
+    Number,
+    Numbers,
+    OpenRows,
+    OpenStdRows,
+    Positive,
+    PositiveCount,
+    Probability,
+    Strict,
+    Text,
+    Vector,
+    Vectors,
+    fault,
+    from_numpy,
+    key,
+)
+from tdfscal.numerics.distributions import trials_decide
+from tdfscal.records import FloatArray
+
+Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
+Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(min_length=2)]
+Lengths = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
+
+
+class Table(Strict):
+    """Columns of one length, but for what is a list of its own."""
+
+    @model_validator(mode="after")
+    def _rectangular(self) -> Self:
+        columns = {n: c for n, c in self if c is not None and n != "left_out"}
+        rows = len(next(iter(columns.values())))
+        for name, column in columns.items():
+            if len(column) != rows:
+                raise fault(f"must have {rows} rows", name)
+        return self
+
+
+class AngleBudget(Strict):
+    """Variance of one angle by source, rad²."""
+
+    support: Name = key("name of the support")
+    angle: Angle = key("roll, pitch or yaw")
+    variance: dict[Text, NotNegative] = key("rad²: contribution of each source")
+
+
+class Budget(Strict):
+    """Contribution of each source to each angle's variance."""
+
+    sources: Texts = key("names of the sources")
+    angles: tuple[AngleBudget, ...] = key("one entry per angle")
+
+    @property
+    def shares(self) -> FloatArray:
+        """(angles, sources), share of each angle's variance; 0 where it has none."""
+        table = np.array([[angle.variance[s] for s in self.sources] for angle in self.angles])
+        total = table.sum(axis=1, keepdims=True)
+        return np.asarray(np.divide(table, total, out=np.zeros_like(table), where=total > 0))
+
+
+class ExactEffect(Strict):
+    """By how much a typical error of a quantity would turn a sensor, rad."""
+
+    name: Name = key("name of the support")
+    turn: Vector = key("rad: of the turn about the BCS axes")
+    rpy: Vector | None = key("rad: of roll, pitch, yaw; null where these are not separable", None)
+
+
+class ExactQuantityResult(Strict):
+    """A quantity that was taken as exact, and a typical error of each of its components."""
+
+    name: Text = key("the quantity")
+    error: NotNegative = key("a typical error of each component, in `unit`")
+    unit: Text = key("of the error")
+    supports: tuple[ExactEffect, ...] = key("what it does to each sensor")
+    common: Matrix | None = key(
+        "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
+        "component, which campaigns of the rig have in common; for `update`",
+        None,
+    )
+    apart: Matrix | None = key("SI: the same by errors that each campaign has anew", None)
+
+
+class MonteCarloResult(Strict):
+    """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
+
+    trials: PositiveCount = key("number of trials")
+    rpy_std: Vectors = key("rad: standard deviations over the trials")
+    low: Vectors = key("rad: lower ends of the coverage intervals")
+    high: Vectors = key("rad: upper ends of the coverage intervals")
+    tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
+    linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
+
+    @property
+    def decides(self) -> bool:
+        """Whether the intervals stated are those of the trials."""
+        return trials_decide(self.trials, validated=self.linear_interval_validated)
+
+    @property
+    def verdict(self) -> str:
+        """What the trials say of the linear intervals."""
+        if self.linear_interval_validated:
+            return "confirm"
+        return "do not confirm" if self.decides else "are too few to judge"
+
+
+class ResidualWrench(Strict):
+    """Residual of held-out postures without and with the calibration: N or N·m."""
+
+    rms_before: NotNegative = key("root mean square, with the nominal mounting")
+    rms_after: NotNegative = key("root mean square, calibrated")
+    max_before: NotNegative = key("largest, with the nominal mounting")
+    max_after: NotNegative = key("largest, calibrated")
+
+
+class ValidationResult(Strict):
+    """Cross-validation: residual contact wrench of leave-one-out postures."""
+
+    method: Text = key("how postures were held out")
+    postures: Count = key("number of postures")
+    force: ResidualWrench = key("N: residual contact force")
+    moment: ResidualWrench = key("N·m: residual contact moment")
+
+
+class LimitedResult(Strict):
+    """A contact force or torque, N or N·m: expanded uncertainty (k = 2), limit, and their verdict.
+
+    Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
+    """
+
+    expanded: NotNegative = key("uncertainty of the length, coverage 95.45 %")
+    limit: Annotated[
+        NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
+    ] = key("the rig file's; null where it states none", None)
+    exceeding: Probability = key("that the error is beyond the limit")
+    conforms: Flag = key(
+        "whether the result is accepted, and the expanded uncertainty within the limit"
+    )
+
+
+class ConformityResult(Strict):
+    """The contact wrench's uncertainty at a posture against the rig file's limits."""
+
+    rpy: Vector = key("rad: posture of the terminal")
+    force: LimitedResult = key("N: length of the force's error")
+    torque: LimitedResult = key("N·m: length of the torque's error")
+
+
+class PointResiduals(Table):
+    """Residuals of a survey's points, in the tracker's frame."""
+
+    points: Texts = key("names")
+    residual: Vectors = key("m: measured less fitted")
+    normalised: Vectors = key("over their standard uncertainties")
+
+
+class TrackerResult(Strict):
+    """How a survey's residuals stand against what is stated."""
+
+    chi2: NotNegative = key("weighted sum of squared residuals, χ²")
+    dof: Count = key("degrees of freedom")
+    p_value: Probability = key("probability of a larger χ² by chance")
+    birge: NotNegative = key("Birge ratio, √(χ²/dof)")
+    points: Count = key("number of points used")
+    rejected: Texts = key("names of points left out", ())
+    consistency_p_value: Probability | None = key("that both methods differ by chance so", None)
+    largest_en: NotNegative | None = key("E_n of the angle in which they differ most", None)
+    residuals: PointResiduals | None = key("of each point", None)
+
+
+class ReadingsTable(Strict):
+    """Mean readings, sensor frames, by which a recording is known again."""
+
+    force: tuple[Vectors, ...] = key("N: per support, of each dwell or slowest moment of a motion")
+    noise: Vectors | None = key("N: per support, a mean's typical standard error by noise", None)
+
+    @model_validator(mode="after")
+    def _of_each_support(self) -> Self:
+        for i, rows in enumerate(self.force):
+            if len(rows) != len(self.force[0]):
+                raise fault(f"must have {len(self.force[0])} rows", "force", i)
+        if self.noise is not None and len(self.noise) != len(self.force):
+            raise fault(f"must have {len(self.force)} rows", "noise")
+        return self
+
+
+class DwellTable(ReadingsTable):
+    """All dwells: when they were, and their mean readings, as tdfscal's sign has them."""
+
+    start: Numbers = key("s: begin of each dwell, as the log counts")
+    end: Numbers = key("s: end of each dwell")
+    temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
+
+    @model_validator(mode="after")
+    def _of_each_dwell(self) -> Self:
+        for name, column in (("force", self.force[0]), ("end", self.end),
+                             ("temperature", self.temperature)):  # fmt: skip
+            if column is not None and len(column) != len(self.start):
+                raise fault(f"must have {len(self.start)} rows", name)
+        return self
+
+
+class CampaignResult(Strict):
+    """One of several campaigns: its own zeros and load, and what it added to χ²."""
+
+    name: Text = key("its folder")
+    measured: MeasuredResult | None = key("when it was recorded", None)
+    inputs: tuple[Input, ...] = key("its files")
+    zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
+    zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
+    terminal: TerminalResult = key("its own mass and barycentre")
+    postures: Count = key("number of postures used")
+    chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
+    dof: Count = key("degrees of freedom that it added")
+    readings: ReadingsTable | None = key("by which its recording is known again", None)
+
+
+def _without_nan(values: object) -> object:
+    """Write numbers, in hundredths; null where there is none."""
+    if isinstance(values, np.ndarray):
+        return [None if np.isnan(v) else round(float(v), 2) for v in values]
+    return values
+
+
+Course = Annotated[tuple[Number | None, ...], BeforeValidator(_without_nan)]
+
+
+class ActivityResult(Strict):
+    """Log of how fast the readings of two recorders change, in bins by each one's own stamps."""
+
+    width: Positive = key("s: of a bin")
+    lag: Number = key(
+        "s: of the same move by this recorder's stamps behind the first's, each counted from its "
+        "own first stamp"
+    )
+    start: Number = key("s: of the first bin, by the first recorder")
+    first: Course = key("of the first recorder; null where it holds nothing")
+    second_start: Number = key("s: of the first bin, by this recorder")
+    second: Course = key("of this recorder; null where it holds nothing")
+
+
+class ClockResult(Strict):
+    """A recorder's clock against the first one's; the offset is its stamp of the instant of the
+    first recorder's first stamp, less that, and grows by the rate.
+    """
+
+    recorder: Text = key("its files, as the rig file names them")
+    offset: Number = key("s: its stamps minus the first's, at the first's first stamp")
+    offset_std: NotNegative = key("s: standard uncertainty")
+    rate: Number = key("relative: growth of the offset")
+    rate_std: NotNegative = key("relative: standard uncertainty")
+    activity: ActivityResult | None = key("how fast both changed, for the page's figure", None)
+
+
+class Stretch(Strict):
+    """A stretch of the log in s that is no posture, and why."""
+
+    start: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    reason: Text = key("in words")
+
+
+class PostureTable(Table):
+    """The postures in the fit, column by column: the contact wrench that remains, in LCS axes.
+
+    Moments are about the LCS origin; before: nominal mounting and stated zeros, after: calibrated
+    without the posture.
+    """
+
+    index: Counts = key("number of the dwell, from 0")
+    start: Numbers = key("s in the log's time")
+    end: Numbers = key("s in the log's time")
+    force_before: Vectors = key("N: residual force with the nominal mounting")
+    force_after: Vectors = key("N: residual force, calibrated")
+    moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
+    moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
+    left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
+    force_std: Vectors | None = key("N: standard uncertainty of force_after", None)
+    moment_std: Vectors | None = key("N·m: of moment_after", None)
+
+
+class LeftOutStretch(Strict):
+    """A stretch of the log that was not used, s in the log's time."""
+
+    begin: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    code: Text | None = key("of the finding about it", None)
+    reason: Text = key("contact, a frozen channel, a sensor at its capacity")
+
+
+class MotionValue(Strict):
+    """A number with its standard uncertainty."""
+
+    value: Number = key("s of a delay, N·m of a friction, none of a rate")
+    std: NotNegative = key("standard uncertainty, in the unit of the value")
+
+
+class InertiaValue(Strict):
+    """Inertia about the LCS origin, kg m²."""
+
+    value: Matrix3 = key("kg m²: about the LCS origin, 3 × 3")
+    std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
+
+
+class MotionSpectrum(Table):
+    """Residual of the balance, its three forces together: roots of two-sided densities."""
+
+    frequency: Density = key("Hz")
+    before: Density = key("N/√Hz: residual force with the nominal mounting")
+    after: Density = key("N/√Hz: residual force, calibrated")
+    force_noise: Density = key("N/√Hz: of a force component, as the estimate weighs by it")
+
+
+class MotionResidual(Table):
+    """Lengths of the residual wrench over time, in means of a second or more."""
+
+    time: Lengths = key("s in the log's time: middles of the means")
+    force_before: Lengths = key("N: with the nominal mounting and the stated zeros")
+    force_after: Lengths = key("N: calibrated")
+    moment_before: Lengths = key("N·m: about the barycentre, with the nominal mounting")
+    moment_after: Lengths = key("N·m: calibrated")
+
+
+class MotionResult(Strict):
+    """Samples in motion: from when, how long, what was left out, and what they tell besides."""
+
+    begin: Number = key("s in the log's time: first sample")
+    seconds: Positive = key("s: length of what went in")
+    dwells: Count = key("number of static postures that went in too", 0)
+    rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
+    delay: MotionValue = key("s: force stamps minus position stamps, in the middle of the log")
+    rate: MotionValue | None = key("growth of that delay, where the log says it", None)
+    inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
+    friction: MotionValue = key("N·m: Coulomb friction of each hinge")
+    halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
+    spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
+    residual: MotionResidual | None = key("of the wrench, over time", None)
+    readings: ReadingsTable | None = key("by which the recording is known again", None)
