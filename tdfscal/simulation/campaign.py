@@ -19,7 +19,6 @@ from tdfscal.simulation.time_course import (
     Timeline,
     between,
     draw_timeline,
-    sensor_noise,
     shaking,
     streams,
 )
@@ -122,7 +121,7 @@ def _record_forces(
         + moment.blend(stage.force_offset[0])
         + faults.zero_offset(options.faults, rig.n, place)
         + faults.zero_walk(options.faults, rig.n, place.progress, walk_rng)
-        + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)
+        + sd[:, None] * noise_rng.standard_normal((len(time), rig.n, 3))
     )
     return streams(time, faults.recorded(options.faults, signal, place, rig))
 
@@ -203,7 +202,7 @@ def simulate_dwells(rig: Rig, options: Options, rng: np.random.Generator, trials
     """`trials` independent campaigns, each with a rig of its own, as means of their dwells.
 
     The same physics as `simulate_campaign`. A mean's noise is `Recorder.mean_sd`, or follows
-    from the sample noise, the rate, the correlation and the dwell less its settling. Vibration
+    from the sample noise, the rate and the dwell less its settling. Vibration
     and settling are taken to be cut away; drifts are proportional to the posture's number.
 
     Raises as `simulate_campaign`.
@@ -221,16 +220,8 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
     end = np.cumsum(dwell + move, axis=1) - move
     used = np.maximum(dwell - recorder.settling, 0.0)
     count = np.floor(used * recorder.force_rate) + 1.0
-    phi = 0.0
-    if recorder.noise_correlation > 0.0:
-        phi = float(np.exp(-1.0 / (recorder.force_rate * recorder.noise_correlation)))
-    # Variance of the mean of an AR(1) process, exact for every length.
-    inflation = (1.0 + phi) / (1.0 - phi) - 2.0 * phi * (1.0 - phi**count) / (
-        count * (1.0 - phi) ** 2
-    )
-    effective = count / inflation
     sample_sd = rng.uniform(*recorder.force_sd, (trials, n))
-    mean_sd = sample_sd[:, None, :] / np.sqrt(effective)[..., None]
+    mean_sd = sample_sd[:, None, :] / np.sqrt(count)[..., None]
     if recorder.mean_sd is not None:
         mean_sd = np.full((trials, K, n), recorder.mean_sd)
     position_sd = recorder.encoder_sd / np.sqrt(np.floor(used * recorder.position_rate) + 1.0)
@@ -260,7 +251,7 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         force_min=recorded - extreme,
         force_max=recorded + extreme,
         count=(count[..., None] * each).astype(np.int64),
-        effective=effective[..., None] * each,
+        effective=count[..., None] * each,
         temperature=faults.temperature(options.faults, place)[:, None] * each if warm else None,
     )
     return Batch(stage.truth, stage.rest.force, means, mean_sd)

@@ -43,15 +43,10 @@ class Load:
 
 @record
 class Equilibrium:
-    """The terminal at rest: its pose and the force of each NCP on it, (..., K, n, 3), N, BCS.
-
-    imbalance : (..., K), the largest of the net force over the sum of forces and the net moment
-    over that sum times the largest lever.
-    """
+    """The terminal at rest: its pose and the force of each NCP on it, (..., K, n, 3), N, BCS."""
 
     pose: Pose
     force: FloatArray
-    imbalance: FloatArray
 
 
 def settle(truth: Truth, stand: FloatArray, load: Load, start: Pose) -> Equilibrium:
@@ -81,6 +76,7 @@ def settle(truth: Truth, stand: FloatArray, load: Load, start: Pose) -> Equilibr
             + contact[..., 1, :]
             + load.friction
         )
+        # Net force over the sum of forces, net moment over that times the largest lever.
         size = np.linalg.norm(force, axis=-1).sum(axis=-1) + np.linalg.norm(weight, axis=-1) + 1.0
         lever = np.linalg.norm(arm, axis=-1).max(axis=-1)
         imbalance = np.maximum(
@@ -90,7 +86,7 @@ def settle(truth: Truth, stand: FloatArray, load: Load, start: Pose) -> Equilibr
         slope = _slope(stiffness, arm, force, bary, weight)
         if np.all(imbalance < BALANCE):
             _check_standing(stretch, slope)
-            return Equilibrium(Pose(R, T), force, imbalance)
+            return Equilibrium(Pose(R, T), force)
         step = np.linalg.solve(slope, np.concatenate([net_force, net_moment], axis=-1)[..., None])
         T = T + step[..., :3, 0]
         R = rotations.exp(step[..., 3:, 0]) @ R

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
+import numpy.typing as npt
 
 from tdfscal.errors import UsageError
 from tdfscal.frozen import record
@@ -107,11 +108,11 @@ class Walk:
 class Warming:
     """The hall warms up by `rise` (K) over the campaign, and zeros follow by `slope` (N/K).
 
-    The temperature rises as 1 − exp(−3 t) does, t from 0 to 1. slope : per sensor, its axes.
+    The temperature rises as 1 − exp(−3 t) does, t from 0 to 1. slope : (n, 3).
     """
 
     rise: float
-    slope: tuple[Vector, ...]
+    slope: npt.ArrayLike
 
 
 @record
@@ -229,8 +230,7 @@ def zero_offset(faults: Faults, sensors: int, place: Place) -> FloatArray:
         offset[place.posture >= s.posture - 0.5, s.sensor] += s.change
     if faults.warming is not None:
         warmer = temperature(faults, place) - temperature(faults, Place(np.zeros(1), np.zeros(1)))
-        for i, slope in enumerate(faults.warming.slope):
-            offset[:, i] += warmer[:, None] * np.asarray(slope)
+        offset += warmer[:, None, None] * np.asarray(faults.warming.slope)
     for d in faults.drifts:
         offset[:, d.sensor] += place.progress[:, None] * np.asarray(d.change)
     return offset

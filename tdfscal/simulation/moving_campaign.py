@@ -65,7 +65,7 @@ def simulate_moving(
     from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
     truth_rng, way_rng, field_rng, record_rng, inertia_rng = rng.spawn(5)
-    machine = Options(stiffness=np.diag(options.stiffness), rpy=options.rpy)
+    machine = Options(stiffness=np.array(options.stiffness), rpy=options.rpy)
     truth = truth or draw_truths(rig, machine, truth_rng, 1).trial(0)
     inertia = options.inertia
     if inertia is None:

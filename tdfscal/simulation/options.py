@@ -26,8 +26,6 @@ class Recorder:
     """Hz."""
     force_sd: tuple[float, float] = (1.5, 2.0)
     """Smallest and largest noise of a single force sample, N; one draw per sensor."""
-    noise_correlation: float = 0.0
-    """Correlation time of that noise, s: AR(1) with φ = exp(−Δt / correlation); 0 is white."""
     encoder_sd: float = 0.3e-6
     """White noise of a servo coordinate, m."""
     vibration: float = 3.0
@@ -63,13 +61,10 @@ class Options:
     is normal with covariance squeeze² P, P projecting on the 3n − 6 internal modes: each
     orthonormal mode has an independent coefficient with this standard deviation."""
     stiffness: float | FloatArray = 20.0e6
-    """Of each carriage, N/m: a number, (3,) per BCS axis, (3, 3) or (n, 3, 3)."""
+    """Of each carriage, N/m: a number, (3,) per BCS axis, or (n, 3, 3)."""
     internal: float | None = None
     """Standard deviation, per orthonormal internal mode, of the internal forces that the NCPs'
     repeatability makes, N; sets the stiffness to internal / positioner."""
-    datum_strain: bool = False
-    """False: the machine was taught its coordinates with the terminal on, so that datum errors
-    shift what it logs but do not strain the terminal. True: they stand in the carriages."""
     rpy: FloatArray | None = None
     """(n, 3), rad: true installation angles."""
     installation_std: tuple[float, float, float] = (0.02, 0.02, 0.05)
@@ -119,8 +114,7 @@ class SurveyOptions:
 def carriage_stiffness(rig: Rig, options: Options) -> FloatArray:
     """Stiffness matrices of the carriages, (n, 3, 3), N/m.
 
-    Raises UsageError where they are not symmetric and positive, or cannot follow from
-    `internal`.
+    Raises UsageError where they cannot follow from `internal`.
     """
     value = np.asarray(options.stiffness, dtype=np.float64)
     if options.internal is not None:
@@ -131,15 +125,7 @@ def carriage_stiffness(rig: Rig, options: Options) -> FloatArray:
                 hint="state a positioner repeatability, or give the stiffness itself",
             )
         value = np.asarray(options.internal / rig.declared.positioner)
-    if value.ndim == 0:
-        value = value * np.eye(3)
-    elif value.shape == (3,):
-        value = np.diag(value)
-    if value.shape not in ((3, 3), (rig.n, 3, 3)):
-        raise UsageError(f"expected a stiffness of shape (3, 3) or ({rig.n}, 3, 3), N/m")
-    symmetric = np.allclose(value, np.swapaxes(value, -1, -2), rtol=1e-12, atol=0.0)
-    if not symmetric or not np.all(np.linalg.eigvalsh(value) > 0.0):
-        raise UsageError("a carriage's stiffness is not symmetric and positive definite")
+    value = value * np.eye(3) if value.ndim < 2 else value
     return np.array(np.broadcast_to(value, (rig.n, 3, 3)), dtype=np.float64)
 
 

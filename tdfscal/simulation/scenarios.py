@@ -31,8 +31,6 @@ from tdfscal.simulation.options import MovingOptions, Options, SurveyOptions
 from tdfscal.simulation.survey import Survey, simulate_survey
 from tdfscal.simulation.truth import UNKNOWN_ZERO, Truth, draw_truths, width
 
-Setup = tuple[Rig, Options]
-
 
 @record
 class Run:
@@ -50,89 +48,68 @@ class Run:
     moving: MovingCampaign | None = None
 
 
-def _with(faults: Callable[[Rig, int], Faults]) -> Callable[[Rig, Options], Setup]:
-    """A campaign with faults that the rig file does not declare, by the rig and its postures."""
-    return lambda rig, options: (rig, replace(options, faults=faults(rig, options.count)))
+#: Faults that the rig file does not declare, by the numbers of supports and postures.
+_FAULTS: dict[str, Callable[[int, int], Faults]] = {
+    "contact": lambda n, K: Faults(
+        contacts=tuple(
+            Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in sorted({K // 3, 2 * K // 3})
+        )
+    ),
+    "crosstalk": lambda n, K: Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),)),
+    "dead-axis": lambda n, K: Faults(dead_axes=(DeadAxis(n - 1, 0, K // 4),)),
+    "dead-channel": lambda n, K: Faults(dead_axes=(DeadAxis(n - 1, 1),)),
+    "drift": lambda n, K: Faults(
+        drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
+    ),
+    "gain": lambda n, K: Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),)),
+    "jolt": lambda n, K: Faults(jolts=(Jolt(K // 2, (0.0, 0.0, -300.0)),)),
+    "slip": lambda n, K: Faults(slips=(Slip(n - 1, K // 2, (2e-3, -1e-3, 3e-3)),)),
+    "swapped": lambda n, K: Faults(swapped=((0, 1),)),
+    "turned-frame": lambda n, K: Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),)),
+    "walk": lambda n, K: Faults(walks=tuple(Walk(k, 1.0) for k in range(n))),
+    # Zeros follow the hall by 0.1 to 0.3 N/K, 10 K: 3 N; the temperature is logged.
+    "warming": lambda n, K: Faults(
+        warming=Warming(10.0, np.resize([0.3, -0.2, 0.3, -0.3, 0.1, 0.2, 0.1, 0.3, -0.3], (n, 3)))
+    ),
+    "zero-shift": lambda n, K: Faults(zero_shifts=(ZeroShift(0, K // 2, (8.0, -5.0, 12.0)),)),
+}
 
 
-def _plain(rig: Rig, options: Options) -> Setup:
-    return rig, options
-
-
-def _contact(rig: Rig, postures: int) -> Faults:
-    touched = sorted({postures // 3, (2 * postures) // 3})
-    return Faults(
-        contacts=tuple(Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in touched)
-    )
-
-
-def _saturation(rig: Rig, options: Options) -> Setup:
-    share = float(rig.mass.value) * rig.gravity / rig.n
-    # Leaning shifts a few per cent of the load: some sensors pass 105 % of an even share.
-    capacity = np.minimum(rig.capacity, [share, share, 1.05 * share])
-    return replace(rig, capacity=capacity), replace(options, faults=Faults(saturated=True))
-
-
-def _load_cells(rig: Rig, options: Options) -> Setup:
+def _load_cells(rig: Rig, options: Options) -> tuple[Rig, Options]:
     # The rig file states them; two three-axis sensors at least remain.
     axes = rig.axes.copy()
     axes[max(2, rig.n - 2) :, :2] = False
     return replace(rig, axes=axes), options
 
 
-def _warming(rig: Rig, postures: int) -> Faults:
-    """Zeros that follow the hall by 0.1 to 0.3 N/K, 10 K: 3 N; the temperature is logged."""
-    slopes = np.resize([0.3, -0.2, 0.3, -0.3, 0.1, 0.2, 0.1, 0.3, -0.3], (rig.n, 3))
-    slope = tuple((float(x), float(y), float(z)) for x, y, z in slopes)
-    return Faults(warming=Warming(10.0, slope))
-
-
-def _soft_supports(rig: Rig, options: Options) -> Setup:
-    # Sideways 1 N/µm lies behind the encoders; vertically they are stiff.
-    return rig, replace(options, internal=None, stiffness=np.array([1e6, 1e6, 2e7]))
-
-
-def _no_squeeze(rig: Rig, options: Options) -> Setup:
+def _no_squeeze(rig: Rig, options: Options) -> tuple[Rig, Options]:
     # Carriages that float sideways can only carry vertical loads: no yaw is to be seen.
     return rig, replace(options, squeeze=0.0, internal=None, stiffness=np.array([1e3, 1e3, 2e7]))
 
 
-SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
-    "self": _plain,
-    "tracker": _plain,
-    "contact": _with(_contact),
-    "crosstalk": _with(
-        lambda rig, postures: Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),))
-    ),
-    "dead-axis": _with(
-        lambda rig, postures: Faults(dead_axes=(DeadAxis(rig.n - 1, 0, postures // 4),))
-    ),
-    "dead-channel": _with(lambda rig, postures: Faults(dead_axes=(DeadAxis(rig.n - 1, 1),))),
-    "drift": _with(
-        lambda rig, postures: Faults(
-            drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
-        )
-    ),
-    "gain": _with(lambda rig, postures: Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),))),
-    "jolt": _with(lambda rig, postures: Faults(jolts=(Jolt(postures // 2, (0.0, 0.0, -300.0)),))),
+def _saturation(rig: Rig, options: Options) -> tuple[Rig, Options]:
+    share = float(rig.mass.value) * rig.gravity / rig.n
+    # Leaning shifts a few per cent of the load: some sensors pass 105 % of an even share.
+    capacity = np.minimum(rig.capacity, [share, share, 1.05 * share])
+    return replace(rig, capacity=capacity), replace(options, faults=Faults(saturated=True))
+
+
+def _soft_supports(rig: Rig, options: Options) -> tuple[Rig, Options]:
+    # Sideways 1 N/µm lies behind the encoders; vertically they are stiff.
+    return rig, replace(options, internal=None, stiffness=np.array([1e6, 1e6, 2e7]))
+
+
+#: Other machines: "no-squeeze", vertical loads only; "load-cells", of which the last, at most two,
+#: measure z alone, and the rig file says so.
+_MACHINES = {
     "load-cells": _load_cells,
     "no-squeeze": _no_squeeze,
     "saturation": _saturation,
-    "slip": _with(
-        lambda rig, postures: Faults(slips=(Slip(rig.n - 1, postures // 2, (2e-3, -1e-3, 3e-3)),))
-    ),
     "soft-supports": _soft_supports,
-    "swapped": _with(lambda rig, postures: Faults(swapped=((0, 1),))),
-    "turned-frame": _with(lambda rig, postures: Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),))),
-    "walk": _with(lambda rig, postures: Faults(walks=tuple(Walk(k, 1.0) for k in range(rig.n)))),
-    "warming": _with(_warming),
-    "zero-shift": _with(
-        lambda rig, postures: Faults(zero_shifts=(ZeroShift(0, postures // 2, (8.0, -5.0, 12.0)),))
-    ),
 }
-"""What each scenario changes. "self": log and tracker session; "tracker": the session only;
-"no-squeeze": vertical loads only; "load-cells": the last sensors, at most two, measure z alone, and
-the rig file says so; the others: as "self", with one fault that the rig file does not declare."""
+SCENARIOS = ("self", "tracker", *sorted((*_FAULTS, *_MACHINES)))
+"""Campaigns at rest. "self": log and tracker session; "tracker": the session only; the others: as
+"self", with one fault or on another machine."""
 
 
 MOVING: dict[str, MovingOptions] = {
@@ -158,8 +135,7 @@ def run(
     `simulate_moving`.
     """
     campaign_rng, survey_rng = rng.spawn(2)
-    stated, home = rig, options.home
-    campaign = moving = None
+    stated, campaign, moving = rig, None, None
     if isinstance(options, MovingOptions):
         moving = simulate_moving(rig, options, campaign_rng)
         truth = moving.truth
@@ -170,15 +146,19 @@ def run(
         raise UsageError(
             f"there is no scenario {scenario!r}{meant}", hint=f"choose from {', '.join(names)}"
         )
+    elif scenario == "tracker":
+        truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
+        truth = draw_truths(rig, options, truth_rng, 1).trial(0)
     else:
-        stated, driven = SCENARIOS[scenario](rig, options)
-        if scenario == "tracker":
-            truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
-            truth = draw_truths(stated, driven, truth_rng, 1).trial(0)
-        else:
-            campaign = simulate_campaign(stated, driven, campaign_rng)
-            truth = campaign.truth
-    surveyed = simulate_survey(stated, truth, survey or SurveyOptions(), survey_rng, home=home)
+        driven = options
+        if scenario in _MACHINES:
+            stated, driven = _MACHINES[scenario](rig, options)
+        elif scenario in _FAULTS:
+            driven = replace(options, faults=_FAULTS[scenario](rig.n, options.count))
+        campaign = simulate_campaign(stated, driven, campaign_rng)
+        truth = campaign.truth
+    survey = survey or SurveyOptions()
+    surveyed = simulate_survey(stated, truth, survey, survey_rng, home=options.home)
     return Run(scenario, stated, truth, campaign, surveyed, moving)
 
 

@@ -115,16 +115,6 @@ def shaking(
     return np.asarray(out, dtype=np.float64)
 
 
-def sensor_noise(
-    sd: FloatArray, correlation: float, rate: float, count: int, rng: np.random.Generator
-) -> FloatArray:
-    """Stationary noise (count, n, 3) of standard deviation sd (n,), N: white or AR(1)."""
-    white = rng.standard_normal((count, len(sd), 3))
-    if correlation > 0.0:
-        white = correlated(white, correlation, rate)
-    return np.asarray(sd[:, None] * white, dtype=np.float64)
-
-
 def streams(time: FloatArray, value: FloatArray) -> tuple[Series, ...]:
     """What is logged at times (N,), s: a stream per support of value (N, n, 3)."""
     return tuple(Series(time, np.ascontiguousarray(value[:, i])) for i in range(value.shape[1]))

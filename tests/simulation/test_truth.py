@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.errors import RigError, UsageError
+from tdfscal.errors import RigError
 from tdfscal.records import DeclaredUncertainty, UncertainValue
 from tdfscal.simulation import Options, draw_truths, make_rig
 
@@ -85,11 +85,3 @@ def test_infinite_scatter_is_refused() -> None:
     rig = make_rig(declared=DeclaredUncertainty(force_noise=np.inf))
     with pytest.raises(RigError, match="force_noise"):
         draw_truths(rig, Options(), np.random.default_rng(0), 1)
-
-
-@pytest.mark.parametrize(
-    "stiffness", [-1.0, np.ones((2, 2)), np.array([[1.0, 0.5, 0], [0, 1, 0], [0, 0, 1]])]
-)
-def test_impossible_stiffness_is_refused(stiffness: float) -> None:
-    with pytest.raises(UsageError, match="stiffness"):
-        draw_truths(make_rig(), Options(stiffness=stiffness), np.random.default_rng(0), 1)
