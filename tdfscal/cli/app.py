@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 import sys
 import warnings
 from functools import cache
@@ -42,23 +40,6 @@ PRINTED = {
 _HELP = {"help_option_names": ["-h", "--help"]}
 #: What typer raises for a faulty command line, whichever click it carries.
 _MISUSE: type[Exception] = typer.BadParameter.__bases__[0]
-#: What typer makes of an interruption.
-_INTERRUPTED = 130
-#: What pydantic-like messages of the option parser mean, in words.
-_PLAIN = (
-    (r"Input should be a valid integer.*", "this is no whole number"),
-    (r"Input should be a valid number.*", "this is no number"),
-    (r"Input should be (.*)", r"it must be \1"),
-    (r"Value error, ", ""),
-    (r"^Missing argument '([^']*)'", r"\1 is missing"),
-    (r"^Missing option '([^']*)'", r"the option \1 is missing"),
-    (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
-    (r"^(No such command '[^']*')\. Did you mean '([^']*)'.*", r"\1 (did you mean \2?)"),
-    (r"^No such option: ", "there is no option "),
-    (r"^No such command ", "there is no command "),
-    (r" \(Possible options: .*", ""),
-)
-
 
 class Commands(typer.core.TyperGroup):
     """The commands by purpose, each loaded at its first use."""
@@ -130,18 +111,12 @@ def described(name: str) -> Command:
 def made(name: str) -> Any:
     """Make a command of the function of its name."""
     command = described(name)
-    from tdfscal.commands.arguments import Unasked
 
-    def call(ctx: typer.Context, **asked: Any) -> int:
-        for one in command.parameters:  # where nobody named a file
-            source = ctx.get_parameter_source(one.name)
-            if one.option.writes is not None and source and source.name == "DEFAULT":
-                asked[one.name] = None if asked[one.name] is None else Unasked(asked[one.name])
+    def call(**asked: Any) -> int:
         return perform(command, asked)
 
     call.__doc__ = summary(name)
-    parameters = [Parameter("ctx", Parameter.KEYWORD_ONLY, annotation=typer.Context)]
-    parameters += [_parameter(each) for each in command.parameters]
+    parameters = [_parameter(each) for each in command.parameters]
     parameters += [
         Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
         for each, option in PRINTED.items()
@@ -189,26 +164,20 @@ def run() -> int:
     memory.limit_threads()  # a command's module loads the libraries
     if not sys.warnoptions:  # what concerns a user is in the result
         warnings.simplefilter("ignore")
-    if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
-        del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
     try:
         if "" in sys.argv[1:]:  # as a path it would be the folder of now
             raise UsageError(
                 "an argument is empty",
                 hint="name the file or folder; a variable of the shell may not be set",
             )
-        status: int = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
+        return typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
-        if memory.is_short(error):  # what else it says was judged without a look at that
-            error = memory.shortage()
-        return failed(error)
+        # What else it says of too little memory was judged without a look at that.
+        return failed(memory.shortage() if memory.is_short(error) else error)
     except _MISUSE as error:
         return ended(2, UsageError.code, _mistake(error))
     except typer.Abort:
-        status = _INTERRUPTED
-    if status == _INTERRUPTED:
-        raise KeyboardInterrupt
-    return status
+        raise KeyboardInterrupt from None
 
 
 def _mistake(error: Any) -> str:
@@ -217,14 +186,9 @@ def _mistake(error: Any) -> str:
     if said.startswith("Usage:"):
         return f"no command is given\n\n{said}"
     said = " ".join(said.split()).rstrip(".")
-    for pattern, plain in _PLAIN:
-        said = re.sub(pattern, plain, said)
-    if near := getattr(error, "possibilities", None):  # the nearest option first
-        said = f"{said} (did you mean {near[0]}?)"
-    context = getattr(error, "ctx", None)
     # An option without its value is found before there is a context.
     named = [word for word in sys.argv[1:2] if word in COMMANDS]
-    path = getattr(context, "command_path", " ".join(["tdfscal", *named]))
-    epilog = getattr(getattr(context, "command", None), "epilog", None) or ""
-    shown = f" {epilog.rstrip('.')}." if "is missing" in said and epilog else ""
+    path = getattr(getattr(error, "ctx", None), "command_path", " ".join(["tdfscal", *named]))
+    example = getattr(getattr(getattr(error, "ctx", None), "command", None), "epilog", None)
+    shown = f" {example}." if example and "Missing" in said else ""
     return f"{said}.{shown} '{path} --help' lists what it takes."

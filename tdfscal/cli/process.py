@@ -9,57 +9,80 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from inspect import signature
-from itertools import chain
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal import memory
-from tdfscal.cli.interruption import Signalled, current
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
 
 if TYPE_CHECKING:
     from tdfscal.commands.arguments import Progress
     from tdfscal.commands.options import Command
     from tdfscal.commands.result import Result
-    from tdfscal.reporting.layout import Report
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
+#: Signals that end a run with all cleaning up; what the caller ignores (nohup) stays ignored.
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Streams that were closed before the program began.
 _closed: set[str] = set()
 
 
+class Interrupted(BaseException):
+    """A signal, whose number it has, ends the run."""
+
+
 @dataclass(slots=True)
 class End:
-    """Status with which the program leaves."""
+    """Status with which the program leaves. signal : number of what came, 0 until then."""
 
     status: int = 0
+    signal: int = 0
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal."""
+        self.signal = number
+        raise Interrupted(number)
 
 
 @contextlib.contextmanager
 def ending() -> Iterator[End]:
     """Turn whatever ends the block into a status and one line on standard error."""
-    end, interruption = End(), current.get()
+    end = End()
+    before = _listen(end.interrupt)
     _prepare_streams()
     try:
         yield end
         with reporting():
             pass
     except BaseException as fault:
+        _listen(signal.SIG_IGN)
         # Some code between makes another exception of a signal's.
-        if interruption.number is not None or isinstance(fault, KeyboardInterrupt):
-            number = 128 + (interruption.number or 2)
+        if end.signal or isinstance(fault, KeyboardInterrupt):
+            number = 128 + (end.signal or signal.SIGINT)
             end.status = ended(number, "interrupted", "interrupted; nothing was written")
         else:
             end.status = _judged(fault)
     finally:
-        interruption.end()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _listen(handler: Any) -> dict[int, Any]:
+    """Let the signals that end a run be taken so; return by what they were taken before."""
+    before = dict[int, Any]()
+    with contextlib.suppress(ValueError):  # not in the main thread: its owner has the signals
+        for number in (getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    return before
 
 
 def _judged(fault: BaseException) -> int:
@@ -161,7 +184,7 @@ def leave_stdout() -> None:
 
 
 def perform(command: Command, options: Mapping[str, Any]) -> int:
-    """Call a command's function with its options and print its result.
+    """Call a command's function with its options, print its result, return its status.
 
     options : all of the command's; None leaves one to the function; `json`, `quiet`, `verbose`
     concern the printing.
@@ -174,92 +197,42 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     from tdfscal.files.saving import to_json
 
     logging.disable(logging.WARNING)  # matplotlib has words for a home without room
-
     asked = {option: value for option, value in options.items() if value is not None}
-    json, verbose = asked.pop("json"), asked.pop("verbose", False)
+    json, verbose = asked.pop("json"), asked.pop("verbose")
     carried = _carried(asked, command.carries, json=json)
-    places = [
-        (p, Path(asked[p.name]))
-        for p in command.parameters
-        if p.option.writes is not None and p.name in asked
-    ]
-    before, outputs = _dates(path for _, path in places), None
-    try:
-        # Where standard output carries the result, it is an output like any other: all or none.
-        with together(current.get().held) as outputs:
-            result = _call(command.function, asked)
-            # What the quality gate rejects is not written, unless asked for.
-            written = result.exit_status == 0 or asked.get("allow_rejected", True)
-            words = not json and (carried is None or not written)
-            report = result.to_report()
-            # Before the numbers that they concern, and wherever these go.
-            for note in dict.fromkeys((*result.notes, *(report.warnings if report else ()))):
-                say(f"tdfscal: warning: {note}")
-            if json:
-                hand_over(to_json(result.to_dict(), indent=1))
-            elif not words and carried is not None:
-                hand_over(getattr(result, carried))
-        if words:
-            # Made before: of what goes wrong here, only the writing is forgiven.
-            there = [str(path) for p, path in places if written or p.option.holds == "html"]
-            text = _in_words(result, report, there, whole=verbose)
-            with reporting():
-                sys.stdout.write(text)
-        current.get().end()  # all is done
-    except (KeyboardInterrupt, Signalled):
-        if outputs is None or not outputs.appeared:
-            raise
-        current.get().end()
-        leave_stdout()  # the files are there: only the rest of the report is cut off
-    except TdfscalError as error:
-        left = _left(before) if error.exit_status > UsageError.exit_status else ""
-        if not left:
-            raise
-        hint = "; ".join(filter(None, (error.hint, left)))
-        raise error.restated(hint=hint) from error
+    places = {p: asked[p.name] for p in command.parameters if p.option.writes is not None and p.name in asked}
+    text = ""
+    # Where standard output carries the result, it is an output like any other: all or none.
+    with together():
+        result = _call(command.function, asked)
+        # What the quality gate rejects is not written, unless asked for.
+        written = result.exit_status == 0 or asked.get("allow_rejected", True)
+        for note in result.notes:  # before the numbers that they concern, wherever these go
+            say(f"tdfscal: warning: {note}")
+        if json:
+            hand_over(to_json({"command": _line(), **result.to_dict()}, indent=1))
+        elif carried and written:
+            hand_over(getattr(result, carried))
+        else:
+            there = [str(path) for p, path in places.items() if written or p.option.holds == "html"]
+            text = _with_places(result.shown(whole=verbose), there)
+    _listen(signal.SIG_IGN)  # all is done
+    with reporting():
+        sys.stdout.write(text)
     if result.exit_status and "allow_rejected" in asked:
-        nothing = "only its page was written" if "html" in asked else "nothing was written"
-        what = "it was written as rejected" if written else nothing
-        what = "; ".join(filter(None, (what, _left(before))))
+        what = "it was written as rejected" if written else "nothing was written"
+        if not written and "html" in asked:
+            what = "only its page was written"
         say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status
 
 
-def _dates(paths: Iterable[Path]) -> dict[Path, float]:
-    """When those that are files were last written, s since 1970."""
-    found = {}
-    for path in paths:
-        with contextlib.suppress(OSError):  # of a name that is too long
-            if path.is_file():
-                found[path] = path.stat().st_mtime
-    return found
-
-
-def _left(before: Mapping[Path, float]) -> str:
-    """Name the files that a run without a result leaves in the places of its own."""
-    now = _dates(before)
-    left = [
-        f"{path} of an earlier run ({datetime.fromtimestamp(when, UTC):%Y-%m-%d %H:%M} UTC)"
-        for path, when in before.items()
-        if now.get(path) == when
-    ]
-    return f"left as it was: {', '.join(left)}" if left else ""
-
-
-def _in_words(result: Result, report: Report | None, places: list[str], *, whole: bool) -> str:
-    """Return a result in words, in colours for a terminal, and what was written."""
-    from tdfscal.reporting.text import shown
-
-    said = report
-    # Standard error has had them; a numbered report, printed whole, stands for itself.
-    if report is not None and (not report.number or (report.summary and not whole)):
-        said = replace(report, warnings=())
-    text = result.text if said is None else shown(said, whole=whole)
+def _with_places(text: str, places: Sequence[str]) -> str:
+    """A result in words, and what was written."""
     if not text or not places:
         return text
     *others, last = map(visible, places)
-    files = f"{', '.join(others)} and {last}" if others else last
-    return f"{text}\nwrote {files}\n"
+    return f"{text}\nwrote {', '.join(others)}{' and ' if others else ''}{last}\n"
 
 
 def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:
@@ -276,15 +249,19 @@ def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> s
     return carried
 
 
+def _line() -> str:
+    """The command line as the user gave it."""
+    return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
+
+
 def _call(function: Callable[..., Result], asked: dict[str, Any]) -> Result:
     parameters = signature(function).parameters
-    if "command" in parameters:  # as the user gave it
-        line = " ".join(["tdfscal", *sys.argv[1:]])
-        asked["command"] = line.encode("utf-8", "replace").decode()
+    if "command" in parameters:
+        asked["command"] = _line()
     asked["progress"] = _on_stderr(quiet=asked.pop("quiet", False))
     # Files named one after the other, as `compare(a, b)` takes them.
-    named = {key: asked.pop(key) for key, p in parameters.items() if p.kind is p.VAR_POSITIONAL}
-    return function(*chain(*named.values()), **asked)
+    named = [asked.pop(key) for key, p in parameters.items() if p.kind is p.VAR_POSITIONAL]
+    return function(*(path for paths in named for path in paths), **asked)
 
 
 def _on_stderr(*, quiet: bool) -> Progress:
@@ -309,17 +286,9 @@ def _reading_bar(paths: Sequence[Path]) -> Iterator[Callable[[float], None] | No
         return
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
-    from rich.progress import TransferSpeedColumn as SpeedColumn
 
     size = sum(path.stat().st_size for path in paths if path.is_file())
-    with Progress(
-        "reading",
-        BarColumn(),
-        DownloadColumn(),
-        SpeedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    columns = "reading", BarColumn(), DownloadColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=size)
         yield lambda share: bar.update(task, completed=share * size)

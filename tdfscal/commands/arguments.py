@@ -6,12 +6,11 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence, Set, ValuesView
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.yaml import as_path
@@ -24,12 +23,6 @@ PathLikes = PathLike | Sequence[PathLike]
 Numbers = str | Sequence[float]
 #: A moment of a log as text, a number of s, or a date and time.
 Instant = str | float | datetime
-
-
-class Unasked(str):
-    """A place to write to that nobody named: it is a command's own default."""
-
-    __slots__ = ()
 
 
 _UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
@@ -79,13 +72,6 @@ def listed(paths: PathLikes) -> list[Path]:
         if counts[os.path.realpath(path)] > 1:
             raise UsageError("is named twice", where=str(path), hint="name each path once")
     return found
-
-
-def at_hand(value: Any) -> Any:
-    """Iterators, sets and views as lists, also those in a tuple."""
-    if isinstance(value, tuple):
-        return tuple(map(at_hand, value))
-    return list(value) if isinstance(value, Iterator | Set | ValuesView) else value
 
 
 def one(path: PathLike | None) -> Path | None:

@@ -6,42 +6,27 @@ the result from which the files are written.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
-from datetime import datetime
-from functools import partial, reduce, wraps
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
 from inspect import Parameter, signature
 from math import inf
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from reprlib import repr as shortly
-from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from tdfscal.commands import arguments
-from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, at_hand, listed, one
+from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, listed, one
 from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
-from tdfscal.errors import TdfscalError, UsageError, inaccessible
+from tdfscal.errors import UsageError, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-#: What takes the place of a number in Python, and what a user is told to give.
-_NUMBERS: Mapping[Any, type] = {int: Integral, float: Real}
-_SAID: Mapping[Any, str] = {
-    datetime: "s as a number or text, or a datetime",
-    PathLike[str]: "a path",
-    Sequence[float]: "numbers",
-    Progress: "a Progress",
-    bool: "True or False",
-    int: "a whole number",
-    float: "a number",
-    str: "text",
-}
 
 
 @record
@@ -52,10 +37,9 @@ class Option:
     where that is not the annotation's; None there for what only Python has. metavar : what the
     help shows in its place. names : of the option, where they are not that of the parameter.
     default : on the command line, where it is another; `...` must be given. least, below : smallest
-    number, and the first that is too large. python, shell : what Python, or the command line, takes
-    besides. reads : it names files to read. writes : endings of a file to write, any where there is
-    none. holds : the text of the result that it gets; nothing where the function writes it while it
-    works.
+    number, and the first that is too large. shell : what the command line takes besides. reads : it
+    names files to read. writes : endings of a file to write, any where there is none. holds : the
+    text of the result that it gets; nothing where the function writes it while it works.
     """
 
     help: str
@@ -65,7 +49,6 @@ class Option:
     default: Any = None
     least: float | None = None
     below: float = inf
-    python: str = ""
     shell: str = ""
     reads: bool = False
     writes: tuple[str, ...] | None = None
@@ -84,8 +67,7 @@ class Described:
 
     kind, shown : its types in Python and on the command line; shown None where only Python has it.
     default : on the command line; `...` where it must be given. positional : it stands without a
-    name. flags : names of the option. words : among which it chooses. repeated : it takes all that
-    stands without a name.
+    name. flags : names of the option. words : among which it chooses.
     """
 
     name: str
@@ -95,15 +77,14 @@ class Described:
     positional: bool
     flags: tuple[str, ...]
     words: tuple[str, ...]
-    repeated: bool
     option: Option
 
     @classmethod
     def of(cls, parameter: Parameter, annotation: Any) -> Described:
         """Read it off a function's annotation."""
         kind, option = get_args(annotation)
-        name, positional = parameter.name, parameter.kind is not Parameter.KEYWORD_ONLY
-        given = positional and not option.names
+        name = parameter.name
+        given = parameter.kind is not Parameter.KEYWORD_ONLY and not option.names
         required = given and parameter.default is Parameter.empty
         default = ... if required else parameter.default
         if option.default is not None:
@@ -112,67 +93,25 @@ class Described:
         shown = kind if option.kind is ... else option.kind
         choices = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
         words = get_args(choices[0]) if choices else ()
-        repeated = parameter.kind is Parameter.VAR_POSITIONAL
-        flags = (name,) if given else flags
-        return cls(name, kind, shown, default, given, flags, words, repeated, option)
-
-    @property
-    def _wanted(self) -> str:
-        """What to give, in words."""
-        if self.words:
-            return " or ".join([", ".join(self.words[:-1]), self.words[-1]])
-        if self.option.reads:
-            first, _, rest = (
-                self.option.help.partition(";")[0].replace(", or", " or").partition(" ")
-            )
-            return f"{first} {rest}" if rest.split()[0].endswith("s") else f"a {first} {rest}"
-        kinds = (*get_args(self.kind), self.kind)
-        return next((said for kind, said in _SAID.items() if kind in kinds), self.option.help)
-
-    def in_python(self, text: str) -> str:
-        """A text with the parameter's name in place of its flags, as Python writes it."""
-        flags = "|".join(flag for flag in self.flags if flag.startswith("-"))
-        if not flags:
-            return text
-        words = rf"(?: ({'|'.join(self.words)})\b)?" if self.words else "()"
-        return re.sub(
-            rf"(?<![\w/-])`?(?:{flags})(?![\w-]){words}`?",
-            lambda found: f"`{self.name}={found[1]!r}`" if found[1] else f"`{self.name}`",
-            text,
-        )
+        return cls(name, kind, shown, default, given, (name,) if given else flags, words, option)
 
     def check(self, value: Any) -> None:
-        """Raise UsageError for what is not of the parameter's kind, or a number out of bounds."""
-        if self.default == () and isinstance(value, Sized) and not len(value):
+        """Raise UsageError for none of its words, or for what is no number within its bounds."""
+        if value is None:
             return
-        each = value if self.repeated else (value,)
-        if not each or not all(_fits(one, self.kind) for one in each):
-            wrong = next((one for one in each if not _fits(one, self.kind)), value)
-            raise UsageError(f"expected {self._wanted}, got {shortly(wrong)}", where=self.flags[0])
-        least, below = self.option.least, self.option.below
-        if least is not None and value is not None and not least <= value < below:
-            what, end = ("small", "") if value < least else ("large", f", below {below:g}")
-            raise UsageError(
-                f"{value} is too {what}", where=self.flags[0], hint=f"give {least:g} or more{end}"
-            )
-
-
-def _fits(value: Any, kind: Any) -> bool:
-    """Tell whether a value is of a kind as annotations write it; nothing empty is."""
-    origin, inside = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        return any(_fits(value, one) for one in inside)
-    if origin is Literal:
-        return isinstance(value, str) and value in inside
-    if kind in _NUMBERS:
-        number = isinstance(value, _NUMBERS[kind]) and not isinstance(value, bool)
-        return number and value == value  # no NaN
-    if origin in (Sequence, Iterable):
-        if inside[0] is float and hasattr(value, "tolist"):
-            value = value.tolist()
-        whole = isinstance(value, list | tuple) and bool(value)
-        return whole and all(_fits(one, inside[0]) for one in value)
-    return isinstance(value, origin or kind) and not (isinstance(value, str) and value == "")
+        where, least, below = self.flags[0], self.option.least, self.option.below
+        if self.words and value not in self.words:
+            raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
+        kinds = (self.kind, *get_args(self.kind))
+        if int in kinds or (float in kinds and not {str, PathLike[str]}.intersection(kinds)):
+            wanted = Integral if int in kinds else Real
+            if not isinstance(value, wanted) or isinstance(value, bool) or value != value:
+                raise UsageError(f"expected a number, got {shortly(value)}", where=where)
+            if least is not None and not least <= float(value) < below:
+                small = float(value) < least
+                what, end = ("small", "") if small else ("large", f", below {below:g}")
+                hint = f"give {least:g} or more{end}"
+                raise UsageError(f"{value} is too {what}", where=where, hint=hint)
 
 
 @record
@@ -203,18 +142,15 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
 
     def make(function: _Function) -> _Function:
         hints, whole = get_type_hints(function, include_extras=True), signature(function)
-        each = {name: Described.of(p, hints[name]) for name, p in whole.parameters.items()}
+        each = tuple(Described.of(p, hints[name]) for name, p in whole.parameters.items())
 
         @wraps(function)
         def run(*positional: Any, **named: Any) -> Any:
             given = whole.bind(*positional, **named)
             given.apply_defaults()
             values = given.arguments
-            for name, parameter in each.items():
-                if isinstance(values[name], str) and parameter.kind is str:
-                    values[name] = values[name].encode("utf-8", "replace").decode()
-                values[name] = at_hand(values[name])  # an iterator would be empty the second time
-                parameter.check(values[name])
+            for parameter in each:
+                parameter.check(values[parameter.name])
             try:
                 with together():
                     _check_files(each, values)
@@ -226,48 +162,28 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
                     raise
                 raise inaccessible(fault) from fault
 
-        told = (
-            f"    {name} : {'; '.join(filter(None, (p.option.help, p.option.python)))}."
-            for name, p in each.items()
-        )
-        parameters = _in_python(each.values(), "\n".join(told))
+        told = "\n".join(f"    {p.name} : {p.option.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{parameters}{raises}{tail}"
+        run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
         # `help` shows the types alone.
-        bare = [p.replace(annotation=each[name].kind) for name, p in whole.parameters.items()]
+        bare = [whole.parameters[p.name].replace(annotation=p.kind) for p in each]
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
-
-        @wraps(run)
-        def call(*positional: Any, **named: Any) -> Any:
-            try:
-                return run(*positional, **named)
-            except TdfscalError as error:
-                error.reword(partial(_in_python, each.values()))
-                raise
-
-        named = tuple(p for p in each.values() if p.shown is not None)
+        named = tuple(p for p in each if p.shown is not None)
         COMMANDS[function.__name__] = Command(run, example, carries, named)
-        return call  # type: ignore[return-value]
+        return run  # type: ignore[return-value]
 
     return make
 
 
-def _in_python(parameters: Iterable[Described], text: str) -> str:
-    """A text with parameters in place of flags, but for a command line that it gives."""
-    parts = re.split(r"(`tdfscal [^`]*`)", text)
-    parts[::2] = [reduce(lambda t, p: p.in_python(t), parameters, part) for part in parts[::2]]
-    return "".join(parts)
-
-
-def _check_files(parameters: Mapping[str, Described], values: Mapping[str, Any]) -> None:
+def _check_files(parameters: Iterable[Described], values: Mapping[str, Any]) -> None:
     """Refuse outputs that cannot be written, or that would replace what the command reads."""
     reads, rig = list[Path](), None
     outputs = dict[str, tuple[Path | None, tuple[str, ...]]]()
-    for name, parameter in parameters.items():
-        option, value = parameter.option, values[name]
-        if name == "rig":  # a file, or the folder that holds it
+    for parameter in parameters:
+        option, value = parameter.option, values[parameter.name]
+        if parameter.name == "rig":  # a file, or the folder that holds it
             rig = one(value)
         elif option.reads:
             reads += _paths_in(value)
@@ -284,31 +200,27 @@ def _paths_in(value: Any) -> list[Path]:
 
 
 def _write_files(
-    parameters: Mapping[str, Described], values: Mapping[str, Any], result: Result
+    parameters: Iterable[Described], values: Mapping[str, Any], result: Result
 ) -> None:
     """Write what is asked for; a page whatever the verdict, what the gate rejects on request."""
     written = result.exit_status == 0 or values.get("allow_rejected", True)
-    for name, parameter in parameters.items():
-        holds, path = parameter.option.holds, one(values[name]) if parameter.option.holds else None
-        if path is None or not (written or holds == "html"):
+    for parameter in parameters:
+        holds, path = parameter.option.holds, values[parameter.name]
+        if not holds or path is None or not (written or holds == "html"):
             continue
         if holds == "html":
             values["progress"].stage("drawing the report")
-        result.write(path, holds)
+        result.write(arguments.as_path(path), holds)
 
 
 def written(
-    help: str,
-    *writes: str,
-    default: Any = ...,
-    metavar: str = "FILE",
-    python: str = "",
-    shell: str = "",
+    help: str, *writes: str, default: Any = ..., metavar: str = "FILE", shell: str = "",
     holds: str = "content",
-) -> Option:
+) -> Option:  # fmt: skip
     """Say what the file is that a command writes; by default it must be named."""
-    option = Option(help, Path, metavar, ("--output", "-o"), default, python=python, shell=shell)
-    return replace(option, writes=writes, holds=holds)
+    return Option(
+        help, Path, metavar, ("--output", "-o"), default, shell=shell, writes=writes, holds=holds
+    )
 
 
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"
@@ -321,13 +233,7 @@ RigFile = Annotated[
 ]
 OneCalibration = Annotated[
     CalibrationSource,
-    Option(
-        "calibration file; - for stdin",
-        Path,
-        "CALIBRATION",
-        python="or a calibration in memory",
-        reads=True,
-    ),
+    Option("calibration file", Path, "CALIBRATION", shell="- for stdin", reads=True),
 ]
 Several = CalibrationSource | Iterable[CalibrationSource]
 Begin = Annotated[

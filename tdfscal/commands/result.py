@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -11,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdfscal.catalogue import documents
 from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
+from tdfscal.frozen import replace
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
 
@@ -25,7 +26,7 @@ _LINE = 100
 _ROWS = 60
 
 
-class Result(ABC):
+class Result:
     """Base of the results; `print(result)` shows what the command prints.
 
     Each carries `to_dict()` (what `--json` prints), `to_frame()`, `plot()` and `exit_status`.
@@ -49,9 +50,28 @@ class Result(ABC):
         report = self.to_report()
         return "" if report is None else render(report, whole=False)
 
-    @abstractmethod
+    def shown(self, *, whole: bool) -> str:
+        """Return what the command prints, in colours on a terminal; whole : not the summary."""
+        from tdfscal.reporting.text import shown
+
+        report = self.to_report()
+        if report is None:
+            return self.text
+        # Standard error has had them; a numbered report, printed whole, stands for itself.
+        if not report.number or (report.summary and not whole):
+            report = replace(report, warnings=())
+        return shown(report, whole=whole)
+
+    def document(self) -> dict[str, Any]:
+        """Return what is the result's own, as plain JSON values, SI units."""
+        return {}
+
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values, SI units: the object that `--json` prints."""
+        """Return plain JSON values: what was found, and the result's own.
+
+        `--json` prints them behind the command line, `command`.
+        """
+        return {"findings": documents(getattr(self, "findings", ())), **self.document()}
 
     def table(self) -> Mapping[str, Any]:
         """Return the result's main table by column, SI units."""
@@ -101,7 +121,8 @@ class Result(ABC):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the command says on standard error beside the result."""
-        return ()
+        report = self.to_report()
+        return () if report is None else report.warnings
 
     @property
     def exit_status(self) -> int:
