@@ -1,4 +1,4 @@
-"""Write what the program says of itself into the reference, and draw the front page's picture.
+"""Write the schemas, what the program says of itself into the reference, the front page's picture.
 
 `python docs/generate.py`. Between `<!-- generated: NAME -->` and `<!-- end -->` stands what the
 function of that name makes; `angles.png` shows the angles of the sample campaign.
@@ -13,11 +13,17 @@ from pathlib import Path
 from string import Formatter
 from typing import Any, get_args
 
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+
 import tdfscal
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, PRINTED, described, summary
 from tdfscal.commands.options import Described
-from tdfscal.commands.schema import schemas
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.points.reading import PointFile
+from tdfscal.files.rig.model import RigFile
+from tdfscal.files.saving import to_json
 from tdfscal.findings import Severity
 
 HERE = Path(__file__).parent
@@ -26,7 +32,32 @@ PAGE = Path(__file__).with_name("reference.md")
 _SEVERAL = 3
 #: Words of a finding in the list of all.
 _GLOSS = 7
+_MODELS: dict[str, tuple[type[BaseModel], str]] = {
+    "rig": (RigFile, "tdfscal rig file (rig.yaml)"),
+    "calibration": (Calibration, "tdfscal calibration file, and what `calibrate --json` prints"),
+    "points": (PointFile, "tdfscal point file"),
+}
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+class _WithoutTitles(GenerateJsonSchema):
+    """A field's generated title only repeats its key."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    """Return the JSON Schema of each file format by its file name."""
+    return {
+        f"{name}.schema.json": {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "$id": f"urn:tdfscal:schema:{name}:1",
+            **model.model_json_schema(schema_generator=_WithoutTitles),
+            "title": title,
+        }
+        for name, (model, title) in _MODELS.items()
+    }
 
 
 def commands() -> Iterator[str]:
@@ -189,5 +220,7 @@ def picture(path: Path) -> None:
 
 
 if __name__ == "__main__":
+    for file, schema in schemas().items():
+        (HERE.parent / "schemas" / file).write_text(to_json(schema), encoding="utf-8")
     picture(HERE / "angles.png")
     PAGE.write_text(generated(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

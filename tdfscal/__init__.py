@@ -13,7 +13,6 @@ True
 
 __version__ = "1.0.0"
 
-# Nothing is imported here: an interruption amid it could not be said in a line (`cli.main`).
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -46,7 +45,6 @@ __all__ = [
     "register",
     "report",
     "save_calibration",
-    "schema",
     "simulate",
     "update",
     "validate",
@@ -68,9 +66,6 @@ def __dir__() -> list[str]:
 
 
 def _main() -> None:
-    # The command's entry: an interruption is heard as soon as anything else is looked for.
-    try:
-        from tdfscal.cli import main
-    except KeyboardInterrupt:
-        raise SystemExit(130) from None
-    main(last=True)
+    from tdfscal.cli import main
+
+    main()

@@ -22,7 +22,6 @@ from tdfscal.commands.monitor import monitor as monitor
 from tdfscal.commands.plan import plan as plan
 from tdfscal.commands.register import register as register
 from tdfscal.commands.report import report as report
-from tdfscal.commands.schema import schema as schema
 from tdfscal.commands.simulate import simulate as simulate
 from tdfscal.commands.update import update as update
 from tdfscal.commands.validate import validate as validate

@@ -66,7 +66,9 @@ class TdfscalError(Exception):
             where, hint = where or place or None, hint or advice or None
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
         self.fields, self.findings = tuple(fields), findings
-        self._compose()
+        place = f"{where}: " if where else ""
+        advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
+        super().__init__(visible(f"{place}{what}.{advice}"))
 
     @property
     def finding(self) -> Finding:
@@ -74,18 +76,6 @@ class TdfscalError(Exception):
         return self._finding or Finding(
             self.code, values={"what": self.what, "hint": self.hint or ""}
         )
-
-    def _compose(self) -> None:
-        place = f"{self.where}: " if self.where else ""
-        advice = f" {self.hint[0].upper()}{self.hint[1:]}." if self.hint else ""
-        self.args = (visible(f"{place}{self.what}.{advice}"),)
-
-    def reword(self, change: Callable[[str], str]) -> None:
-        """Change its words, but for a place that is a file."""
-        self.what, self.hint = change(self.what), self.hint and change(self.hint)
-        if self.where and self.where.startswith("-"):
-            self.where = change(self.where).replace("`", "")
-        self._compose()
 
     def restated(
         self,

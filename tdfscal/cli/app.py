@@ -15,7 +15,7 @@ import typer.core
 import typer.main
 
 from tdfscal import __version__, memory
-from tdfscal.cli.process import ended, failed, perform
+from tdfscal.cli.process import ended, failed, leave_stdout, perform
 from tdfscal.errors import TdfscalError, UsageError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PURPOSES = {
     "Calibrate": ("calibrate", "info", "init", "register", "report", "update"),
     "Check": ("compare", "monitor", "validate"),
-    "Put to work": ("apply", "capability", "export", "schema"),
+    "Put to work": ("apply", "capability", "export"),
     "Plan and try": ("plan", "simulate"),
 }
 COMMANDS = tuple(sorted(name for names in PURPOSES.values() for name in names))
@@ -40,6 +40,11 @@ PRINTED = {
 _HELP = {"help_option_names": ["-h", "--help"]}
 #: What typer raises for a faulty command line, whichever click it carries.
 _MISUSE: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+#: What typer makes of an interruption.
+_INTERRUPTED = 130
+
 
 class Commands(typer.core.TyperGroup):
     """The commands by purpose, each loaded at its first use."""
@@ -170,14 +175,20 @@ def run() -> int:
                 "an argument is empty",
                 hint="name the file or folder; a variable of the shell may not be set",
             )
-        return typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
+        status = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         # What else it says of too little memory was judged without a look at that.
         return failed(memory.shortage() if memory.is_short(error) else error)
     except _MISUSE as error:
         return ended(2, UsageError.code, _mistake(error))
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+    except SystemExit as end:
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
+        leave_stdout()  # nobody reads the help
+        return 0
+    if status == _INTERRUPTED:
+        raise KeyboardInterrupt
+    return int(status)
 
 
 def _mistake(error: Any) -> str:
@@ -185,7 +196,7 @@ def _mistake(error: Any) -> str:
     said = str(error.format_message())
     if said.startswith("Usage:"):
         return f"no command is given\n\n{said}"
-    said = " ".join(said.split()).rstrip(".")
+    said = " ".join(said.split()).rstrip(".?")
     # An option without its value is found before there is a context.
     named = [word for word in sys.argv[1:2] if word in COMMANDS]
     path = getattr(getattr(error, "ctx", None), "command_path", " ".join(["tdfscal", *named]))

@@ -200,7 +200,11 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose")
     carried = _carried(asked, command.carries, json=json)
-    places = {p: asked[p.name] for p in command.parameters if p.option.writes is not None and p.name in asked}
+    places = {
+        p: asked[p.name]
+        for p in command.parameters
+        if p.option.writes is not None and p.name in asked
+    }
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, told_of
+from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, one, triple, window
 from tdfscal.commands.calibration_in_use import InUse, WrenchPass, take, zeros_since
@@ -57,21 +57,22 @@ class ApplyResult(Result):
     """
 
     summary: dict[str, Any]
+    findings: tuple[Finding, ...]
     output: Path | None
     columns: dict[str, FloatArray] | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found of calibration and log: the text does not repeat it."""
-        return tuple(told_of(finding) for finding in self.summary["findings"])
+        return tuple(map(told, self.findings))
 
     def to_report(self) -> Report:
         """Return size of the wrench with and without the calibration."""
         return wrench_report(self.summary)
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the summary as plain JSON values."""
-        return dict(self.summary)
+        return self.summary
 
     def to_frame(self) -> pd.DataFrame:
         """One row per sample: time in s, wrench, `u_` standard uncertainty, `u_cal_` the
@@ -113,7 +114,6 @@ def apply(
         options.written(
             "result: .csv, .parquet or .mcap, written as the log passes",
             *SUFFIXES,
-            python="without it the samples stay in memory",
             holds="",
         ),
     ] = None,
@@ -175,16 +175,16 @@ def apply(
             kept += [columns_of(piece) for piece in numbers_only(wrenches)]
         if not totals.rows:
             raise log.nothing()
-        notes = log.findings()
+        found = (*use.findings, *log.findings())
     columns = None
     if target is None:
         columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
-    summary = summary_of(log, target, totals, notes, moving=moving)
+    summary = summary_of(log, target, totals, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
     summary["zeros"] = zero_effect(age, moved, summary["end"])
     summary["filter"] = effect
-    return ApplyResult(summary, target, columns)
+    return ApplyResult(summary, found, target, columns)
 
 
 @dataclass(slots=True)
@@ -276,7 +276,6 @@ def summary_of(
     log: WrenchPass,
     output: Path | None,
     totals: Totals,
-    notes: Sequence[Finding],
     *,
     moving: bool,
 ) -> dict[str, Any]:
@@ -296,7 +295,6 @@ def summary_of(
         **roots,
         "stops": _stops(totals),
         "largest": dict(zip(("force", "torque"), totals.largest.tolist(), strict=True)),
-        "findings": documents([*log.use.findings, *notes]),
     }
 
 

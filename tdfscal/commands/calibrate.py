@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,8 +11,8 @@ import numpy as np
 
 from tdfscal.acceptance.gate import assess_stated, judge
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, Unasked, listed, window
-from tdfscal.commands.calibration import Calibration, load_calibration
+from tdfscal.commands.arguments import SILENT, PathLike, listed, window
+from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
 from tdfscal.commands.options import Option
@@ -79,13 +78,10 @@ def calibrate(
         if len(groups) > 1:
             from tdfscal.commands.several_campaigns import calibrate_several
 
-            found = calibrate_several(groups, settings)
-            _keep_other_rig(output, found.rig.record())
-            return found
+            return calibrate_several(groups, settings)
         # A joint result has intervals of its own; trials of its parts would be thrown away.
         own = replace(settings, trials=0) if method == "joint" else settings
         log = LogPass(resolve(groups[0], rig), own)
-        _keep_other_rig(output, log.rig, log.campaign)
         if method is None and not log.campaign.logs:
             method, log.messages = "tracker", [*log.campaign.lost_log]
         return _calibrated(log, method or "self", samples, estimator)
@@ -96,28 +92,6 @@ def calibrate(
         _write_attempt(error, log, listed(paths), Path(html))
         look = f"{html} shows what is weak and what the log holds"
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
-
-
-def _keep_other_rig(output: PathLike | None, rig: Rig, campaign: Campaign | None = None) -> None:
-    """Raise UsageError where the file that nobody named would replace another rig's calibration.
-
-    campaign : whose logs have not been looked into; what cannot be read at all is told first.
-    """
-    if not isinstance(output, Unasked) or not Path(output).is_file():
-        return
-    whose = "a file that is no calibration"
-    with suppress(DataError):
-        other = load_calibration(output).rig.record()
-        if (other.name, other.serial, other.supports) == (rig.name, rig.serial, rig.supports):
-            return
-        whose = f"the calibration of {other.name}"
-    if campaign is not None:
-        next(LogPass(campaign, Settings()).pieces(), None)
-    raise UsageError(
-        f"{whose} lies here, and this is one of {rig.name}",
-        where=output,
-        hint=f"name another file with -o, or this one to replace it: -o {output}",
-    )
 
 
 def _check(

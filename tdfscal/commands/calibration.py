@@ -7,10 +7,10 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from tdfscal.commands.result import Result, by_column
-from tdfscal.errors import UsageError
+from tdfscal.errors import UsageError, expect
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -147,13 +147,16 @@ def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibr
 
 
 def sources_of(*given: CalibrationSource | Iterable[CalibrationSource]) -> list[CalibrationSource]:
-    """Return calibrations that are named one by one, or as a list."""
+    """Return calibrations that are named one by one, or as a list. Raises UsageError."""
     found: list[CalibrationSource] = []
     for item in given:
-        if isinstance(item, str | PathLike | CalibrationFile):
-            found.append(item)
+        if isinstance(item, list | tuple):
+            found += sources_of(*item)
         else:
-            found += item
+            expect("files", item, str | PathLike | CalibrationFile, "a calibration or its file")
+            found.append(cast(CalibrationSource, item))
+    if not found:
+        raise UsageError("no file is named", hint="name calibration files")
     return found
 
 

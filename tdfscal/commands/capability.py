@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, told
+from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, listed, triple
 from tdfscal.commands.calibration import Calibration
@@ -71,7 +71,7 @@ class CapabilityResult(Result):
             timed=self.timed,
         )  # fmt: skip
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return thresholds, contacts, shares and findings as plain JSON values."""
         c, asked = self.capability, document(self.request, "false_stops detect filter=cutoff")
         return {
@@ -103,7 +103,6 @@ class CapabilityResult(Result):
                 )
                 for remedy in self.remedies
             ],
-            "findings": documents(self.findings),
         }
 
     def table(self) -> dict[str, list[Any]]:

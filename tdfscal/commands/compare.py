@@ -66,7 +66,7 @@ class CompareResult(Result):
         said = "\n".join(render(comparison_report(pair, said)) for pair, said in each)
         return f"{said}\nAs a page, side by side: tdfscal report A B… --html FILE\n"
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
         for pair, said in zip(self.pairs, self.remarks, strict=True):

@@ -35,7 +35,7 @@ class InfoResult(Result):
         """Description in words."""
         return as_text(self.description)
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the description as plain JSON values."""
         return as_document(self.description)
 

@@ -48,7 +48,7 @@ class InitResult(Result):
         """What keeps the logs from being used, or wants a look."""
         return self.description.problems
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the text, what to confirm, and the numbers behind it."""
         return {
             "yaml": self.yaml,

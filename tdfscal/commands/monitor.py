@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from tdfscal.acceptance.gate import conforming_months
-from tdfscal.catalogue import documents, told
+from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
@@ -75,27 +75,21 @@ class MonitorResult(Result):
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
-            warnings=tuple(map(told, (*rest, *self._overdue))),
+            warnings=tuple(map(told, rest)),
             sections=(*report.sections, origin),
             created=utc(self.making.created),
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
         from tdfscal.reporting.history import history_document
 
         unjudged = bool(rejecting(self.findings))
         content = history_document(self.life, self.alarms, unjudged=unjudged)
-        found = documents((*self.findings, *self._overdue))
-        said = {"rig": self.rig.name, **self.making.document(), **content, "findings": found}
+        said = {"rig": self.rig.name, **self.making.document(), **content}
         for check, (_, source) in zip(said["checks"], self.checks, strict=True):
             check |= source
         return said
-
-    @property
-    def _overdue(self) -> tuple[Finding, ...]:
-        """Sensors whose own certificate has ended."""
-        return overdue(self.rig, self.making.created[:10])
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
@@ -187,13 +181,15 @@ def monitor(
     ordered: list[Earlier | Read] = sorted([*reads, *known], key=lambda one: one.measured.month)
     pooled = pool([read.recorded for read in reads]) if reads else None
     life, noisy = life_of(rig, known, pooled)
+    making = Making(command, tuple(file for read in reads for file in read.inputs))
+    found = (*lost, *papers, *noisy, *_findings(life, checks), *_contact(life, rig, known))
     return MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*lost, *papers, *noisy, *_findings(life, checks), *_contact(life, rig, known)),
+        (*found, *overdue(rig, making.created[:10])),
         tuple(map(_source, ordered)),
-        Making(command, tuple(file for read in reads for file in read.inputs)),
+        making,
     )
 
 

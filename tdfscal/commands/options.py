@@ -23,6 +23,7 @@ from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
 from tdfscal.errors import UsageError, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
+from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
 from tdfscal.memory import is_short
 
@@ -210,7 +211,7 @@ def _write_files(
             continue
         if holds == "html":
             values["progress"].stage("drawing the report")
-        result.write(arguments.as_path(path), holds)
+        result.write(as_path(path), holds)
 
 
 def written(

@@ -78,7 +78,7 @@ class PlanResult(Result):
             return time_table_csv(self.plan, self.command)
         return plan_csv(self.plan, self.command)
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
         return plan_document(self.plan, None if self.output is None else str(self.output))
 

@@ -29,23 +29,30 @@ from tdfscal.trackercal.point_matching import Match
 
 @record(eq=False)
 class RegisterResult(Result):
-    """Best-fit transform reference → measured. registration : it. findings : of the files."""
+    """Best-fit transform reference → measured. of_files : what was found of
+    the files.
+    """
 
     registration: PointRegistration
-    findings: tuple[Finding, ...]
+    of_files: tuple[Finding, ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found of the files and of the fit."""
+        return (*self.of_files, *self.registration.findings)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was found of the files."""
-        return tuple(map(told, self.findings))
+        """What was found of the files: the text has what the fit says."""
+        return tuple(map(told, self.of_files))
 
     def to_report(self) -> Report:
         """Return transform, uncertainty, residuals."""
         return registration_report(self.registration)
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return plain JSON values; m and rad."""
-        return registration_document(self.registration, self.findings)
+        return registration_document(self.registration)
 
     def table(self) -> dict[str, Any]:
         """One row per point: its residual x, y, z and their length, in m."""

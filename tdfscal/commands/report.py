@@ -38,7 +38,7 @@ class ReportResult(Result):
             return several_report(put_side_by_side(self.named), drawings)
         return replace(calibration_report(self.named[0][1], drawings), summary=())
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the content of all files, and how several compare, as JSON values."""
         several = len(self.named) > 1
         return {

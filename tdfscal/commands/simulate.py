@@ -38,7 +38,7 @@ class SimulateResult(Result):
         verb = "monitor" if self.run.scenario == "months" else "calibrate"
         return f"wrote {self.folder}: now run  tdfscal {verb} {self.folder}\n"
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return where what was written."""
         return {
             "folder": str(self.folder),

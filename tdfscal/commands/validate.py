@@ -80,7 +80,7 @@ class ValidateResult(Result):
         origin = self.origin if drawings else None
         return validation_report(self.validation, self.remarks, origin, drawings)
 
-    def to_dict(self) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
         return validation_document(self.validation, self.remarks, self.origin)
 

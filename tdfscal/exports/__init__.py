@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tdfscal.exports.formats import ContactThresholds, c_header, csv_table, ros, urdf
+from tdfscal.exports.formats import c_header, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration
 
-FORMATS: dict[str, Callable[[Calibration, str, ContactThresholds | None], str]] = {
-    "urdf": lambda calibration, parent, limits: urdf(calibration, parent),
+FORMATS: dict[str, Callable[[Calibration, str], str]] = {
+    "urdf": urdf,
     "ros": ros,
-    "csv": lambda calibration, parent, limits: csv_table(calibration),
-    "c": lambda calibration, parent, limits: c_header(calibration, limits),
+    "csv": lambda calibration, parent: csv_table(calibration),
+    "c": lambda calibration, parent: c_header(calibration),
 }
-"""Format → writer of (calibration, parent frame, thresholds)."""
-#: Formats that hold thresholds.
-WITH_THRESHOLDS = ("ros", "c")
+"""Format → writer of (calibration, parent frame)."""

@@ -21,7 +21,6 @@ from tdfscal.exports.statements import (
 )
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
-from tdfscal.frozen import record
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 from tdfscal.reporting.traceability import report_digest
 
@@ -69,7 +68,6 @@ static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {zero};
 /* 1 for an axis that is measured, else 0 */
 static const int tdfscal_measured[TDFSCAL_SENSORS][3] = {measured};
 
-{thresholds}
 /* Force of sensor i on the terminal in the BCS, N; reading and force may be one array.
    What an axis bears that is not measured is missing in it, and in every sum of such forces, which
    then seems a contact: its reading is not looked at. */
@@ -90,35 +88,6 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 
 #endif
 """
-
-
-@record
-class ContactThresholds:
-    """What a contact-free wrench stays below but for so many stops an hour, on each axis.
-
-    value : (6,), N and N·m, LCS. about : (3,), m, LCS. false_stops : per hour. path : what they
-    hold for.
-    """
-
-    value: FloatArray
-    about: tuple[float, float, float]
-    false_stops: float
-    path: str
-
-    @property
-    def bounded(self) -> bool:
-        """Every one of them is known."""
-        return bool(np.isfinite(self.value).all())
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What to know of them."""
-        place = ", ".join(f"{x:g}" for x in self.about)
-        return (
-            "Thresholds of the contact wrench, fx, fy, fz, mx, my, mz, N and N·m, LCS, moments "
-            f"about ({place}) m: at most {self.false_stops:g} false stops an hour and axis,",
-            f"{self.path}.",
-        )
 
 
 def frame(name: str, c: Calibration) -> str:
@@ -175,7 +144,7 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
     )
 
 
-def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | None = None) -> str:
+def ros(c: Calibration, parent: str = BCS_FRAME) -> str:
     """Return a parameter file, a `force_torque_sensor_broadcaster` per sensor.
 
     A broadcaster adds its `offset` to what the driver reads, and multiplies the sum: the offset
@@ -220,12 +189,6 @@ def ros(c: Calibration, parent: str = BCS_FRAME, limits: ContactThresholds | Non
         if np.any(driver[i] != 1.0):
             given["multiplier"] = {"force": {axis: factors[axis] for axis in axes}}
         nodes[f"{sensor}_broadcaster"] = {"ros__parameters": given}
-    if limits is not None and limits.bounded:
-        notes += limits.notes
-        force, torque = (
-            dict(zip("xyz", map(float, part), strict=True)) for part in np.split(limits.value, 2)
-        )
-        nodes["contact_thresholds"] = {"ros__parameters": {"force": force, "torque": torque}}
     return "\n".join(f"# {visible(note)}" for note in notes) + "\n" + to_yaml(nodes)
 
 
@@ -266,7 +229,7 @@ def csv_table(c: Calibration) -> str:
     return stream.getvalue()
 
 
-def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
+def c_header(c: Calibration) -> str:
     """Return a C99 and C++ header without dependencies; sensors in the rig file's order.
 
     tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated. An axis
@@ -282,11 +245,6 @@ def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
         "axis that is not known.",
         *(f"{support.name}: {uncertain(support)}" for support in determined(c)),
     ]
-    thresholds = ""
-    if limits is not None and limits.bounded:
-        row = _initialiser(limits.value)
-        thresholds = f"/*\n{_remarks(limits.notes)}\n */\n"
-        thresholds += f"static const double tdfscal_threshold[6] = {row};\n"
     return _HEADER.format(
         notes=_remarks(notes),
         count=len(rotation),
@@ -295,11 +253,10 @@ def c_header(c: Calibration, limits: ContactThresholds | None = None) -> str:
         matrix=_initialiser(np.where(measured[:, None], matrix, 0.0)),
         zero=_initialiser(c.zero),
         measured=re.sub(r"\.0", "", _initialiser(measured.astype(np.float64))),
-        thresholds=thresholds,
     )
 
 
-def _remarks(notes: list[str] | tuple[str, ...]) -> str:
+def _remarks(notes: list[str]) -> str:
     return "\n".join(f" * {c_comment(note)}" for note in notes)
 
 

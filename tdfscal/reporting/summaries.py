@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue import sentence, told
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -334,7 +334,7 @@ def _convention(r: PointRegistration) -> str:
     return f"measured = {'scale · ' * r.scaled}rotation · reference + translation"
 
 
-def registration_document(r: PointRegistration, found: Sequence[Finding] = ()) -> dict[str, Any]:
+def registration_document(r: PointRegistration) -> dict[str, Any]:
     """Return plain JSON values; m and rad."""
     return layout.document(
         r,
@@ -348,5 +348,4 @@ def registration_document(r: PointRegistration, found: Sequence[Finding] = ()) -
         },
         points=layout.each_named(r.names, residual=r.residual),
         rejected=[{"name": p.name, "reason": sentence(p.finding)} for p in r.rejected],
-        findings=documents([*found, *r.findings]),
     )

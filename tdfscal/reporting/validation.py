@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ResidualWrench
@@ -29,7 +29,6 @@ from tdfscal.reporting.traceability import (
 from tdfscal.reporting.validation_claim import (
     Tested,
     change,
-    changes,
     chi2_test,
     extent,
     lengths,
@@ -141,7 +140,6 @@ def validation_document(
             "power": DETECTION_POWER,
             "supports": layout.each_named(v.rig.supports, **dict(turns)),
         },
-        findings=documents([*changes(v), *findings]),
         **(origin.document() if origin is not None else {}),
     )
 

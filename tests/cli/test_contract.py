@@ -36,11 +36,6 @@ def messages(seen: Run) -> list[str]:
     return [x for x in lines if not PROGRESS.fullmatch(x) and not x.startswith('{"error"')]
 
 
-def bare(text: str) -> str:
-    """A text whose options are written as on no side."""
-    return text.rstrip(".").replace("`", "").replace("--", "").replace("_", "-")
-
-
 @each("name", app.COMMANDS)
 def test_every_command_is_seen_to_succeed_and_to_be_misused(name: str) -> None:
     assert {0, 2} <= {case.status for case in [*CASES, *MISTAKES] if case.command == name}
@@ -64,15 +59,12 @@ def test_status_and_streams(case: Case, home: Path, cli: Cli) -> None:
         (line,) = said
         assert line.endswith(".")
         assert case.said.lower() in line.lower()
-        assert not re.search(r"Value error|Input should", line)
         if case in CASES:
             with pytest.raises(RAISED[case.status]) as caught:
                 called(case.line)
             assert isinstance(caught.value, TdfscalError)
             assert caught.value.finding.code in CATALOGUE
-            told, _, _ = line.partition("; left as it was: ")  # by the command line alone
-            assert bare(told) == bare(f"tdfscal: {caught.value}")
-            assert "--" not in str(caught.value)
+            assert line == f"tdfscal: {caught.value}"
         return
     assert all(line.startswith("tdfscal: ") for line in said)
     if case.command == "export" and case.status == 1:
@@ -112,6 +104,7 @@ def test_version(cli: Cli) -> None:
     ("fault", "status", "said"),
     [
         (KeyboardInterrupt(), 130, "interrupted"),
+        (MemoryError(), 2, "memory does not suffice"),
         (RuntimeError("odd"), 70, "internal error, RuntimeError: odd"),
         (OSError(28, "No space left on device", "c.yaml"), 2, "c.yaml: cannot be read or written"),
     ],

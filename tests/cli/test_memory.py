@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import subprocess
 import sys
@@ -10,33 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tdfscal.errors import DataError, MemoryShortError
+from tdfscal.errors import MemoryShortError
 from tdfscal.logs.log_file import damage
-from tests.cli.running import Cli
-
-
-def wrapped(fault: Exception) -> DataError:
-    try:
-        try:
-            raise fault
-        except Exception as cause:
-            raise DataError("the file is damaged") from cause
-    except DataError as error:
-        return error
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [MemoryError(), OSError(errno.ENOMEM, "Cannot allocate memory"), wrapped(MemoryError())],
-    ids=repr,
-)
-def test_faults_of_memory(fault: Exception, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*arguments: object) -> None:
-        raise fault
-
-    monkeypatch.setattr("tdfscal.commands.report.read_sources", fail)
-    seen = cli("report", "own.yaml", ends=2)
-    assert "memory does not suffice" in seen.err
 
 
 def test_a_file_is_not_to_blame(tmp_path: Path) -> None:

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from scipy.special import ndtri
 
 import tdfscal
 from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.commands.capability import CapabilityResult
-from tdfscal.errors import RejectedError
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Rig
@@ -163,10 +161,6 @@ def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     # It has no samples, and without their noise nothing is a threshold of a machine.
     assert "NO THRESHOLDS FOR A MACHINE" in found.text
     assert found.to_dict()["for_machine"] is False
-    with pytest.raises(RejectedError, match="no thresholds for a machine: a plan has no samples"):
-        tdfscal.export(places.calibration, "c", capability=found)
-    forced = tdfscal.export(places.calibration, "c", capability=found, allow_rejected=True)
-    assert "WITHOUT the noise of samples" in forced.content
 
 
 @pytest.mark.parametrize(
@@ -216,42 +210,6 @@ def test_a_covariance_in_part_is_said(places: Places) -> None:
     assert np.all(
         found.capability.calibration_std >= 0.99 * places.plain.capability.calibration_std
     )
-
-
-def test_exports_hold_the_thresholds_of_a_path(places: Places) -> None:
-    found = places.plain
-    header = tdfscal.export(places.calibration, "c", capability=found).content
-    row = header.split("tdfscal_threshold[6] = {")[1].split("}")[0]
-    assert [float(v) for v in row.split(",")] == found.capability.threshold.tolist()
-    document = yaml.safe_load(tdfscal.export(places.calibration, "ros", capability=found).content)
-    told = document["contact_thresholds"]["ros__parameters"]
-    assert [*told["force"].values(), *told["torque"].values()] == pytest.approx(
-        found.capability.threshold
-    )
-
-
-def test_exports_hold_what_a_file_says_of_a_path(places: Places, cli: Cli, tmp_path: Path) -> None:
-    status, found = asked(cli, places.calibration, places.free, "--filter", "10")
-    assert status == 0
-    file = tmp_path / "capability.json"
-    file.write_text(json.dumps(found))
-    seen = cli("export", places.calibration, "--to", "c", "--capability", file)
-    row = seen.out.split("tdfscal_threshold[6] = {")[1].split("}")[0]
-    assert [float(v) for v in row.split(",")] == [axis["threshold"] for axis in found["axes"]]
-    # Of a path that was rejected only on request.
-    bad = {**found, "findings": [{"code": "a", "severity": "rejects", "text": "it was in contact"}]}
-    file.write_text(json.dumps(bad))
-    line = ("export", places.calibration, "--to", "c", "--capability", file)
-    seen = cli(*line, ends=1)
-    assert "tdfscal_threshold" in cli(*line, "--allow-rejected").out
-    # Without a path there are none: those of the calibration alone would stop the machine.
-    assert "tdfscal_threshold" not in cli("export", places.calibration, "--to", "c").out
-    wrongs: list[Any] = [{**found, "calibration_created": "2020-01-01T00:00:00Z"}, {"axes": 3}, []]
-    for wrong in wrongs:
-        file.write_text(json.dumps(wrong))
-        seen = cli("export", places.calibration, "--to", "c", "--capability", file, ends=3)
-        assert not seen.out
-        assert str(file) in seen.err
 
 
 def test_moves_that_shake_beyond_the_threshold_reject_the_path(

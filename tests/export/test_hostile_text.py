@@ -141,12 +141,12 @@ def unescaped(text: str) -> str:
 @EACH
 def test_exports(line: str, wild: str) -> None:
     c = poisoned(line, wild)
-    robot = FORMATS["urdf"](c, "base", None)
+    robot = FORMATS["urdf"](c, "base")
     assert f"rig {line}" in unescaped(comments(robot))
     assert ET.fromstring(robot).get("name") == "_".join(xml(f"rig {line}").split())
-    assert f"rig {line}" in unescaped(FORMATS["ros"](c, "base", None).splitlines()[0])
-    assert len(yaml.safe_load(FORMATS["ros"](c, "base", None))) == 3
-    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](c, "base", None))))
+    assert f"rig {line}" in unescaped(FORMATS["ros"](c, "base").splitlines()[0])
+    assert len(yaml.safe_load(FORMATS["ros"](c, "base"))) == 3
+    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](c, "base"))))
     assert [row["sensor"] for row in rows] == list(c.support_names)
 
 
@@ -163,7 +163,7 @@ def test_c_headers_compile_and_name_the_rig(tmp_path: Path) -> None:
     flags = ["-std=c99", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function"]
     names = []
     for k, line in enumerate(LINES):
-        text = FORMATS["c"](poisoned(line, "x"), "base", None)
+        text = FORMATS["c"](poisoned(line, "x"), "base")
         assert f"rig {line}" in unescaped(text.splitlines()[1])
         no_controls(text)
         (tmp_path / f"{k}.c").write_text(text, encoding="utf-8")

@@ -38,4 +38,4 @@ def test_a_file_of_1_0_is_read(path: Path) -> None:
     used = calibrated(file)
     assert float(used.state.mass) == pytest.approx(content["terminal"]["mass"]["value"], rel=1e-12)
     for written in FORMATS.values():
-        assert written(file, "bcs", None)
+        assert written(file, "bcs")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tdfscal.catalogue import documents
 from tdfscal.numerics.distributions import coverage_factor, p_text
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
@@ -33,7 +34,8 @@ def validation(turn: float, trial: int = 0, known: KnownNoise = AS_STATED) -> Va
 
 
 def written(v: Validation) -> tuple[dict[str, Any], str]:
-    return validation_document(v, ()), " ".join(render(validation_report(v, ())).split())
+    document = {**validation_document(v, ()), "findings": documents(changes(v))}
+    return document, " ".join(render(validation_report(v, ())).split())
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.5e-3, 2e-3, 8e-3])
