@@ -52,9 +52,6 @@ campaign-misdated warns
   -> correct the one that is wrong
 log-window notes
   the log is used {window} only
-messages-lost warns
-  {file}: {number:.0f} messages are there where {metadata} states {recorded}: the
-  recorder has lost some
 recordings-unlisted warns
   {file}: the folder also holds {files}, which {metadata} does not list and which is
   not read; `ros2 bag reindex` lists it

@@ -17,15 +17,8 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import (
-    NOWHERE,
-    check_regular,
-    check_text,
-    entries_of,
-    owns,
-    read_bag,
-    refuse_unfinished,
-)
+from tdfscal.logs.formats import NOWHERE, check_regular, check_text, owns
+from tdfscal.logs.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.records import LogMapping
 
 #: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.

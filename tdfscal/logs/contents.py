@@ -114,24 +114,6 @@ class Contents:
         return [] if self.by_topic else sorted(name for name, times in names.items() if times > 1)
 
     @property
-    def filled(self) -> frozenset[str]:
-        """Fields in which a number was seen, named as a mapping names them."""
-        plain = {
-            f"{stream.name}.{f.name}" if self.by_topic else f.name
-            for stream in self.streams
-            for f in stream.fields
-            if f.low is not None
-        }
-        members = {
-            f"{v.fields[0]}.{axis}"
-            for v in self.vectors
-            if len(v.fields) == 1
-            for axis, column in zip("xyz", v.value.T, strict=True)
-            if np.isfinite(column).any()
-        }
-        return frozenset(plain | members)
-
-    @property
     def by_topic(self) -> bool:
         """Whether it holds messages by topic, not rows of a table."""
         return self.format in ("mcap", "bag")

@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.files.units import by_scale, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import Column, Contents, Vector
-from tdfscal.logs.messages.encodings import topic_of
+from tdfscal.logs.messages.paths import topic_of
 from tdfscal.logs.plausible_units import (
     Proposal,
     distances,

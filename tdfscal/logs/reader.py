@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from functools import partial
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,10 @@ import numpy as np
 from tdfscal.catalogue.entry import by_wall_clock, when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.hashing import fingerprint, note_outside
+from tdfscal.files.hashing import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.logs.formats import METADATA, expand, files_of, open_log
+from tdfscal.logs.formats import expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
 from tdfscal.logs.request import Request, make_request, with_cure
 from tdfscal.logs.streams import Streams, as_log
@@ -24,8 +23,6 @@ from tdfscal.records import BoolArray, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 
-#: Bytes of a file that no other one has.
-_PIECE = 2048
 #: Mappings of one recorder, of several, or of the default names.
 Recorders = LogMapping | Sequence[LogMapping] | None
 
@@ -87,7 +84,7 @@ def iter_log(
         groups = files_by_recorder(paths, mappings)
     elif mappings:
         groups = [(mappings[0], paths)]
-    sizes = [path.stat().st_size for _, own in groups for path, _ in files_of(own)]
+    sizes = [path.stat().st_size for _, own in groups for path in files_of(own)]
     total = max(sum(sizes), 1) * (1 if len(groups) == 1 else 2)  # several are read twice
     before = 0
 
@@ -135,11 +132,10 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
     """Read the files of one recorder, one after the other; told : how far."""
     reached = np.full(len(request.signals), -np.inf)
     row = 0
-    bags = dict(files_of(given))
+    bags = files_of(given)
     for path in _in_sequence([*bags], request) if len(bags) > 1 else bags:
-        bag = bags[path]
         streams = Streams(request, reached, row)
-        file = open_log(path, bag)
+        file = open_log(path, bags[path])
         pending = as_log((), request)
         with fingerprint(path) as described, closing(ahead(file.pieces(request))) as pieces:
             try:
@@ -151,17 +147,9 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
                     pending = as_log(ascending, request)
                 said = streams.findings(file)
             except DataError as error:
-                for other in bags:
-                    if other != path and _holds(other, path):
-                        copy = f"{error.what}; rows of it stand in {other}: it is a copy of it"
-                        raise error.restated(what=copy, where=str(path)) from error
-                seen: Set[str] = frozenset()
-                with suppress(DataError):  # of a damaged file nothing is known
-                    seen = open_log(path, bag).contents().filled if error.fields else seen
                 with placed(path):
-                    raise with_cure(error, request, seen) from error
-            note = None if bag is None else note_outside(path, bag.folder, METADATA)
-            entry = described(file.integrity, note)
+                    raise with_cure(error, request) from error
+            entry = described(file.integrity, None)
         reached = streams.last
         row += int(streams.count[0])
         told(0, entry.bytes)
@@ -169,18 +157,6 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
             said = [streams.truncated(file), *said]
         findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
         yield replace(pending, inputs=(entry,), findings=findings)
-
-
-def _holds(other: Path, path: Path) -> bool:
-    """Whether the middle of a file stands in another one."""
-    size = path.stat().st_size
-    with path.open("rb") as file, other.open("rb") as beside:
-        file.seek(size // 2)
-        piece = file.read(_PIECE)
-        if len(piece) < _PIECE or other.stat().st_size < _PIECE:
-            return False
-        with mmap(beside.fileno(), 0, access=ACCESS_READ) as whole:
-            return whole.find(piece) >= 0
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:

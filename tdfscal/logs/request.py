@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -188,26 +188,15 @@ def _nearest(name: str, names: list[str]) -> list[str]:
     return elements or difflib.get_close_matches(name, names)
 
 
-def with_cure(error: DataError, request: Request, filled: Set[str]) -> DataError:
-    """The error, where it names fields, with what to do about them: is it a hole, or a whole axis?
-
-    filled : fields in which the file has numbers elsewhere.
-    """
-    lacking = []
+def with_cure(error: DataError, request: Request) -> DataError:
+    """The error, where it names fields, with what to do where no sensor measures them."""
     for signal in request.signals:
         whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
-        if gone := {name for name in signal.own if whole or name in error.fields}:
-            lacking.append((signal, gone))
-    if any(gone & filled for _, gone in lacking):
-        line = "mend what stands there, or leave out that row or message"
-    elif lacking and all(signal.quantity == "force" for signal, _ in lacking):
-        signal, gone = lacking[0]
-        each = zip("xyz", signal.components, signal.measured, strict=True)
-        left = [axis for axis, name, there in each if there and name not in gone]
-        line = (
-            f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
-            f"{signal.support} in rig.yaml"
-        )
-    else:
-        return error
-    return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)
+        gone = {name for name in signal.own if whole or name in error.fields}
+        if gone and signal.quantity == "force":
+            each = zip("xyz", signal.components, signal.measured, strict=True)
+            left = [axis for axis, name, there in each if there and name not in gone]
+            line = f"`axes: [{', '.join(left)}]` for {signal.support} in rig.yaml"
+            cure = f"where the sensor does not measure it, write {line}"
+            return error.restated(hint=f"{error.hint}; {cure}" if error.hint else cure)
+    return error

@@ -14,7 +14,9 @@ from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import Encoding, Leaf, Named, Read, path_text
+from tdfscal.logs.messages.json_messages import Json
+from tdfscal.logs.messages.paths import Leaf, Named, Read, path_text
+from tdfscal.logs.messages.ros import Ros
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
@@ -61,7 +63,7 @@ class TopicLook:
         except UNREADABLE as error:
             self.problem = reason(error)
 
-    def _by_name(self, encoding: Encoding, first: Messages) -> list[Leaf]:
+    def _by_name(self, encoding: Json | Ros, first: Messages) -> list[Leaf]:
         """Elements of lists whose names differ in x, y, z only, as in JointState."""
         names = [name for name in self._joints if _BY_NAME.fullmatch(name)]
         found: list[Leaf] = []

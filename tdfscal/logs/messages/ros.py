@@ -14,15 +14,15 @@ from rosbags.typesys.base import TypesysError
 
 from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
-from tdfscal.logs.messages.encodings import (
+from tdfscal.logs.messages.paths import (
     MAX_DEPTH,
-    Encoding,
     Leaf,
     Named,
     Path,
     Read,
     has_axes,
     path_text,
+    struct_leaf,
 )
 from tdfscal.records import FloatArray
 
@@ -31,7 +31,7 @@ _SHOWN: Final = 12
 _LONGEST: Final = 1 << 18  # characters of a definition
 
 
-class Ros(Encoding):
+class Ros:
     """Messages of a type by its definition; encoding : cdr or ros1."""
 
     def __init__(self, schema: Schema, encoding: str) -> None:
@@ -49,7 +49,7 @@ class Ros(Encoding):
     def _leaves(self, name: str, path: Path, depth: int) -> Iterator[Leaf]:
         members = dict(self._types.get(name, ()))
         if has_axes(members.keys()):
-            yield Leaf.struct(path, name)
+            yield struct_leaf(path, name)
             return
         if not members or depth == MAX_DEPTH:
             yield Leaf(path, name)
@@ -69,7 +69,10 @@ class Ros(Encoding):
         return element_names(self._types, self._name, first, self._encoding)
 
     def checked(self, path: Path) -> Path:
-        """As `Encoding.checked`; a name that follows a list is that of one of its elements."""
+        """The path as the messages have it: a name that follows a list is that of an element.
+
+        Raises ValueError where it leads nowhere.
+        """
         node: Any = (Nodetype.NAME, self._name)
         steps: list[str | int | Named] = []
         for k, step in enumerate(path):
@@ -93,7 +96,11 @@ class Ros(Encoding):
         return tuple(steps)
 
     def reader(self, paths: Sequence[Path], *, stamped: bool) -> Read:
-        """As `Encoding.reader`; NaN for a time with more than 1e9 ns to the second."""
+        """Return what reads (N, number of paths); with `stamped` the header's time, s, comes first.
+
+        That is NaN with more than 1e9 ns to the second. It raises ValueError or struct.error where
+        a message is not of its type or lacks a number.
+        """
         whole = [*_STAMP, *paths] if stamped else paths
         gatherer = Gatherer(self._types, self._name, whole, self._encoding)
         if not stamped:

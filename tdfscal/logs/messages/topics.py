@@ -13,14 +13,9 @@ from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.encodings import (
-    Encoding,
-    Json,
-    Protobuf,
-    parse_steps,
-    topic_of,
-)
-from tdfscal.logs.messages.encodings import Path as MessagePath
+from tdfscal.logs.messages.json_messages import Json
+from tdfscal.logs.messages.paths import Path as MessagePath
+from tdfscal.logs.messages.paths import parse_steps, topic_of
 from tdfscal.logs.messages.ros import Ros
 from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
@@ -31,20 +26,16 @@ UNREADABLE = (ValueError, OverflowError, struct.error)
 """What decoding raises on a message that is not what its type says."""
 
 
-def encoding_of(channel: Channel, schema: Schema | None) -> Encoding:
+def encoding_of(channel: Channel, schema: Schema | None) -> Json | Ros:
     """Return how a channel's messages are read; raises ValueError where they are not."""
     encoding = channel.message_encoding
     if encoding == "json":
         return Json()
-    if encoding not in ("cdr", "ros1", "protobuf"):
-        raise ValueError(
-            f"messages are encoded as {encoding!r}; record ROS messages (cdr, ros1), protobuf or "
-            "json"
-        )
+    if encoding not in ("cdr", "ros1"):
+        what = f"messages are encoded as {encoding!r}"
+        raise ValueError(f"{what}; record ROS messages (cdr, ros1) or json")
     if schema is None:
         raise ValueError("the channel has no schema")
-    if encoding == "protobuf":
-        return Protobuf(schema.name, schema.data)
     return Ros(schema, encoding)
 
 
@@ -199,7 +190,7 @@ class Topics:
         seconds: FloatArray = ticks / 1e9
         return seconds
 
-    def _paths(self, topic: str, encoding: Encoding) -> list[MessagePath]:
+    def _paths(self, topic: str, encoding: Json | Ros) -> list[MessagePath]:
         """Return three paths per signal of the topic; raises ValueError where one leads nowhere."""
         paths: list[MessagePath] = []
         for number in self._signals[topic]:

@@ -52,10 +52,6 @@ def by_hand(folder: Path, **changes: Any) -> Path:
         "relative_file_paths": names,
         "message_count": sum(counts.values()),
         "topics_with_message_count": topics(counts),
-        "files": [
-            {"path": names[0], "message_count": 15 * SPLIT},
-            {"path": names[1], "message_count": 15 * (60 - SPLIT)},
-        ],
     }
     kept = {key: value for key, value in (information | changes).items() if value is not None}
     text = yaml.safe_dump({"rosbag2_bagfile_information": kept})
@@ -80,7 +76,7 @@ def test_by_rosbags_with_another_file_in_place_of_its_own(tmp_path: Path) -> Non
     assert any("59 messages" in problem for problem in describe_logs([folder]).problems)
 
 
-@pytest.mark.parametrize("absent", [None, "files", "topics_with_message_count"])
+@pytest.mark.parametrize("absent", [None, "topics_with_message_count"])
 def test_split_in_two(tmp_path: Path, absent: str | None) -> None:
     changes = {absent: None} if absent else {}
     log = read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
@@ -95,18 +91,6 @@ def test_a_topic_that_is_stated_and_not_there(tmp_path: Path) -> None:
         read_log([folder], MAPPING, SUPPORTS)
 
 
-def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
-    """A recorder that cannot keep pace counts more per file than it writes; topics as written."""
-    files = [{"path": "bag_0.mcap", "message_count": 15 * SPLIT + 7}]
-    log = read_log([by_hand(tmp_path / "bag", files=files)], MAPPING, SUPPORTS)
-    assert_holds(log, TRUTH)
-    (warning,) = in_words(log.findings)
-    assert "540 messages are there where metadata.yaml states 547" in warning
-    folder = by_hand(tmp_path / "other", files=files, topics_with_message_count=None)
-    with pytest.raises(DataError, match=r"540 messages are there .* states 547"):
-        read_log([folder], MAPPING, SUPPORTS)
-
-
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
@@ -118,7 +102,6 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
         ({"relative_file_paths": 3}, "no description of a rosbag2 recording"),
         ({"storage_identifier": None}, "no description of a rosbag2 recording"),
         ({"topics_with_message_count": [{"message_count": 3}]}, "no description"),
-        ({"files": [{"path": "bag_0.mcap", "message_count": "many"}]}, "no description"),
     ],
 )
 def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: str) -> None:

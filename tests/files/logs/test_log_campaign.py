@@ -103,20 +103,6 @@ def test_overlapping_files_are_refused(tmp_path: Path) -> None:
             read(pair)
 
 
-def test_a_copy_of_a_log_or_of_its_part_is_called_one(tmp_path: Path) -> None:
-    first = csv(tmp_path, np.arange(0.0, 900.0), "a.csv")
-    lines = first.read_text().splitlines(keepends=True)
-    part = write(tmp_path / "b.csv", "".join([lines[0], *lines[200:700]]).encode())
-    whole = write(tmp_path / "c.csv", first.read_bytes())
-    other = csv(tmp_path, np.arange(0.3, 900.0), "d.csv")
-    for copy in (part, whole):
-        with pytest.raises(DataError, match="it is a copy of it"):
-            read([first, copy])
-    with pytest.raises(DataError) as refused:
-        read([first, other])
-    assert "copy of it" not in str(refused.value)
-
-
 def test_postures_without_time_count_their_rows(tmp_path: Path) -> None:
     lines = "a.x,a.y,a.z,a.fx,a.fy,a.fz\n1,0,0,0,0,0\n2,0,0,0,0,0\n"
     first = write(tmp_path / "b.csv", lines.encode())

@@ -1,25 +1,18 @@
-"""Header against log time, topics named early, progress, and protobuf messages."""
+"""Header against log time, progress."""
 
 from __future__ import annotations
 
-import io
-import sys
-from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
 
-from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.clock import Clock, apart
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
     SUPPORTS,
-    assert_holds,
     make_truth,
     mcap_bytes,
     point_stamped,
@@ -83,77 +76,6 @@ def test_progress_ascends_to_one(
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert any(0.1 < share < 0.9 for share in told)
-
-
-def protobuf_log(truth_seed: int = 1) -> tuple[bytes, object]:
-    """Positions and forces as protobuf messages with a timestamp."""
-    pytest.importorskip("google.protobuf")
-    descriptor_pb2, descriptor_pool, message_factory = (
-        import_module(f"google.protobuf.{name}")
-        for name in ("descriptor_pb2", "descriptor_pool", "message_factory")
-    )
-    file = descriptor_pb2.FileDescriptorProto(name="rig.proto", package="rig", syntax="proto3")
-    number = descriptor_pb2.FieldDescriptorProto
-    vector = file.message_type.add(name="Vector")
-    for k, axis in enumerate("xyz"):
-        vector.field.add(
-            name=axis, number=k + 1, type=number.TYPE_DOUBLE, label=number.LABEL_OPTIONAL
-        )
-    stamp = file.message_type.add(name="Stamp")
-    for k, (name, kind) in enumerate(
-        (("seconds", number.TYPE_INT64), ("nanos", number.TYPE_INT32))
-    ):
-        stamp.field.add(name=name, number=k + 1, type=kind, label=number.LABEL_OPTIONAL)
-    sample = file.message_type.add(name="Sample")
-    for k, (name, kind) in enumerate((("timestamp", ".rig.Stamp"), ("value", ".rig.Vector"))):
-        sample.field.add(
-            name=name, number=k + 1, type=number.TYPE_MESSAGE, type_name=kind,
-            label=number.LABEL_OPTIONAL,
-        )  # fmt: skip
-    files = descriptor_pb2.FileDescriptorSet(file=[file])
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    make = message_factory.GetMessageClass(pool.FindMessageTypeByName("rig.Sample"))
-    truth = make_truth(30, truth_seed)
-    target = io.BytesIO()
-    writer = Writer(target)
-    writer.start()
-    schema = writer.register_schema("rig.Sample", "protobuf", files.SerializeToString())
-    for i, name in enumerate(SUPPORTS):
-        for topic, times, values in (
-            (f"/{name}/position", truth.time, truth.position[i]),
-            (f"/{name}/force", truth.force_time, truth.force[i]),
-        ):
-            channel = writer.register_channel(topic, "protobuf", schema)
-            for at, (x, y, z) in zip(times, values, strict=True):
-                ns = round(at * 1e6) * 1000
-                message = make(timestamp={"seconds": ns // 10**9, "nanos": ns % 10**9})
-                message.value.x, message.value.y, message.value.z = x, y, z
-                writer.add_message(channel, ns, message.SerializeToString(), ns)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return target.getvalue(), truth
-
-
-PROTOBUF = LogMapping(
-    SUPPORTS,
-    tuple((f"/{s}/position.value",) for s in SUPPORTS),
-    tuple((f"/{s}/force.value",) for s in SUPPORTS),
-)
-
-
-@pytest.mark.parametrize("source", ["log", "header"])
-def test_protobuf_messages(tmp_path: Path, source: str) -> None:
-    content, truth = protobuf_log()
-    mapping = replace(PROTOBUF, time_source="header" if source == "header" else "log")
-    log = read_log([write(tmp_path / "log.mcap", content)], mapping, SUPPORTS)
-    assert_holds(log, truth)  # type: ignore[arg-type]
-
-
-def test_protobuf_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    content, _ = protobuf_log()
-    monkeypatch.setitem(sys.modules, "google.protobuf.descriptor_pb2", None)
-    with pytest.raises(DataError, match=r"/ncp1/.*not installed.*tdfscal\[protobuf\]"):
-        read_log([write(tmp_path / "log.mcap", content)], PROTOBUF, SUPPORTS)
 
 
 def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:

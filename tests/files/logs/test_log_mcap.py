@@ -16,8 +16,8 @@ from rosbags.interfaces import Nodetype
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.encodings import Path as MessagePath
 from tdfscal.logs.messages.mcap import index_offsets, messages_of
+from tdfscal.logs.messages.paths import Path as MessagePath
 from tdfscal.logs.messages.ros import definitions
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
