@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
-from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
+from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
@@ -85,11 +85,9 @@ def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibratio
         raise neither(dwells, error) from error
 
 
-def mean_readings(own: Own) -> Readings:
-    """Mean readings by which the recording behind a calibration is known again."""
-    if isinstance(own, SelfCalibration):
-        return readings(own.rig, own.dwells)
-    return readings_in_motion(own.rig, own.fit.slow)
+def mean_readings(own: Own) -> Readings | None:
+    """Mean readings by which a recording at rest is known again."""
+    return readings(own.rig, own.dwells) if isinstance(own, SelfCalibration) else None
 
 
 def _for_want_of(dwells: Dwells, found: MotionCalibration) -> MotionCalibration:

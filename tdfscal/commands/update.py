@@ -30,7 +30,7 @@ from tdfscal.comparison.shared_data import Readings
 from tdfscal.errors import UsageError
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, of_estimate, stated
-from tdfscal.files.calibration.compared import own_readings, readings_of
+from tdfscal.files.calibration.compared import readings_of
 from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -158,7 +158,7 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
 def _alone(earlier: Earlier) -> CampaignResult:
     """The one campaign of a calibration, as a file with several lists it."""
     file = earlier.file
-    table = own_readings(file)
+    table = file.dwells
     return CampaignResult.model_validate(
         {
             "name": earlier.name,
@@ -307,7 +307,7 @@ def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
 
 
 def _contribution(
-    rig: Rig, own: Own, read: Read, means: Readings, level: float
+    rig: Rig, own: Own, read: Read, means: Readings | None, level: float
 ) -> tuple[Misfit, CampaignResult]:
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None

@@ -16,12 +16,7 @@ from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
-from tdfscal.comparison.shared_data import (
-    Recorded,
-    readings,
-    readings_in_motion,
-    repeated_in,
-)
+from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult, seconds
@@ -179,10 +174,8 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     log.progress.stage("testing the calibration on the motion")
     delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
     found = validate_moving(use.given, slow, delay, rig=rig)
-    c, span = use.calibration, (found.begin, found.begin + found.seconds)
-    again = repeated_in(readings_of(c, rig.supports), readings_in_motion(rig, slow)).any()
-    used = recordings_of(c)
-    own = (f.path for f in log.inputs if again or Recorded(f.sha256, span).meets_any(used))
+    span, used = (found.begin, found.begin + found.seconds), recordings_of(use.calibration)
+    own = (f.path for f in log.inputs if Recorded(f.sha256, span).meets_any(used))
     return replace(found, own=tuple(own))
 
 

@@ -3,35 +3,39 @@
 Noise does not repeat itself: the mean readings of two recordings, even of the same postures, differ
 as their standard errors say or farther. Means that agree better, over many dwells, are of the same
 samples, whatever became of file, clock and digits, and though the dwells' edges moved when a part
-was cut out. A motion has no dwells: its readings are taken where they change least for a moment,
-which they tell themselves, by whatever clock.
+was cut out. All sensors together are asked, and each sensor by itself: its three readings a dwell
+tell as surely, though a channel of another one was edited.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Literal
+from collections.abc import Collection
+from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import gammainc, gammaln
 
 from tdfscal.frozen import record
-from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
 
 #: first, second: the recordings of this one all went into the other too, which has more.
 Relation = Literal["apart", "first", "second", "same", "overlapping"]
-
-
 #: Share of the shorter of two parts that both may hold where one was cut after the other.
 _ABUTTING = 0.01
+#: Factor within which standard errors are known from the scatter of samples.
+_NOISE_KNOWN = 1.2
+#: Share of its variance by which the same mean may have moved in digits and edges, at least.
+_MOVED = 1e-6
+#: Chance of a dwell that agrees as well as those of a recording that is known again.
+_ALONE = 0.01
+#: Dwells that a cut at either end may have left as others.
+_CUT = 2
 
 
 @record
 class Recorded:
-    """A recording that went into an estimate.
+    """A recording that went into an estimate, known by its file.
 
     sha256 : of its bytes. span : begin and end of the part that was used, s in the recording's
     time; None for all of it, or where that is not known.
@@ -54,48 +58,19 @@ class Recorded:
         """Whether some of the same samples are in one of the others."""
         return any(self.meets(other) for other in others)
 
-    def lies_in(self, other: Recorded) -> bool:
-        """Whether all of its samples are in the other too."""
-        if not self.meets(other):
-            return False
-        if self.span is None or other.span is None:
-            return other.span is None or self.span == other.span
-        return other.span[0] <= self.span[0] and self.span[1] <= other.span[1]
+    def lies_in(self, others: Collection[Recorded]) -> bool:
+        """Whether all of its samples are in one of the others too."""
+        return any(self.meets(other) and self._within(other.span) for other in others)
 
-
-def relation(first: Collection[Recorded], second: Collection[Recorded]) -> Relation:
-    """What two estimates have in common.
-
-    Two parts of one recording, one within the other, count as the same: which of their samples
-    were averaged alike is not known.
-    """
-    if not any(a.meets_any(second) for a in first):
-        return "apart"
-    if {a.sha256 for a in first} == {b.sha256 for b in second}:
-        return "same"
-    if all(any(a.lies_in(b) for b in second) for a in first):
-        return "first"
-    if all(any(b.lies_in(a) for a in first) for b in second):
-        return "second"
-    return "overlapping"
-
-
-#: Factor within which standard errors are known from the scatter of samples.
-_NOISE_KNOWN = 1.2
-#: Share of its variance by which the same mean may have moved in digits and edges, at least.
-_MOVED = 1e-6
-#: Chance of a dwell that agrees as well as those of a recording that is known again.
-_ALONE = 0.01
-#: Dwells that a cut at either end may have left as others.
-_CUT = 2
-#: s, half length of a mean in motion; how many a recording has at most; gain of fourth differences
-#: on noise behind the kernel of the slow streams, for noise of the same density.
-_MEAN, _MOMENTS, _FOURTH = 1.0, 200, 17.3**0.5
+    def _within(self, span: tuple[float, float] | None) -> bool:
+        if self.span is None or span is None:
+            return span is None or self.span == span
+        return span[0] <= self.span[0] and self.span[1] <= span[1]
 
 
 @record
 class Readings:
-    """Mean readings of K dwells, or moments of a motion, by which their recording is known again.
+    """Mean readings of K dwells, by which their recording is known again.
 
     force : (K, n, 3), N, sensor frames. noise : (n, 3), N, typical standard error of a mean, by the
     samples' noise alone; 0 where that is not known, or where there is none.
@@ -103,6 +78,14 @@ class Readings:
 
     force: FloatArray
     noise: FloatArray
+
+    def meets(self, other: Readings) -> bool:
+        """Whether some of the same samples are in both."""
+        return bool(repeated(self, other).any() or repeated(other, self).any())
+
+    def lies_in(self, others: Collection[Readings]) -> bool:
+        """Whether all of its samples are in the others too, but for what a cut leaves."""
+        return int(np.sum(~repeated_in(others, self))) <= _CUT
 
 
 def readings(rig: Rig, dwells: Dwells) -> Readings:
@@ -128,21 +111,35 @@ def readings(rig: Rig, dwells: Dwells) -> Readings:
 def repeated(known: Readings, seen: Readings) -> BoolArray:
     """Which of K dwells (K,) hold samples of the known ones, beyond chance.
 
+    By all sensors together, or by any one of them.
+    """
+    found, std = np.zeros(len(seen.force), dtype=np.bool_), np.hypot(known.noise, seen.noise)
+    if not len(found) or not len(known.force):
+        return found
+    chance = REPEATED_BY_CHANCE / (1 + len(std))
+    for which in (slice(None), *range(len(std))):
+        told = std[which] > 0
+        if told.any():
+            one, other = (
+                each.force[:, which][:, told] / std[which][told] for each in (known, seen)
+            )
+            found |= _agreeing(one, other, chance)
+    return found
+
+
+def _agreeing(known: FloatArray, seen: FloatArray, limit: float) -> BoolArray:
+    """Which of K dwells seen (K, c) agree with known ones (L, c), in standard errors, too well.
+
     Of the j dwells that agree best with a known one the squares sum up to less than χ² does by
     chance, for all choices of j of K, and of the known ones within reach. Then any more are among
     them that agree so well by themselves.
     """
     from scipy.spatial import cKDTree  # slow to import, seldom needed
 
-    K, variance = len(seen.force), known.noise**2 + seen.noise**2
-    told = variance > 0
-    dof = np.count_nonzero(told)
-    if not dof or not K or not len(known.force):
-        return np.zeros(K, dtype=np.bool_)
-    std = np.sqrt(variance[told])
-    tree, own = cKDTree(known.force[:, told] / std), seen.force[:, told] / std
-    square = tree.query(own)[0] ** 2 + dof * _MOVED
-    within = np.maximum(tree.query_ball_point(own, np.sqrt(dof), return_length=True), 1)
+    K, dof = seen.shape
+    tree = cKDTree(known)
+    square = tree.query(seen)[0] ** 2 + dof * _MOVED
+    within = np.maximum(tree.query_ball_point(seen, np.sqrt(dof), return_length=True), 1)
     order, j = np.argsort(square, kind="stable"), np.arange(1, K + 1)
     half, total = dof * j / 2, np.cumsum(square[order]) * _NOISE_KNOWN**2 / 2
     choices = gammaln(K + 1) - gammaln(j + 1) - gammaln(K - j + 1)
@@ -152,70 +149,37 @@ def repeated(known: Readings, seen: Readings) -> BoolArray:
     rest = np.log1p(-total / (half + 1))
     chance = half * np.log(total) - total - gammaln(half + 1) - rest + choices
     best = int(np.argmin(chance))
-    if chance[best] >= np.log(REPEATED_BY_CHANCE):
+    if chance[best] >= np.log(limit):
         return np.zeros(K, dtype=np.bool_)
     alone = np.asarray(gammainc(dof / 2, square * _NOISE_KNOWN**2 / 2) * within < _ALONE)
     alone[order[: best + 1]] = True
     return alone
 
 
-def readings_in_motion(rig: Rig, slow: Slow) -> Readings:
-    """Return the mean readings at the moments of a motion at which they change least."""
-    from scipy.interpolate import CubicSpline  # slow to import, seldom needed
-
-    half = max(1, round(_MEAN / slow.step))
-    window = np.sin(np.pi * np.arange(1, 2 * half) / (2 * half)) ** 2
-    window /= window.sum()
-    force = np.where(rig.axes, slow.force, 0.0)
-    speed, found = [np.empty(0)], [np.empty((0, *rig.axes.shape))]
-    gaps = np.flatnonzero(np.diff(slow.time) > 1.5 * slow.step) + 1
-    for whole in np.split(force, gaps):
-        if len(whole) < len(window) + 4:
-            continue
-        step = np.arange(len(whole) - len(window) + 1.0)
-        mean = CubicSpline(step, sliding_window_view(whole, len(window), axis=0) @ window)
-        change = CubicSpline(step, np.sum(mean(step, 1) ** 2, axis=(1, 2)))
-        still = change.derivative().roots(extrapolate=False)
-        still = still[change(still, 2) > 0]
-        found.append(mean(still))
-        speed.append(change(still))
-    least = np.sort(np.argsort(np.concatenate(speed), kind="stable")[:_MOMENTS])
-    noise = np.zeros(rig.axes.shape)
-    if len(least):
-        rough = np.median(np.abs(np.diff(force, 4, axis=0)), axis=0) / (0.6745 * _FOURTH)
-        noise = rough * np.sqrt(window @ window)
-    return Readings(np.concatenate(found)[least], noise)
-
-
-def relation_of_readings(first: Sequence[Readings], second: Sequence[Readings]) -> Relation:
-    """What two estimates have in common by the readings of each one's recordings.
-
-    One whose readings all lie in the other, which has no further recording, counts as the same, as
-    parts of one file do.
-    """
-    met = np.array([[_meet(own, other) for other in second] for own in first])
-    if not met.any():
-        return "apart"
-    alone = not met.any(axis=1).all(), not met.any(axis=0).all()  # a recording of the one or other
-    inside = (
-        not alone[0] and all(_lies_in(one, second) for one in first),
-        not alone[1] and all(_lies_in(one, first) for one in second),
-    )
-    if inside[0] and alone[1]:
-        return "first"
-    if inside[1] and alone[0]:
-        return "second"
-    return "same" if any(inside) else "overlapping"
-
-
-def repeated_in(known: Sequence[Readings], seen: Readings) -> BoolArray:
+def repeated_in(known: Collection[Readings], seen: Readings) -> BoolArray:
     """Which of K dwells (K,) hold samples of any of the known recordings."""
     return np.asarray(np.any([repeated(one, seen) for one in known], axis=0))
 
 
-def _meet(one: Readings, other: Readings) -> bool:
-    return bool(repeated(one, other).any() or repeated(other, one).any())
+Known = TypeVar("Known", Recorded, Readings)
 
 
-def _lies_in(one: Readings, others: Sequence[Readings]) -> bool:
-    return int(np.sum(~repeated_in(others, one))) <= _CUT
+def relation(first: Collection[Known], second: Collection[Known]) -> Relation:
+    """What two estimates have in common, by what each one's recordings are known by.
+
+    One whose recordings all lie in the other's, which has no further one, counts as the same: which
+    of their samples were averaged alike is not known.
+    """
+    met = np.array([[own.meets(other) for other in second] for own in first], dtype=np.bool_)
+    if not met.any():
+        return "apart"
+    more = not met.any(axis=1).all(), not met.any(axis=0).all()  # a recording of the one or other
+    inside = (
+        not more[0] and all(one.lies_in(second) for one in first),
+        not more[1] and all(one.lies_in(first) for one in second),
+    )
+    if inside[0] and more[1]:
+        return "first"
+    if inside[1] and more[0]:
+        return "second"
+    return "same" if any(inside) else "overlapping"

@@ -25,18 +25,14 @@ from tdfscal.comparison.shared_data import (
     Recorded,
     Relation,
     readings,
-    readings_in_motion,
     relation,
-    relation_of_readings,
     repeated,
 )
 from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.motioncal.streams import slow_streams
-from tdfscal.records import Drift, FloatArray, Log, Rig, Rotations, Series
-from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, simulate_campaign
+from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
+from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
 from tdfscal.simulation.campaign import record_means
-from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.postures import set_stage
 from tests.cli.running import run
 from tests.cli.test_life import edited
@@ -162,7 +158,10 @@ def test_the_same_plan_driven_again_is_another_recording(sd: float) -> None:
     assert not any(repeated(*pair).any() for pair in permutations(days, 2))
     for day in days:
         moved = day.force + 0.1 * day.noise * rng.standard_normal(day.force.shape)
-        assert repeated(day, replace(day, force=moved[::-1][:5])).all()
+        copy = replace(day, force=moved[::-1][:5])
+        assert repeated(day, copy).all()
+        copy.force[:, 0, 1] *= 1.1  # an edited channel: the other sensors still tell
+        assert repeated(day, copy).all()
 
 
 def test_parts_cut_out_by_hand_are_known_by_their_readings() -> None:
@@ -180,48 +179,12 @@ def test_parts_cut_out_by_hand_are_known_by_their_readings() -> None:
 
     whole = part(0.0, np.inf)
     begin, end = part(0.0, done.start[8] + 2.0), part(done.start[4] + 1.0, np.inf, digits=1)
-    assert relation_of_readings([whole], [begin]) == relation_of_readings([end], [whole]) == "same"
-    assert relation_of_readings([begin], [end]) == "overlapping"
+    assert relation([whole], [begin]) == relation([end], [whole]) == "same"
+    assert relation([begin], [end]) == "overlapping"
     apart = [part(0.0, done.end[5] + 0.5)], [part(done.end[5], np.inf)]
-    assert relation_of_readings(*apart) == "apart"
+    assert relation(*apart) == "apart"
     coarse = part(0.0, np.inf, digits=-2)  # nothing moves: it would be the same on any day
     assert not repeated(coarse, coarse).any()
-
-
-def test_a_motion_is_known_by_its_slowest_moments() -> None:
-    """Of a part, by another clock, with fewer digits; the same way driven again is another."""
-    options = replace(MOVING["motion"], noise=0.0, slow_noise=0.0)
-    log = simulate_moving(RIG, options, np.random.default_rng(3)).log
-    rng = np.random.default_rng(4)
-
-    def driven() -> Log:
-        shaken = (s.value + 1.75 * rng.standard_normal(s.value.shape) for s in log.force)
-        force = tuple(replace(s, value=v) for s, v in zip(log.force, shaken, strict=True))
-        return replace(log, force=force)
-
-    def part(of: Log, first: float, last: float, digits: int = 9) -> Readings:
-        def cut(one: Series) -> Series:
-            keep = (one.time >= first) & (one.time < last)
-            return Series(one.time[keep] - 0.7 * first, one.value[keep])
-
-        position, force = (tuple(map(cut, streams)) for streams in (of.position, of.force))
-        force = tuple(replace(s, value=s.value.round(digits)) for s in force)
-        log = replace(of, position=position, force=force)
-        return readings_in_motion(RIG, slow_streams([log], RIG.capacity))
-
-    one, again = driven(), driven()
-    whole = part(one, 0.0, np.inf)
-    begin, middle, end = part(one, 0.0, 25.0), part(one, 20.01, 45.0, 2), part(one, 30.013, np.inf)
-    other = part(again, 0.0, np.inf)
-    assert len(whole.force) > 20
-    for some in (begin, middle, end):
-        assert relation_of_readings([whole], [some]) == "same"
-        assert relation_of_readings([some], [whole, other]) == "first"
-        assert relation_of_readings([other, whole], [some]) == "second"
-        assert relation_of_readings([other], [some]) == "apart"
-    assert relation_of_readings([middle], [end]) == "overlapping"
-    assert relation_of_readings([whole, other], [other, whole]) == "same"
-    assert relation_of_readings([begin], [end]) == relation_of_readings([whole], [other]) == "apart"
 
 
 @pytest.fixture(scope="module")
@@ -336,7 +299,9 @@ def test_a_report_judges_by_what_is_common_as_compare_does(
     assert ("NOT SEPARATE RESULTS" in page.read_text()) is not known
 
 
-@pytest.mark.parametrize(("begin", "related"), [(0.0, "same"), (74.0, "apart"), (50.0, "same")])
+@pytest.mark.parametrize(
+    ("begin", "related"), [(0.0, "same"), (74.0, "apart"), (50.0, "overlapping")]
+)
 def test_two_parts_of_a_log_that_abut_share_nothing(begin: float, related: Relation) -> None:
     """A dwell at the cut goes into both, by a sample."""
     first, second = (Recorded("a", span) for span in ((1.0, 74.1), (begin, 168.0)))

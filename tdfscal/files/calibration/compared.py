@@ -16,12 +16,7 @@ from tdfscal.comparison.compatibility import (
     compare_pair,
     in_order_of,
 )
-from tdfscal.comparison.shared_data import (
-    Readings,
-    Recorded,
-    relation,
-    relation_of_readings,
-)
+from tdfscal.comparison.shared_data import Readings, Recorded, relation
 from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value
@@ -64,8 +59,7 @@ def _by_recordings(
     given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
     common = relation(recordings_of(A), recordings_of(B))
     if common == "apart":
-        own = (readings_of(c, order.supports) for c in (A, B))
-        common = relation_of_readings(*own)
+        common = relation(*(readings_of(c, order.supports) for c in (A, B)))
     if common in ("first", "second"):
         return _nested(first, second, 1 if common == "first" else 0, given)
     pair = compare_pair(given[0], given[1])
@@ -153,18 +147,13 @@ def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
     order, zeros = [c.support_names.index(name) for name in supports], np.zeros((len(supports), 3))
     nothing = Readings(np.zeros((0, *zeros.shape)), zeros)
     campaigns = [entry.readings for entry in c.campaigns]
-    tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [own_readings(c)]
+    tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [c.dwells]
     return [
         nothing
         if table is None or table.noise is None
         else Readings(np.array(table.force)[order].swapaxes(0, 1), np.array(table.noise)[order])
         for table in tables
     ]
-
-
-def own_readings(c: Calibration) -> DwellTable | ReadingsTable | None:
-    """Mean readings of a calibration's own recording, the latest of several."""
-    return c.dwells if c.motion is None else c.motion.readings
 
 
 def _span(c: Calibration) -> tuple[float, float] | None:

@@ -127,7 +127,6 @@ def _tables_of_supports(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] |
         (("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high")),
         (("fit",), c.fit, ("channel_noise",)),
         (("dwells",), c.dwells, ("force",)),
-        (("motion", "readings"), c.motion and c.motion.readings, ("force",)),
     ]
     for k, campaign in enumerate(c.campaigns):
         holders.append((("campaigns", k), campaign, ("zero", "zero_std")))

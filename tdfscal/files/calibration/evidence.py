@@ -184,7 +184,7 @@ class TrackerResult(Strict):
 class ReadingsTable(Strict):
     """Mean readings, sensor frames, by which a recording is known again."""
 
-    force: tuple[Vectors, ...] = key("N: per support, of each dwell or slowest moment of a motion")
+    force: tuple[Vectors, ...] = key("N: per support, of each dwell")
     noise: Vectors | None = key("N: per support, a mean's typical standard error by noise", None)
 
     @model_validator(mode="after")
@@ -348,4 +348,3 @@ class MotionResult(Strict):
     halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
     spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
     residual: MotionResidual | None = key("of the wrench, over time", None)
-    readings: ReadingsTable | None = key("by which the recording is known again", None)

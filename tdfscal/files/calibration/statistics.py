@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.shared_data import Readings, readings, readings_in_motion
+from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
 from tdfscal.files.field_types import measured_only
@@ -227,7 +227,6 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
         "halves_p_value": result.halves.p_value,
-        "readings": known_again(readings_in_motion(result.rig, result.fit.slow)),
         "spectrum": _spectrum(result),
         "residual": {
             "time": residual.time,
