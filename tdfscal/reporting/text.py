@@ -1,19 +1,19 @@
-"""A report as plain text, readable without colour and by a screen reader; with colours, framed."""
+"""A report as plain text, readable without colour and by a screen reader."""
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
-from tdfscal.reporting.layout import LISTED, Block, Facts, Report, Table, legible
+from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
+#: A line of text, and how a terminal shows it.
+Line = tuple[str, str]
 WIDTH = 80
+_LISTS = ("Warnings", "What next")
 #: Lines of a terminal; of them those of the files that were written.
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
@@ -22,111 +22,78 @@ _NARROWEST = 8
 
 def render(report: Report, *, whole: bool = True) -> str:
     """Return the report in 80 columns, or fewer on a narrow terminal; else its summary."""
-    report = legible(report)
-    lines = wrapped(f"{report.title}: {report.verdict}" if report.verdict else report.title, "", "")
-    lines += wrapped(report.subtitle, "", "")
-    lines += wrapped(report.claim, "", "")
-    lines += _bullets(report.reasons)
-    for caption, body in _parts(report, len(lines), whole=whole):
-        lines += ["", *caption, *body]
-    return "\n".join(lines) + "\n"
+    return "".join(f"{line}\n" for line, _ in _lines(report, whole=whole))
 
 
 def shown(report: Report, *, whole: bool = True) -> str:
-    """Return the report as standard output shows it; NO_COLOR and TERM=dumb are obeyed."""
+    """Return the same as standard output shows it: on a terminal verdict and captions stand out.
+
+    NO_COLOR and TERM=dumb are obeyed.
+    """
     if not sys.stdout.isatty():
         return render(report, whole=whole)
     from rich.console import Console
+    from rich.text import Text
 
     console = Console(highlight=False, width=width())
     with console.capture() as printed:
-        show_on(console, report, whole=whole)
+        for line, style in _lines(report, whole=whole):
+            console.print(Text(line, style=style), soft_wrap=True)
     return printed.get()
 
 
-def show_on(console: Console, report: Report, *, whole: bool = True) -> None:
-    """Print a report on a console that understands styles: the verdict framed, captions bold."""
-    from rich.panel import Panel
-    from rich.text import Text
-
+def _lines(report: Report, *, whole: bool) -> list[Line]:
+    """Verdict, reasons, blocks, warnings, what next."""
     report = legible(report)
     colour = "red" if not report.accepted else "yellow" if report.provisional else "green"
-    head = Text(report.subtitle)
-    if report.verdict:
-        head = Text.assemble(
-            (f"{report.mark} {report.verdict}", f"bold {colour}"), f"  {report.subtitle}"
-        )
-    if report.claim:
-        head.append(f"\n{report.claim}")
-    for reason in report.reasons:
-        head.append(f"\n- {reason}")
-    frame = Panel(head, title=Text(report.title), title_align="left", border_style=colour)
-    above = console.render_lines(frame, pad=False)
-    console.print(frame)
-    # A prompt's line comes after it.
-    for k, (caption, body) in enumerate(_parts(report, len(above) + 1, whole=whole)):
-        if k and whole:
-            console.print()
-        for line in caption:
-            console.print(Text(line, style="bold"))
-        console.print(Text("\n".join(body)))
-
-
-def _parts(report: Report, above: int, *, whole: bool) -> Iterator[tuple[list[str], list[str]]]:
-    """Captions and lines of a report's blocks, warnings and advice.
-
-    above : lines of what stands before them. In a summary, warnings and advice share what is left
-    of a terminal's lines.
-    """
-    found = [parts(block) for block in report.blocks(whole=whole)]
-    captions, lists = ("Warnings", "What next"), (report.warnings, report.advice)
-    sentences = [[wrapped(f"- {item}") for item in items] for items in lists]
-    counts = [len(items) for items in sentences]
-    if report.summary and not whole:
-        room = LINES - _FILES - above - sum(1 + len(c) + len(b) for c, b in found)
-        counts = _fitting(sentences, room)
-        if not report.accepted:  # and what would mend it is not left out
-            counts[-1] = len(report.advice)
-    yield from found
-    shown, cut, unseen = "-v or --html FILE shows", " … (-v)", list[str]()
-    for caption, items, count in zip(captions, sentences, counts, strict=True):
+    title = f"{report.title}: {report.verdict}" if report.verdict else report.title
+    lines = [(line, f"bold {colour}") for line in wrapped(title, "", "")]
+    for paragraph in (report.subtitle, report.claim):
+        lines += _plain(wrapped(paragraph, "", ""))
+    lines += _plain(line for line in _bullets(report.reasons))
+    for block in report.blocks(whole=whole):
+        lines += _captioned(*parts(block))
+    short = bool(report.summary) and not whole
+    room = LINES - _FILES - len(lines) if short else math.inf
+    kept = _fitting(report, room)
+    for caption, items, count in zip(_LISTS, (report.warnings, report.advice), kept, strict=True):
         if items and not count:
-            hidden = f"{len(items)}; {shown} them"
-            if len(items) == 1:  # its begin says more than that there is one
-                hidden = " ".join(items[0]).strip(" -")
-            unseen = [textwrap.shorten(f"{caption}: {hidden}", width(), placeholder=cut)]
+            lines += _captioned([f"{caption}: {len(items)} (-v or --html FILE shows them)"], [])
         elif items:
-            rest = [f"  … {len(items) - count} more: {shown} all"] if count < len(items) else []
-            if count == len(items) - 1:  # its line says as much as that there is one
-                begun = " ".join(items[count])
-                rest = [f"  {textwrap.shorten(begun, width() - 2, placeholder=cut)}"]
-            above_it, unseen = unseen, []
-            yield [*above_it, caption], [*(line for item in items[:count] for line in item), *rest]
-    if unseen:
-        yield unseen, []
-    if report.number and (whole or not report.summary):
-        yield [f"Report {report.number}"], []
+            more = [f"  … {len(items) - count} more (-v or --html FILE shows them)"]
+            lines += _captioned([caption], _bullets(items[:count]) + more * (count < len(items)))
+    if report.number and not short:
+        lines += _captioned([f"Report {report.number}"], [])
+    return lines
 
 
-def _fitting(lists: Sequence[Sequence[list[str]]], room: int) -> list[int]:
-    """How many sentences of each list fit so many lines: first one of each, the last list first."""
-    counts = [0, *(min(1, len(items)) for items in lists[1:])]
+def _plain(lines: Iterable[str]) -> list[Line]:
+    return [(line, "") for line in lines]
+
+
+def _captioned(caption: Sequence[str], body: Sequence[str]) -> list[Line]:
+    return [("", ""), *((line, "bold") for line in caption), *_plain(body)]
+
+
+def _fitting(report: Report, room: float) -> list[int]:
+    """How many warnings and how much of what next fit into so many lines: warnings give way first.
+
+    What would mend a rejected result is never left out.
+    """
+    lists = [
+        [len(wrapped(f"- {item}")) for item in items] for items in (report.warnings, report.advice)
+    ]
+    kept = [len(items) for items in lists]
+    least = (0, min(1, kept[1]) if report.accepted else kept[1])
 
     def taken() -> int:
-        return sum(
-            1 + (count > 0) + sum(map(len, items[:count])) + (0 < count < len(items))
-            for items, count in zip(lists, counts, strict=True)
-            if items
-        )
+        each = zip(lists, kept, strict=True)
+        return sum(2 + sum(items[:n]) + (0 < n < len(items)) for items, n in each if items)
 
-    for most in (1, LISTED):
-        for k in reversed(range(len(lists))):
-            while counts[k] < min(most, len(lists[k])):
-                counts[k] += 1
-                if taken() > room:
-                    counts[k] -= 1
-                    break
-    return counts
+    for k, floor in ((0, 1), (1, least[1]), (0, 0)):
+        while kept[k] > floor and taken() > room:
+            kept[k] -= 1
+    return kept
 
 
 def width() -> int:
