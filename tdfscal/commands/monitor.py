@@ -36,8 +36,13 @@ from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.history import day
 from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
-from tdfscal.reporting.papers import Making, day_measured, overdue
-from tdfscal.reporting.traceability import calibration_fact, report_digest
+from tdfscal.reporting.traceability import (
+    Making,
+    calibration_fact,
+    day_measured,
+    overdue,
+    report_digest,
+)
 
 #: What a check was: as pages say it, and as plain JSON values.
 Source = tuple[tuple[str, str], dict[str, Any]]

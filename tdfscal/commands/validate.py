@@ -25,7 +25,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.papers import Making, overdue
+from tdfscal.reporting.traceability import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.reporting.validation_claim import changes
 from tdfscal.validation import residual_wrench

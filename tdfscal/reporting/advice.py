@@ -17,6 +17,7 @@ from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
 from tdfscal.planning.recorded_postures import HARDER
 from tdfscal.records import ANGLES
+from tdfscal.reporting.assumptions import STATED_BY, exceeding
 from tdfscal.reporting.headline import (
     SPOILT,
     draft_lines,
@@ -25,7 +26,7 @@ from tdfscal.reporting.headline import (
     source_words,
     within,
 )
-from tdfscal.reporting.traceability import exceeding, not_whole
+from tdfscal.reporting.traceability import not_whole
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
@@ -46,47 +47,15 @@ _CHANGES = {
     "seconds": "with {:.0f} s of such motion",
 }
 #: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
-_BEARABLE = ", if sensors and hinges bear it"
+_BEARABLE = " (if sensors and hinges bear it)"
 #: Lines of a draft that are cited with their values.
 _CITED = 2
-#: Keys that state the uncertainty of what was taken as exact.
-_STATED_BY = {
-    "base level": "gravity.tilt_std",
-    "mass": "terminal.mass.std",
-    "barycentre": "terminal.barycenter.std",
-    "hinge drawing": "uncertainty.hinge",
-    "servo datums": "uncertainty.datum",
-    "gain, crosstalk": "uncertainty.force_sensitivity",
-    "zeros": "zero.std",
-    "delay": "log.delay.std",
-    "body against axes": "tracker.misalignment",
-    "target drawing": "tracker.drawing",
-}
-#: What would lower them in motion, where it is something else.
+#: What would lower a source in motion, where it is something else.
 _IN_MOTION = {
     "noise": "a longer motion, a larger tilt, or a harder squeeze (`tdfscal plan RIG --motion` "
     "finds the best)",
     "positioner": "a harder squeeze, or a faster motion,",
 }
-
-
-def _by_block(lines: Iterable[str]) -> str:
-    """Lines of a draft, each as `key: value (line N)`, by the rig file's block."""
-    blocks: dict[str, list[list[int]]] = {}
-    for line in lines:
-        key, _, number = line.rstrip(")").rpartition(" (line ")
-        spans = blocks.setdefault(re.split("[.:]", key)[0] or line, [])
-        if not (n := int(number) if number.isdecimal() else 0):
-            continue
-        if spans and spans[-1][1] == n - 1:
-            spans[-1][1] = n
-        else:
-            spans.append([n, n])
-    said = {
-        block: ", ".join("–".join(map(str, dict.fromkeys(span))) for span in spans)
-        for block, spans in blocks.items()
-    }
-    return ", ".join(f"{block} ({spans})" if spans else block for block, spans in said.items())
 
 
 def advise(c: Calibration) -> tuple[str, ...]:
@@ -103,43 +72,71 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    advice = [*_of_thedraft_lines(c), *_of_the_exact(c)]
-    advice += [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
-    looks = (*_of_what_is_missing(c), *_of_those_left_out(c))
-    advice += (begun(looked, ".") for looked in looks)
-    new = "new postures" if c.motion is None else "a motion without contact"
-    how = f"tdfscal validate {_file(c)} LOG"
-    if c.command.startswith("tdfscal."):  # as Python names it
-        how = "tdfscal.validate(calibration, log)"
-    advice.append(f"Prove it on {new}, monthly: {how}")
-    better = tuple(_forecasts(c))
-    if better:
-        return (*advice, f"The {within(c)} of now would be {', '.join(better)}.")
-    source, share = _largest_source(c)
-    if share > _NOTABLE and (remedy := _remedy(c, source)):
-        advice.append(begun(remedy, "."))
-    return tuple(advice)
+    return (*_to_confirm(c), *_to_mend(c), _proof(c), *_to_improve(c))
 
 
-def _of_thedraft_lines(c: Calibration) -> Iterator[str]:
-    """To confirm the lines of a draft, the terminal's with their values."""
+def _to_confirm(c: Calibration) -> Iterator[str]:
+    """Lines of a draft; what was taken as exact, where typical errors exceed the headline."""
     if lines := draft_lines(c):
         cited = (*lines[:_CITED], *filter(None, [_by_block(lines[_CITED:])]))
         yield (
             f"Confirm or correct {'; '.join(cited)}, take the mark behind each out, and calibrate "
             "again."
         )
-
-
-def _of_the_exact(c: Calibration) -> Iterator[str]:
-    """To state what was taken as exact, where typical errors exceed the headline's number."""
     if larger := exceeding(c, half_widths(c).max()):
-        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in larger)
+        keys = ", ".join(f"`{STATED_BY[q.name]}`" for q in larger)
         yield f"Measure what is taken as exact, and state in rig.yaml how well it is known: {keys}."
 
 
+def _by_block(lines: Iterable[str]) -> str:
+    """Lines of a draft, each as `key: value (line N)`, counted by the rig file's block."""
+    blocks: dict[str, list[str]] = {}
+    for line in lines:
+        key, _, number = line.rstrip(")").rpartition(" (line ")
+        blocks.setdefault(re.split("[.:]", key)[0] or line, []).append(number)
+    return ", ".join(
+        f"{block} (line{'s' * (len(at) > 1)} {', '.join(at)})" if all(at) else block
+        for block, at in blocks.items()
+    )
+
+
+def _to_mend(c: Calibration) -> Iterator[str]:
+    """What an accepted campaign still has: a suspect, a log cut short, postures that were lost."""
+    yield from (f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1])
+    if found := not_whole(c):
+        names = tuple(name for each in found for name in each.subject)
+        yield begun(cure(Finding(found[0].code, names)), ".")
+    rejected = c.fit.rejected if c.fit is not None else ()
+    if touched := [r for r in rejected if r.code not in SPOILT]:
+        which = f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
+        yield f"Look what touched the terminal at {which}."
+    yield from (begun(said, ".") for said in tuple(_of_the_sensors(rejected))[:1])
+
+
+def _proof(c: Calibration) -> str:
+    """How to check the result, with the name of its file."""
+    new = "new postures" if c.motion is None else "a motion without contact"
+    if c.command.startswith("tdfscal."):  # as Python names it
+        how = "tdfscal.validate(calibration, log)"
+    else:
+        named = re.search(r"(?:-o|--output)[= ]([^ -][^ ]*)", c.command)
+        usual = "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
+        how = f"tdfscal validate {named[1] if named else usual} LOG"
+    return f"Check it on {new}, now and every month: {how}"
+
+
+def _to_improve(c: Calibration) -> Iterator[str]:
+    """What changes of the campaign would make of the headline's number; else the largest source."""
+    if better := tuple(_forecasts(c)):
+        yield f"The {within(c)} would become {', or '.join(better)}."
+        return
+    source, share = _largest_source(c)
+    if share > _NOTABLE and (remedy := _remedy(c, source)):
+        yield begun(remedy, ".")
+
+
 def _forecasts(c: Calibration) -> Iterator[str]:
-    """What changes of the campaign would make of the headline's number, the best first."""
+    """Forecasts of the headline's number, the best first."""
     seen = c.observability
     if seen is None or c.method != "self":
         return
@@ -159,14 +156,6 @@ def _forecasts(c: Calibration) -> Iterator[str]:
 def _bearable(c: Calibration) -> str:
     """What bounds a squeeze, where the rig file does not."""
     return "" if all(support.capacity for support in c.rig.supports) else _BEARABLE
-
-
-def _file(c: Calibration) -> str:
-    """The calibration file's name, as the command that made it gave it."""
-    named = re.search(r"(?:-o|--output)[= ]([^ -][^ ]*)", c.command)
-    if named:
-        return named[1]
-    return "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
 
 
 def _cures(c: Calibration) -> Iterator[str]:
@@ -209,34 +198,19 @@ def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     yield from (f"{told}: {reason}" for told, reason in first.items())
 
 
-def _of_what_is_missing(c: Calibration) -> Iterator[str]:
-    """To fetch the rest of what was cut short, all files at once."""
-    if found := not_whole(c):
-        yield cure(Finding(found[0].code, tuple(name for each in found for name in each.subject)))
-
-
-def _of_those_left_out(c: Calibration) -> Iterator[str]:
-    """What to look at of the postures that an accepted campaign lost."""
-    rejected = c.fit.rejected if c.fit is not None else ()
-    if touched := [r for r in rejected if r.code not in SPOILT]:
-        which = f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
-        yield f"look what touched the terminal at {which}"
-    yield from tuple(_of_the_sensors(rejected))[:1]
-
-
 def _of_what_touched(c: Calibration) -> Iterator[str]:
     """Postures, or stretches of a motion, that something touched."""
     if c.motion is None:
-        touched = [r for r in _many_rejected(c) if r.code not in SPOILT]
-        if touched:
+        if touched := [r for r in _many_rejected(c) if r.code not in SPOILT]:
             yield (
                 f"find what touched the terminal at postures {numbers(touched)} (cables, a hand, "
                 "a stop), free it, and record again"
             )
         return
+    halves = c.found("halves-disagree")
     if c.found("motion-left-out"):
         contact = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
-        if contact and not c.found("halves-disagree"):
+        if contact and not halves:
             yield (
                 "find what touched the terminal in the stretches left out (cables, a hand, a "
                 "stop), and free it; where nothing did, move more slowly, or hold eight or more "
@@ -244,7 +218,7 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
             )
         spoilt = c.found("stretch-frozen", "stretch-standing", "stretch-over-capacity")
         yield from dict.fromkeys(found.cure or "" for found in spoilt)
-    yield from (found.cure or "" for found in c.found("halves-disagree"))
+    yield from (found.cure or "" for found in halves)
 
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:
@@ -269,29 +243,27 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
     """Uncertainties above a limit of the rig file, of an angle or of the contact wrench."""
     std, limit = c.rpy_std[c.determined], c.rig.acceptance.angle_std
     worst = float(std.max())
-    if worst > limit:
-        i, j = np.unravel_index(int(std.argmax()), std.shape)
-        weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
-        if c.method == "tracker":
-            yield f"measure more targets, farther apart, or from nearer: {weakest}"
-        elif c.fit is not None and c.fit.postures:
-            wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
-            harder, seen = _SPARE * worst / limit, c.observability
-            squeeze = f"squeeze the NCPs {harder:.1f} times as hard{_bearable(c)}, or "
-            if not _bearable(c) and (
-                harder > HARDER
-                or seen is None
-                or "squeeze" not in {f.change for f in seen.forecasts}
-            ):
-                squeeze = ""  # it would fill a sensor
-            yield (
-                f"{squeeze}record {wanted} postures like the {c.fit.postures} of now (tdfscal plan "
-                f"chooses them): {weakest}"
-            )
-        else:
-            yield f"squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
-    elif c.found("contact-uncertain"):
-        yield _remedy(c, _largest_source(c)[0]) or _remedy(c, "noise")
+    if worst <= limit:
+        if c.found("contact-uncertain"):
+            yield _remedy(c, _largest_source(c)[0]) or _remedy(c, "noise")
+        return
+    i, j = np.unravel_index(int(std.argmax()), std.shape)
+    weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
+    if c.method == "tracker":
+        yield f"measure more targets, farther apart, or from nearer: {weakest}"
+    elif c.fit is None or not c.fit.postures:
+        yield f"squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
+    else:
+        wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
+        harder, seen = _SPARE * worst / limit, c.observability
+        squeeze = f"squeeze the NCPs {harder:.1f} times as hard{_bearable(c)}, or "
+        foreseen = {f.change for f in seen.forecasts} if seen is not None else set()
+        if not _bearable(c) and (harder > HARDER or "squeeze" not in foreseen):
+            squeeze = ""  # it would fill a sensor
+        yield (
+            f"{squeeze}record {wanted} postures like the {c.fit.postures} of now (tdfscal plan "
+            f"chooses them): {weakest}"
+        )
 
 
 def _remedy(c: Calibration, source: str) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import PurePath
 
-import numpy as np
-
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
@@ -16,19 +14,21 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
+from tdfscal.reporting.assumptions import exact_tables
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.headline import half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
-from tdfscal.reporting.papers import campaign
 from tdfscal.reporting.traceability import (
+    campaign,
     campaign_facts,
-    exact_tables,
     measured_on,
     provenance,
     report_digest,
     warnings,
 )
 from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
+
+_CONVENTION = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
 
 
 def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Report:
@@ -49,11 +49,9 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             *layout.listed("Rejected postures", rejected),
             *layout.listed("Stretches of rest left out", layout.rests(pieces, clock(c))),
         ),
-        "rig": _adjusted(c),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
     digest = report_digest(c)
-    left = tuple(finding.text.partition("; ")[0] for finding in c.found("campaign-left-out"))
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
@@ -63,11 +61,12 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         accepted=c.accepted,
         provisional=c.status == "provisional",
         claim=headline(c) if c.accepted else "",
-        reasons=(*(finding.text for finding in c.reasons), *left),
+        reasons=tuple(f.text for f in (*c.reasons, *c.found("campaign-left-out"))),
         tiles=_tiles(c),
         summary=(_summary(c),),
         sections=(
             *layout.illustrated(drawings, blocks),
+            Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("Lines of the rig file to be confirmed", _draft(c)),
             Section("What is taken as exact", exact_tables(c)),
@@ -88,7 +87,7 @@ def _summary(c: Calibration) -> Table:
         for m, row in zip(c.mounted, half_widths(c), strict=True)
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
-    caption = "Installation angles in the BCS, mrad, 95 %; Rz(yaw)·Ry(pitch)·Rx(roll)"
+    caption = f"Installation angles, mrad, 95 %; {_CONVENTION}"
     return Table(caption, ("sensor", *ANGLES), tuple(rows))
 
 
@@ -100,28 +99,20 @@ def _draft(c: Calibration) -> tuple[Table, ...]:
 
 
 def _angles(c: Calibration) -> Table:
-    """Every angle in mrad; its turn from the nominal mounting where that is not zero."""
-    nominal = {stated.name: stated.nominal_rpy for stated in c.rig.supports}
-    turned = any(map(any, nominal.values()))
-    header = ["sensor", "angle", "value", "turn", "std. unc.", "95 % interval", "dominant source"]
-    rows = []
+    """Every angle in mrad."""
+    rows: list[Row] = []
     for i, m in enumerate(c.mounted):
-        each = zip(ANGLES, m.rpy, m.rpy_std, m.interval.low, m.interval.high, nominal[m.name],
-                   strict=True)  # fmt: skip
-        for j, (angle, value, std, low, high, zero) in enumerate(each):
-            known = low is not None and high is not None  # not where roll and yaw are one turn
-            turn = f"{1e3 * math.remainder(value - zero, math.tau):+.3f}"
-            interval = f"{1e3 * low:.3f} to {1e3 * high:.3f}" if known else "–"
+        each = zip(ANGLES, m.rpy, m.rpy_std, m.interval.low, m.interval.high, strict=True)
+        for j, (angle, value, std, low, high) in enumerate(each):
+            spread, interval = "–", "–"  # where roll and yaw are one turn
+            if std is not None and low is not None and high is not None:
+                spread, interval = f"{1e3 * std:.3f}", f"{1e3 * low:.3f} to {1e3 * high:.3f}"
             source = _dominant(c, 3 * i + j)
-            rows.append([m.name, angle, f"{1e3 * value:.3f}", turn, f"{1e3 * std:.3f}", interval,
-                         source])  # fmt: skip
-    rows += [[name, "undetermined", *[""] * 5] for name in c.undetermined]
-    if not turned:
-        for row in (header, *rows):
-            del row[3]
-    beside = ", and their turn from the nominal mounting" if turned else ""
-    caption = f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
-    return Table(caption, tuple(header), tuple(map(tuple, rows)), left=2)
+            rows.append((m.name, angle, f"{1e3 * value:.3f}", spread, interval, source))
+    rows += [(name, "undetermined", *[""] * 4) for name in c.undetermined]
+    header = ("sensor", "angle", "value", "std. unc.", "95 % interval", "largest source")
+    caption = f"Installation angles in the BCS, mrad; {_CONVENTION}"
+    return Table(caption, header, tuple(rows), left=2)
 
 
 def _dominant(c: Calibration, row: int) -> str:
@@ -166,16 +157,9 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
         (name, f"{value:.3f}", "open" if std is None else f"{std:.3f}")
         for name, value, std in found
     )
-    gains = tuple(
-        (f"{s.name} {axis}", *(f"{value:.5f}" for value in row))
-        for s in c.supports
-        for axis, row in zip("xyz", s.sensitivity or (), strict=False)
-    )
-    sensitivity = Table("Sensitivity, sensor frames", ("sensor", "x", "y", "z"), gains)
     return (
         Table("Zero offsets ± std. unc. (k = 1), N, sensor frames", ("sensor", *"xyz"), zeros),
-        *((sensitivity,) if gains else ()),
-        Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), terminal),
+        Table("Terminal, LCS", ("", "value", "std. unc."), terminal),
     )
 
 
@@ -196,12 +180,12 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     if c.fit is not None:
         birge = c.fit.birge
     if isinstance(birge, float):
-        tiles.append(("scatter against stated", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
+        tiles.append(("residuals against stated", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
     return tuple(tiles)
 
 
 def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """How well the fit agrees with what is stated, and the largest correlation of two angles."""
+    """How well the fit agrees with what is stated."""
     facts = []
     if c.fit is not None:
         f = c.fit
@@ -229,12 +213,6 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     if (m := c.monte_carlo) is not None:
         done = f"{m.trials} trials {m.verdict} the linear 95 % intervals"
     facts.append(("Monte Carlo", done))
-    std = np.sqrt(np.diagonal(np.array(c.covariance.matrix)))
-    if np.all(std > 0):
-        off = np.array(c.covariance.matrix) / np.outer(std, std) - np.eye(len(std))
-        a, b = np.unravel_index(int(np.abs(off).argmax()), off.shape)
-        names = c.covariance.parameters
-        facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
     return tuple(facts)
 
 
@@ -244,7 +222,7 @@ def _scaled(c: Calibration) -> str:
     if c.fit is None or c.fit.birge <= 1 or not of_stops:
         return ""
     scale = f"{c.fit.birge:.2f} (Birge ratio)"
-    return f"; noise, and its part of every uncertainty, is scaled by {scale}"
+    return f"; all noise was therefore scaled up by {scale}"
 
 
 def _coverage(c: Calibration) -> str:

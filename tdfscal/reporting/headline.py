@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.catalogue.entry import upwards
+from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.records import FloatArray
-from tdfscal.reporting.traceability import exact_sentence, expired_sentence, not_whole_sentence
+from tdfscal.reporting.assumptions import assumption_sentences
+from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
 
 #: Postures named at most.
 _NAMED = 8
@@ -21,20 +23,24 @@ SPOILT = {
     "posture-frozen": "a frozen axis",
 }
 #: Sources of the budget in words, and what would lower them.
-_SOURCES = {
+SOURCES = {
     "noise": ("noise", "more postures, or a harder squeeze if the sensors bear it,"),
     "zero": ("the zeros", "a tare just before the campaign"),
-    "positioner": ("the NCPs' repeatability", "a harder squeeze"),
+    "positioner": ("the repeatability of the NCPs", "a harder squeeze"),
     "mass": ("the mass", "weighing the terminal"),
-    "barycentre": ("the barycentre", "more tilt, or a better barycentre,"),
-    "hinge": ("the hinges' places", "measuring the hinge centres"),
+    "barycentre": ("the barycentre", "more tilt, or a better known barycentre,"),
+    "hinge": ("the places of the hinges", "measuring the hinge centres"),
     "datum": ("the servo datums", "measuring the servo datums"),
-    "gravity": ("the base's level", "levelling the BCS"),
-    "sensitivity": ("the sensors' gain", "calibrated gains"),
-    "instrument angles": ("the tracker's angles", "a tracker nearer to the rig"),
-    "instrument range": ("the tracker's range", ""),
-    "noise spectrum": ("the noise's spectrum", "a longer motion"),
-    "undeclared error": ("undeclared error", "declaring or mending what the residuals suspect"),
+    "gravity": ("the level of the base", "levelling the BCS"),
+    "sensitivity": ("the gain of the sensors", "calibrated gains"),
+    "instrument angles": ("the angles of the tracker", "a tracker nearer to the rig"),
+    "instrument range": ("the range of the tracker", ""),
+    "noise spectrum": ("the spectrum of the noise", "a longer motion"),
+    EARLIER: ("the calibration that was updated", ""),
+    "undeclared error": (
+        "an undeclared error that the residuals suspect",
+        "declaring or mending what the residuals suspect",
+    ),
     "motion": (
         "what the motion adds",
         "a slower motion, or an inertia, a friction and a delay that are stated,",
@@ -57,19 +63,19 @@ def within(c: Calibration) -> str:
 
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on."""
-    which = "each by itself" if c.determined.all() else "each that is determined, by itself,"
-    said = f"{which} within {within(c)} (95 %)"
+    which = "each" if c.determined.all() else "each that is determined"
+    said = f"{which} is known to within {within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
-    loaded = f"You may load these angles: {said}."
+    first = f"You may load these angles: {said}."
     if draft := draft_lines(c):
-        loaded = (
-            f"Confirm {len(draft)} lines of the rig file's draft before you load the angles. If "
-            f"they are right, the angles are known, {said}."
+        first = (
+            f"Confirm {len(draft)} lines of the drafted rig file before you load these angles. If "
+            f"the lines are right, {said}."
         )
-    exact = exact_sentence(c, half_widths(c).max())
-    first = (loaded, exact, expired_sentence(c), not_whole_sentence(c), _rests_on(c))
-    return " ".join(filter(None, first))
+    assumed = assumption_sentences(c, half_widths(c).max())
+    sentences = (first, assumed, expired_sentence(c), not_whole_sentence(c), _rests_on(c))
+    return " ".join(filter(None, sentences))
 
 
 def draft_lines(c: Calibration) -> list[str]:
@@ -79,30 +85,32 @@ def draft_lines(c: Calibration) -> list[str]:
 
 
 def _rests_on(c: Calibration) -> str:
-    """How much went in, how it fits, and what limits the least known angle, in a sentence."""
+    """How much went in, how it fits, and what limits the least known angle, in sentences."""
     parts = []
     if c.motion is not None:
         parts.append(f"{c.motion.seconds:.0f} s of motion")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{c.fit.postures} postures{_besides(c.fit.rejected)}")
-    if parts:  # zeros or load take it
-        parts[-1] += " free of contact (a constant one may hide)"
+    contact = bool(parts)
     if c.tracker is not None:
-        alone = " alone, for the rig file's log is not there" if c.found("log-missing") else ""
+        alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.points} points of the tracker{alone}")
-    if c.fit is not None and c.fit.dof:
-        parts.append(f"scatter against stated {c.fit.birge:.2f}")
     parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]
-    limit = ""
-    if c.budget is not None and len(c.budget.sources) > 1:
-        worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
-        share, angle = c.budget.shares[worst], c.budget.angles[worst]
-        source, _ = source_words(c.budget.sources[int(share.argmax())])
-        if not c.history:  # given at once, none before another
-            source = source.replace("earlier campaigns", "the other campaigns")
-        of = f"{share.max():.0%} of {angle.support}'s {angle.angle} variance"
-        limit = f"; limited by {source} ({of})"
-    return f"It rests on {', '.join(parts)}{limit}."
+    said = f"Used: {', '.join(parts)}"
+    if c.fit is not None and c.fit.dof:
+        said += f"; residuals {c.fit.birge:.2f} times as large as stated"
+    if contact:  # zeros or load take it
+        said += " (a constant contact would not show)"
+    if c.budget is None or len(c.budget.sources) < 2:
+        return f"{said}."
+    worst = int(np.argmax(c.rpy_std[c.determined].ravel()))
+    share, angle = c.budget.shares[worst], c.budget.angles[worst]
+    name = c.budget.sources[int(share.argmax())]
+    if name == EARLIER and not c.history:  # given at once: of no campaign in particular
+        return f"{said}."
+    source, _ = source_words(name)
+    of = f"{share.max():.0%} of the variance of {angle.support}'s {angle.angle}"
+    return f"{said}. The largest part of the uncertainty is from {source} ({of})."
 
 
 def _besides(rejected: Sequence[RejectedPosture]) -> str:
@@ -122,4 +130,4 @@ def numbers(rejected: Sequence[RejectedPosture]) -> str:
 
 def source_words(name: str) -> tuple[str, str]:
     """Return what a source of the budget is called, and what would lower it."""
-    return _SOURCES.get(name, (name, ""))
+    return SOURCES.get(name, (name, ""))

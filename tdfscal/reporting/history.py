@@ -20,6 +20,7 @@ from tdfscal.reporting.figures.history import date_of
 from tdfscal.reporting.figures.style import signed
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
+from tdfscal.reporting.traceability import FIXED
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTERVAL
 
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
@@ -152,7 +153,7 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"or {longest} checks show it turned against all before, beyond drift.angle; and whether "
         f"all together depart. All tests of a check share its level, {life.level[-1]:.2g} of the "
         f"last, so that an unchanged rig raises at most {life.rate:.2g} alarms a year, however "
-        "often it is checked" + layout.FIXED
+        "often it is checked" + FIXED
     )
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
     sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)

@@ -35,8 +35,6 @@ Cell = Callable[[int, int], str]
 
 #: Share of a stated standard uncertainty, from which on the data have told nothing more.
 _AS_STATED = 0.9
-#: Whose limit it is that nobody states.
-FIXED = " [the tool's own, for all rigs]"
 LISTED = 8
 """Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
 ROWS = 10

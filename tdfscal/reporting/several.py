@@ -193,7 +193,7 @@ def _keep(view: Several) -> str:
 def _warnings(view: Several) -> tuple[str, ...]:
     named = list(zip(view.letters, view.content, strict=True))
     found = [sentence(one) for name, c in named for one in defects(name, c)]
-    rigs = [c.rig.model_dump(exclude={"sha256", "campaign"}) for c in view.content]
+    rigs = [c.rig.model_dump(exclude={"sha256", "campaign", "stated_limits"}) for c in view.content]
     if any(rig != rigs[0] for rig in rigs):
         found.append("the rig files differ between these calibrations")
     found += map(sentence, view.remarks)

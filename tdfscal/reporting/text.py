@@ -55,13 +55,13 @@ def _lines(report: Report, *, whole: bool) -> list[Line]:
         lines += _captioned(*parts(block))
     short = bool(report.summary) and not whole
     room = LINES - _FILES - len(lines) if short else math.inf
-    kept = _fitting(report, room)
+    kept, spaced = _fitting(report, room), True
     for caption, items, count in zip(_LISTS, (report.warnings, report.advice), kept, strict=True):
-        if items and not count:
-            lines += _captioned([f"{caption}: {len(items)} (-v or --html FILE shows them)"], [])
-        elif items:
-            more = [f"  … {len(items) - count} more (-v or --html FILE shows them)"]
-            lines += _captioned([caption], _bullets(items[:count]) + more * (count < len(items)))
+        if count < len(items):
+            caption += f" ({count or 'none'} of {len(items)} here, -v or --html FILE shows all)"
+        if items:
+            lines += _captioned([caption], _bullets(items[:count]))[not spaced :]
+            spaced = count > 0
     if report.number and not short:
         lines += _captioned([f"Report {report.number}"], [])
     return lines
@@ -88,7 +88,7 @@ def _fitting(report: Report, room: float) -> list[int]:
 
     def taken() -> int:
         each = zip(lists, kept, strict=True)
-        return sum(2 + sum(items[:n]) + (0 < n < len(items)) for items, n in each if items)
+        return sum(1 + (n > 0) + sum(items[:n]) for items, n in each if items)
 
     for k, floor in ((0, 1), (1, least[1]), (0, 0)):
         while kept[k] > floor and taken() > room:

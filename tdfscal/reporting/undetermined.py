@@ -22,7 +22,7 @@ from tdfscal.reporting.figures import angles, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table
-from tdfscal.reporting.papers import Making
+from tdfscal.reporting.traceability import Making
 from tdfscal.selfcal.result import Undetermined
 
 Seen = Undetermined | UndeterminedMotion

@@ -18,13 +18,17 @@ from tdfscal.frozen import record, replace
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
+from tdfscal.reporting.assumptions import exact_names
 from tdfscal.reporting.layout import Drawing, Report, Section, Table
-from tdfscal.reporting.papers import Making, campaign, day_measured, stated_facts
 from tdfscal.reporting.traceability import (
+    FIXED,
+    Making,
     calibration_fact,
-    exact_names,
+    campaign,
+    day_measured,
     measured_on,
     report_digest,
+    stated_facts,
 )
 from tdfscal.reporting.validation_claim import (
     Tested,
@@ -68,7 +72,7 @@ _AGAIN = (
 )
 _RULE = (
     "still valid where neither χ² nor the search for a single change exceeds its limit; the limits "
-    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold" + layout.FIXED
+    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold" + FIXED
 )
 _SAID = {
     "holds": ("still valid", _KEEP),

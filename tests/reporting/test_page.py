@@ -145,7 +145,6 @@ def test_provenance(page: str) -> None:
     c = sample(touched=True).calibration
     for text in ("ab" * 32, c.rig.sha256, "tdfscal calibrate campaign", "1,234", c.convention):
         assert text in said
-    assert re.search(r"Seed\s+7\b", said)
 
 
 @pytest.mark.usefixtures("plain")
@@ -167,5 +166,5 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     assert not re.search(r"\b(inf|nan|None)\b", said)
     half = half_widths(c).max()
     known = f"within ± {upwards(1e3 * half, 2)} mrad (95 %)"
-    assert f"each that is determined, by itself, {known}" in said
+    assert f"each that is determined is known to {known}" in said
     assert re.search(r"support_4\s+undetermined", said)

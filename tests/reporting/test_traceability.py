@@ -15,12 +15,13 @@ from tdfscal import calibrate
 from tdfscal.commands.calibration import load_calibration
 from tdfscal.exports.statements import cautions
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.rig.reading import parse_rig
+from tdfscal.reporting.assumptions import exceeding
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.headline import headline
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
-from tdfscal.reporting.traceability import exceeding
 from tdfscal.significance import UNDECLARED_ERROR
 from tests.reporting.samples import changed, sample, saved, surveyed
 
@@ -65,7 +66,7 @@ def test_a_certificate_that_had_ended_is_a_warning() -> None:
     late = calibration_report(stated(due="2020-01-01"))
     assert any("support_2" in w and "2020-01-01" in w for w in late.warnings)
     for due, named in (("2020-01-01", True), ("2031-03-01", False)):
-        assert ("any more for support_2" in headline(stated(due=due))) is named
+        assert ("of support_2 had expired" in headline(stated(due=due))) is named
 
 
 def test_what_is_taken_as_exact() -> None:
@@ -76,7 +77,9 @@ def test_what_is_taken_as_exact() -> None:
     # The same words as in the claim, the worst first.
     named = [q.name for q in sample().calibration.taken_as_exact]
     assert sorted(exact.split("; ")[: len(named)]) == sorted(named)
-    assert f"taken as exact: {exact.split('; ')[0]} (" in headline(sample().calibration)
+    assert f"of error in the {exact.split('; ')[0]} would move an angle" in headline(
+        sample().calibration
+    )
     assert "hinges" not in exact.replace("friction of the hinges", "")
     assert "mass" not in exact
     tilted = stated(gravity={"magnitude": 9.80665, "tilt_std": 1e-3})
@@ -108,14 +111,18 @@ def test_what_is_exact_adds_up_in_each_angle(
     assert len(exceeding(changed(c, taken_as_exact=quantities), half)) == named
 
 
-def test_a_limit_with_the_defaults_value_is_called_that() -> None:
-    """A calibration file has all limits: whether the rig file stated one is not known."""
-    for given, usual in ((stated(acceptance={"angle_std": 2e-3}), 1), (stated(), 2)):
-        said = facts(given)["Decision rule"]
-        assert said.count("[the tool's own default;") == usual
-        assert said.count("2 mrad [the rig file's acceptance.angle_std]") == 2 - usual
+def test_a_limit_is_told_by_who_stated_it() -> None:
+    """The tool's default too, where the rig file states the very same."""
+    own = {"sha256", "stated_limits", "acceptance"}
+    rig = sample().calibration.rig.model_dump(mode="json", exclude_none=True, exclude=own)
+    for limits, named in (({"angle_std": 2e-3}, 1), ({"angle_std": 5e-3}, 1), ({}, 0)):
+        loaded = parse_rig(yaml.safe_dump(rig | {"acceptance": limits}).encode(), "rig.yaml")
+        c = changed(sample().calibration, rig=loaded.document)
+        rule = facts(c)["Decision rule"]
+        assert rule.count("(set in the rig file)") == named
+        assert rule.count("(the tool's default for") == 2 - named
     level = f"{100 * UNDECLARED_ERROR:.1f}"  # as the theory has it
-    assert f"level: {level}% of faultless campaigns" in facts(given)["Decision rule"]
+    assert f"{level} % of sound campaigns" in facts(sample().calibration)["Decision rule"]
     theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
     assert f"any of them in {level} % of sound campaigns" in theory
 
@@ -175,7 +182,7 @@ def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
 ) -> None:
     """One component of the zeros that is off by 1 N does no more than all of them in squares."""
     right = request.getfixturevalue("sample")
-    told = re.search(r"stated tare \(1 N wrong moves one by ([\d.]+) mrad\)", headline(right))
+    told = re.search(r"in the stated tare would move an angle by ([\d.]+) mrad", headline(right))
     assert told
     folder = Path(__file__).parents[2] / "sample_data" / "parquet"
     rig = yaml.safe_load((folder / "rig.yaml").read_text())

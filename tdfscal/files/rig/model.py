@@ -354,6 +354,9 @@ class RigFile(Strict):
     tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
     acceptance: AcceptanceBlock = block("limits of the quality gate", AcceptanceBlock)
     sha256: Sha256 | None = key("of the rig file, in a calibration", None)
+    stated_limits: tuple[str, ...] | None = key(
+        "keys of `acceptance` that the rig file stated, in a calibration", None
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

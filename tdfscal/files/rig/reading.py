@@ -120,13 +120,16 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
 
 def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
     names = tuple(support.name for support in file.supports)
+    document = file.model_dump(mode="json", exclude_none=True) | {"sha256": sha256}
+    if not isinstance(file, EmbeddedRig):
+        document["stated_limits"] = sorted(file.acceptance.model_fields_set)
     return LoadedRig(
         rig=_rig(file),
         log=tuple(_mapping(block, names) for block in file.recorders),
         tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=sha256,
-        document=file.model_dump(mode="json", exclude_none=True) | {"sha256": sha256},
+        document=document,
     )
 
 
