@@ -152,6 +152,7 @@ calibrations-incompatible-together rejects
   {difference:+.3g} mrad, E_n = {en:.2f})
 compared-rejected rejects
   not verified: {names} was rejected by the quality gate
+  -> mend what the gate names, calibrate again, and compare that
 compared-same-data rejects
   {first} and {second} stand on the same recordings: they are no two results, and
   that they agree says nothing
@@ -170,6 +171,8 @@ compared-nested notes
   ? undated , over a time that a file's date tells
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
+  -> leave the other rig's calibration out; or, where its rig file was only corrected, calibrate
+    that campaign again with the corrected file and compare anew
 exact-moves-untold warns
   {subject} does not tell how errors of what it took as exact ({names}) move it: none
   of them is counted here

@@ -260,9 +260,6 @@ noise-unstated refuses
   neither the log nor the rig file states a force noise
   -> set uncertainty.force_noise in rig.yaml
   @ log forces
-comparison-of-one refuses
-  one calibration cannot be compared
-  -> name two files or more
 supports-differ refuses
   the calibrations are of different supports: {subject} and {others}
   -> compare calibrations of the same rig

@@ -17,6 +17,7 @@ from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
+from tdfscal.files.calibration.document import recorded
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import ANGLES
@@ -27,7 +28,7 @@ from tdfscal.reporting.text import render
 
 @record(eq=False)
 class CompareResult(Result):
-    """The first calibration against each of the others.
+    """The first calibration against each of the others, always the later minus the earlier one.
 
     pairs : one comparison each. remarks : of each, on the data that both stand on, their rigs'
     papers. defects : what must be known of each calibration by itself.
@@ -110,6 +111,7 @@ def compare(
 ) -> CompareResult:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
 
+    Each difference is the later calibration minus the earlier one, by the dates of measurement.
     `report A B… --html FILE` makes a page of it.
 
     Raises
@@ -123,10 +125,11 @@ def compare(
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
     read = read_sources(sources)
-    first = read[0]
+    first, order = read[0], read[0][1].rotations()
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other in read[1:]:
-        pair, remark = compared(first, other)
+        earlier, later = sorted((first, other), key=lambda named: recorded(named[1]).end)
+        pair, remark = compared(later, earlier, order)
         pairs.append(pair)
         remarks.append(remark)
     known = tuple(found for name, c in read for found in defects(name, c))

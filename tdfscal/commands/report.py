@@ -57,7 +57,7 @@ class ReportResult(Result):
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
-        pairs = put_side_by_side(self.named).history.against_first
+        pairs = put_side_by_side(self.named).pairs
         told = [pair for pair in pairs if np.isfinite(pair.p_value)]
         return (differences(told),) if told else ()
 

@@ -5,7 +5,7 @@ Self-calibration and laser tracker of one rig are then joined into what both say
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import special
@@ -31,9 +31,9 @@ class Comparison:
     standard uncertainty. en : (n, 3), |rpy| / (2 rpy_std).
     chi2 of all rotation vectors together, its dof (3n; fewer where little was added) and p_value.
     sensor_p : (n,), chance of as much χ² as a turn of each sensor alone takes.
-    verified : p_value and the least sensor_p are plausible, at one level for all `tests` that are
-    judged together (Bonferroni); E_n only explains, since of nine angles one exceeds 1 by chance
-    in a third of sound comparisons.
+    They are compatible where p_value and the least sensor_p are plausible, at one level for all
+    `tests` that are judged together (Bonferroni); E_n only explains, since of nine angles one
+    exceeds 1 by chance in a third of sound comparisons.
     detectable : (n, 3), rad, the smallest change of each angle alone that χ² would have seen
     with probability `significance.DETECTION_POWER`. obstacle : what makes of them no pair to be
     verified, whatever the numbers say.
@@ -50,15 +50,23 @@ class Comparison:
     dof: int
     p_value: float
     sensor_p: FloatArray
-    verified: bool
     detectable: FloatArray
     obstacle: Finding | None = None
     tests: int = 1
 
     @property
     def compatible(self) -> bool:
-        """Whether the numbers agree, whatever keeps them from being verified."""
-        return compatible(self.p_value, self.sensor_p, self.tests)
+        """Whether the numbers agree, whatever keeps them from being verified.
+
+        By all differences together and by the likeliest sensor, each at half the level: the χ² of
+        all angles alone would dilute one sensor's turn.
+        """
+        return min(self.p_value, self.alone) >= self.limit
+
+    @property
+    def verified(self) -> bool:
+        """They agree, and nothing keeps them from being two results of one rig."""
+        return self.compatible and self.obstacle is None
 
     @property
     def alone(self) -> float:
@@ -73,58 +81,34 @@ class Comparison:
     @property
     def finding(self) -> Finding:
         """Whether they agree, with the angle that departs most."""
-        p = self.p_value, self.sensor_p
-        return verdict(self.names, self.supports, self.rpy, self.en, *p, self.tests)
-
-
-def compatible(p_value: float, sensor_p: FloatArray, tests: int = 1) -> bool:
-    """Whether two calibrations agree: by all differences together and by the likeliest sensor.
-
-    Each has half the level: the χ² of all angles alone would dilute one sensor's turn.
-    """
-    rarest = min(p_value, len(sensor_p) * float(sensor_p.min()))
-    return rarest * tests >= INCOMPATIBLE / 2
+        i, k = np.unravel_index(int(np.argmax(self.en)), self.en.shape)
+        code, p = "calibrations-compatible", self.p_value
+        if not self.compatible:
+            code = "calibrations-incompatible-together"
+            if self.alone <= self.p_value:
+                code, p, i = "calibrations-incompatible", self.alone, np.argmin(self.sensor_p)
+                k = np.argmax(self.en[i])
+        above, difference = int(np.sum(self.en > 1)), 1e3 * float(self.rpy[i, k])
+        values: dict[str, Value] = {
+            "first": self.names[0],
+            "second": self.names[1],
+            "angle": ANGLES[k],
+            "support": self.supports[int(i)],
+            "difference": difference,
+            "expanded": abs(difference) / max(float(self.en[i, k]), 1e-9),
+            "en": float(self.en[i, k]),
+            "by_chance": (1 - EXPANDED_COVERAGE) * self.en.size,
+            "above": above,
+            "single": above == 1,
+            "of": self.en.size,
+        }
+        return Finding(code, self.names, p_value=p, values=values)
 
 
 def judged_together(pairs: Sequence[Comparison]) -> tuple[Comparison, ...]:
     """Pairs that are judged together."""
     tests = max(sum(np.isfinite(pair.p_value) for pair in pairs), 1)
-    known = (replace(pair, tests=tests) for pair in pairs)
-    return tuple(replace(p, verified=p.compatible and p.obstacle is None) for p in known)
-
-
-def verdict(
-    names: tuple[str, str],
-    supports: Sequence[str],
-    rpy: FloatArray,
-    en: FloatArray,
-    p_value: float,
-    sensor_p: FloatArray,
-    tests: int = 1,
-) -> Finding:
-    """Whether two calibrations agree, with the angle that departs most; as in `Comparison`."""
-    i, k = np.unravel_index(int(np.argmax(en)), en.shape)
-    above, alone = int(np.sum(en > 1)), len(sensor_p) * float(sensor_p.min())
-    code, p = "calibrations-compatible", p_value
-    if not compatible(p_value, sensor_p, tests):
-        code = "calibrations-incompatible-together"
-        if alone <= p_value:
-            code, p, i = "calibrations-incompatible", alone, np.argmin(sensor_p)
-            k = np.argmax(en[i])
-    values: dict[str, Value] = {
-        "first": names[0],
-        "second": names[1],
-        "angle": ANGLES[k],
-        "support": supports[int(i)],
-        "difference": 1e3 * float(rpy[i, k]),
-        "expanded": 1e3 * abs(float(rpy[i, k])) / max(float(en[i, k]), 1e-9),
-        "en": float(en[i, k]),
-        "by_chance": (1 - EXPANDED_COVERAGE) * en.size,
-        "above": above,
-        "single": above == 1,
-        "of": en.size,
-    }
-    return Finding(code, names, p_value=p, values=values)
+    return tuple(replace(pair, tests=tests) for pair in pairs)
 
 
 @record
@@ -137,56 +121,6 @@ class Nested:
 
     whole: int
     walk: float = 0.0
-
-
-@record
-class History:
-    """Several calibrations in the order given, oldest first.
-
-    rpy, rpy_std : (F, n, 3), rad. drift, drift_std : (F, n, 3), rad, against the first.
-    against_first, steps : each later file against the first and against the one before it.
-    """
-
-    names: tuple[str, ...]
-    supports: tuple[str, ...]
-    rpy: FloatArray
-    rpy_std: FloatArray
-    drift: FloatArray
-    drift_std: FloatArray
-    against_first: tuple[Comparison, ...]
-    steps: tuple[Comparison, ...]
-
-
-def compare(
-    calibrations: Sequence[tuple[str, Rotations]],
-    pair: Callable[[int, int], Comparison] | None = None,
-) -> History:
-    """Compare two or more calibrations of the same sensors; (name, rotations), oldest first.
-
-    pair : compares two by their places, sensors in the first one's order; by default they count
-    as independent.
-
-    Raises DataError where there are fewer than two, or where their supports differ.
-    """
-    if len(calibrations) < 2:
-        raise DataError(Finding("comparison-of-one"))
-    first = calibrations[0]
-    ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
-    pair = pair or (lambda later, earlier: compare_pair(ordered[later], ordered[earlier]))
-    count = range(1, len(ordered))
-    against_first = judged_together([pair(k, 0) for k in count])
-    rpy = np.stack([so3.to_rpy(r.rotation) for _, r in ordered])
-    zero = np.zeros((1, *rpy.shape[1:]))
-    return History(
-        names=tuple(name for name, _ in ordered),
-        supports=first[1].supports,
-        rpy=rpy,
-        rpy_std=np.stack([rpy_std(r) for _, r in ordered]),
-        drift=np.concatenate([zero, [c.rpy for c in against_first]]),
-        drift_std=np.concatenate([zero, [c.rpy_std for c in against_first]]),
-        against_first=against_first,
-        steps=judged_together([pair(k, k - 1) for k in count]),
-    )
 
 
 def compare_pair(
@@ -226,7 +160,6 @@ def compare_pair(
         dof=dof,
         p_value=p,
         sensor_p=sensor_p,
-        verified=compatible(p, sensor_p),
         detectable=smallest_changes(
             first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE / 2
         ),

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import sentence
+from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.comparison.compatibility import Comparison, History, compare
+from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration, recorded
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
@@ -32,30 +33,29 @@ _K = f"k = {COVERAGE_FACTOR:g}"
 class Several:
     """Calibrations in the order of measurement; letters stand for the files in tables.
 
-    remarks : on the data that some have in common.
+    pairs : each later one minus the first. remarks : on the data that some have in common.
     """
 
     names: tuple[str, ...]
     letters: tuple[str, ...]
     content: tuple[Calibration, ...]
-    history: History
+    pairs: tuple[Comparison, ...]
     remarks: tuple[Finding, ...] = ()
 
     @property
     def agrees(self) -> bool:
         """Every later one is a result of its own and of the same rig, compatible with the first."""
-        return not self.departs and all(p.obstacle is None for p in self.history.against_first)
+        return not self.departs and all(pair.obstacle is None for pair in self.pairs)
 
     @property
     def departs(self) -> bool:
         """One is not compatible with the first, at one level for all (Bonferroni)."""
-        pairs = self.history.against_first
-        return not all(pair.compatible for pair in pairs if np.isfinite(pair.p_value))
+        return not all(pair.compatible for pair in self.pairs if np.isfinite(pair.p_value))
 
     @property
     def apart(self) -> bool:
         """One is of another rig than the first."""
-        return any(p.obstacle and p.obstacle.rejects for p in self.history.against_first)
+        return any(pair.obstacle and pair.obstacle.rejects for pair in self.pairs)
 
     @property
     def unverified(self) -> bool:
@@ -72,18 +72,13 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
     ordered = sorted(calibrations, key=lambda pair: recorded(pair[1]).end)
     letters = tuple(letter(i) for i in range(len(ordered)))
     content = tuple(c for _, c in ordered)
-    named = tuple(zip(letters, content, strict=True))
-    given = [(name, c.rotations()) for name, c in named]
-
+    first, *later = zip(letters, content, strict=True)
+    found = [compared(each, first) for each in later]
     remarks = list[Finding]()
-
-    def pair(later: int, earlier: int) -> Comparison:
-        found, said = compared(named[later], named[earlier], given[0][1])
-        remarks.extend(one for one in said if one not in remarks)
-        return found
-
-    names, history = tuple(name for name, _ in ordered), compare(given, pair)
-    return Several(names, letters, content, history, tuple(remarks))
+    for _, said in found:
+        remarks += (one for one in said if one not in remarks)
+    names, pairs = tuple(name for name, _ in ordered), judged_together([pair for pair, _ in found])
+    return Several(names, letters, content, pairs, tuple(remarks))
 
 
 def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
@@ -103,19 +98,19 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         verdict=_headline(view),
         accepted=view.agrees,
         provisional=any(c.status == "provisional" for c in view.content),
-        reasons=tuple(_verdict(step) for step in view.history.against_first if not step.verified),
+        reasons=tuple(_verdict(pair) for pair in view.pairs if not pair.verified),
         sections=(
             Section("Calibrations", (Facts(files),)),
             *layout.illustrated(drawings, {}),
             Section(
                 "Angles and E_n",
-                (_angles(view.history, view.letters), _en(view.history)),
+                (_angles(view), _en(view)),
                 f"E_n is the difference divided by its expanded uncertainty ({_K}); whether two "
                 "calibrations are compatible, the χ² of all and of each sensor say.",
             ),
         ),
         warnings=_warnings(view),
-        advice=(_keep(view),) if view.agrees or view.unverified else _DEPARTED,
+        advice=(_keep(view),) if view.agrees or view.unverified else _advice(view.pairs),
     )
 
 
@@ -134,17 +129,12 @@ def letter(index: int) -> str:
 
 
 def several_document(view: Several) -> dict[str, Any]:
-    """Return the comparison as plain JSON values: names, verdicts, drift, E_n; rad."""
-    h = view.history
+    """Return the comparison as plain JSON values: names, verdicts, differences, E_n; rad."""
     names = dict(zip(view.letters, view.names, strict=True))
     return layout.document(
-        h,
-        "supports rpy rpy_std drift drift_std",
-        calibrations=view.names,
-        letters=view.letters,
-        verified=view.agrees,
-        against_first=[comparison_document(c, names) for c in h.against_first],
-        steps=[comparison_document(c, names) for c in h.steps],
+        view,
+        "letters calibrations=names verified=agrees",
+        against_first=[comparison_document(c, names) for c in view.pairs],
     )
 
 
@@ -168,6 +158,15 @@ def _verdict(c: Comparison) -> str:
     if not np.isfinite(c.p_value):  # there are no two results, and nothing agrees
         return sentence(c.obstacle)
     return f"{sentence(c.obstacle)} ({sentence(c.finding)})"
+
+
+def _advice(pairs: Sequence[Comparison]) -> tuple[str, ...]:
+    """What to do about all that keeps pairs from agreeing."""
+    obstacles = [pair.obstacle for pair in pairs if pair.obstacle]
+    departs = any(np.isfinite(pair.p_value) and not pair.compatible for pair in pairs)
+    apart = any(found.rejects for found in obstacles)
+    cures = dict.fromkeys(f"{begun(cure(found))}." for found in obstacles)
+    return (*cures, *(_DEPARTED if departs and not apart else ()))
 
 
 _DEPARTED = (
@@ -200,10 +199,13 @@ def _warnings(view: Several) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _angles(h: History, letters: Sequence[str]) -> Table:
-    cells = [mrad_with(value, std) for value, std in zip(h.rpy, h.rpy_std, strict=True)]
+def _angles(view: Several) -> Table:
+    order = view.content[0].rotations()
+    each = [in_order_of(order, c.rotations()) for c in view.content]
+    cells = [mrad_with(so3.to_rpy(one.rotation), rpy_std(one)) for one in each]
     caption = f"Angles in mrad with expanded uncertainty, {_K}"
-    return Table(caption, ("sensor", "angle", *letters), by_angle(h.supports, *cells), left=2)
+    rows = by_angle(order.supports, *cells)
+    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
 
 
 def mrad_with(value: Any, std: Any) -> layout.Cell:
@@ -211,9 +213,9 @@ def mrad_with(value: Any, std: Any) -> layout.Cell:
     return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
 
 
-def _en(h: History) -> Table:
-    pairs = [*h.against_first, *h.steps[1:]]
-    rows = by_angle(h.supports, *(_marked(pair.en) for pair in pairs))
+def _en(view: Several) -> Table:
+    pairs = view.pairs
+    rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
     together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
     header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
     return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
@@ -229,7 +231,7 @@ def _marked(en: Any) -> layout.Cell:
 def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
     """Lay out differences, their uncertainties and E_n of one pair; of no two results the first."""
     columns = {"difference": mrad(c.rpy, "+.3f")}
-    caption, together = f"{c.names[0]} minus {c.names[1]}, mrad", ""
+    caption, together = f"{c.names[0]} minus {c.names[1]}, the later minus the earlier, mrad", ""
     if np.isfinite(c.p_value):
         columns |= {
             "U": mrad(COVERAGE_FACTOR * c.rpy_std),
@@ -250,4 +252,5 @@ def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
         title=begun(_verdict(c)),
         accepted=c.verified,
         sections=(Section("Differences", blocks),),
+        advice=_advice([c]),
     )

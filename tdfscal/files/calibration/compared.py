@@ -28,7 +28,7 @@ Named = tuple[str, Calibration]
 def compared(
     first: Named, second: Named, order: Rotations | None = None
 ) -> tuple[Comparison, tuple[Finding, ...]]:
-    """First minus second, by what they have in common; and what there is to say of that.
+    """The first minus the second, by what they have in common; and what there is to say of that.
 
     Of no two results the differences stand alone, with what keeps them from being two; of two rigs
     nothing agrees, whatever the numbers say, and one that was rejected verifies nothing. order :
@@ -104,7 +104,6 @@ def _no_two_results(pair: Comparison, found: Finding) -> Comparison:
         chi2=np.nan,
         dof=0,
         p_value=np.nan,
-        verified=False,
         obstacle=found,
     )
 
