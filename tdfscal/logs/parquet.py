@@ -5,8 +5,10 @@ Page checksums are verified where the file has them; pyarrow does not say whethe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from os import SEEK_END
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -14,45 +16,42 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.files.arrow import as_numpy
+from tdfscal.files.hashing import printable
 from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.log_file import EMPTY, MAX_SAMPLES, LogFile
-from tdfscal.logs.parquet_file import (
-    MARK,
-    batches,
-    element_of,
-    flattened,
-    is_no_number,
-    is_text,
-    leaves_of,
-    lists_of,
-    open_parquet,
-)
+from tdfscal.logs.log_file import AGAIN, EMPTY, MAX_SAMPLES, LogFile
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
     DATES,
     TICKS,
     Sampled,
     columns_of,
+    first_date,
     has_zone,
     holes,
-    is_date_time,
     is_number,
     repeated,
     sampled,
     seconds_of_all,
     table_piece,
     takes_turns,
+    with_times,
 )
 from tdfscal.records import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
 
+_MARK: Final = b"PAR1"
+"""With which a file begins and ends."""
+_AT_ONCE: Final = 32 << 20
+"""Largest row group, in bytes, whose columns are read in one go: faster."""
+_BUFFER: Final = 1 << 20
+_WIDEST: Final = 32  # bytes of a number
 _SEARCHED_ROWS: Final = 256
-_OPENING: Final = 4096
 _LOOKED_AT: Final = 1 << 17  # rows
+_FEWEST: Final = 4096  # rows of a group
 _GROUPS: Final = 32
 _TOGETHER: Final = 64  # columns; a table may have thousands
 
@@ -61,26 +60,32 @@ class ParquetLog(LogFile):
     """One Parquet file."""
 
     faults = (pa.ArrowException,)
-    mark, kind = MARK, "Parquet file"
+    mark, kind = _MARK, "Parquet file"
 
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""
-        with open_parquet(self.path) as file:
+        factors = [signal.factors for signal in request.signals]
+        with _opened(self.path) as file:
             names = _wanted(file, request)
             timed = request.mapping.time_field in names
             row, sparse, zoned = 0, False, False
             share = self.path.stat().st_size / max(file.metadata.num_rows, 1)
             for number in range(file.num_row_groups):
-                for table in batches(file, number, names, MAX_SAMPLES):
-                    if not row:
-                        sparse = timed and _takes_turns(table, request)
-                        zoned = timed and _is_zoned(table.column(request.mapping.time_field))
+                for table in _tables(file, number, names, MAX_SAMPLES):
+                    if not row and timed:
+                        sparse = _takes_turns(table.slice(0, _SEARCHED_ROWS), request)
+                        date = first_date(table.column(request.mapping.time_field))
+                        zoned = date is not None and has_zone(date)
                     time = _time(table, request, row, zoned=zoned) if timed else None
                     vectors = _vectors(table, request, row, sparse=sparse)
-                    factors = [signal.factors for signal in request.signals]
                     yield table_piece(request, vectors, factors, time, row, sparse=sparse)
                     row += table.num_rows
                     self.position = int(row * share)
+            groups = map(file.metadata.row_group, range(file.num_row_groups))
+            lacking = sum(group.num_rows for group in groups) - row
+        if lacking:
+            what = f"the file lacks {lacking} rows of the columns that are read"
+            raise DataError(what, hint=AGAIN)
         if row == 0:
             raise DataError("the file has no rows", hint=EMPTY)
 
@@ -89,64 +94,106 @@ class ParquetLog(LogFile):
         from tdfscal.logs.contents import SAMPLES, table_contents
 
         numbers: dict[str, Sampled] = {}
-        with open_parquet(self.path) as file:
-            leaves = leaves_of(file)
+        dated: set[str] = set()
+        with _opened(self.path) as file:
+            leaves = _leaves(file)
             twice = repeated([leaf.path for leaf in leaves])
-            dated = {
-                f.path: _is_zoned(first)
-                for f in leaves
-                if is_text(f) and f.path not in twice and (first := _dates(file, f.path))
-            }
-            small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
-            small += dated
-            lists = [_elements(file, column) for column in lists_of(file)]
-            portions = [small[k : k + _TOGETHER] for k in range(0, len(small), _TOGETHER)]
-            elements: list[str] = []
-            for portion in (*portions, *lists):
-                try:
-                    looked_at = _looked_at(file, portion)
-                except DataError:  # rows of a list that have fewer numbers than the first
-                    continue
-                elements += portion if portion in lists else []
-                most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
-                for name in portion if looked_at else ():
-                    parts = [(row, table.column(name)) for row, table in looked_at]
-                    if name in dated:
-                        seconds = [seconds_of_all(c, zoned=dated[name]) for _, c in parts]
-                        parts = [
-                            (row, pa.chunked_array([as_arrow(one, np.isnan(one))]))
-                            for (row, _), one in zip(parts, seconds, strict=True)
-                        ]
-                    found = sampled(parts, most)
-                    if found is not None:
+            plain = [f.path for f in leaves if _holds(f) in (None, "string")]
+            plain = [name for name in plain if name not in twice]
+            rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+            groups = np.linspace(0, len(rows) - 1, min(len(rows), _GROUPS)).round().astype(int)
+            size = max(_FEWEST, _LOOKED_AT // max(len(groups), 1))
+            most = -(-_GROUPS * SAMPLES // max(len(groups), 1))
+            for begin in range(0, len(plain), _TOGETHER):
+                names = plain[begin : begin + _TOGETHER]
+                read = [next(_tables(file, int(k), names, size), None) for k in groups]
+                parts = [(sum(rows[:k]), t) for k, t in zip(groups, read, strict=True) if t]
+                for name in names if parts else ():
+                    cells = [(row, with_times(table.column(name))) for row, table in parts]
+                    if pa.types.is_string(parts[0][1].schema.field(name).type):
+                        dated |= {name} if pa.types.is_timestamp(cells[0][1].type) else set()
+                    if (found := sampled(cells, most)) is not None:
                         numbers[name] = found
-            kinds = {f.path: "date and time" if f.path in dated else _kind(f) for f in leaves}
-            columns = [(f.path, kinds[f.path], None) for f in leaves]
-            columns += [(name, "element of a list", None) for name in elements]
-            groups = map(file.metadata.row_group, range(file.num_row_groups))
-            rows = sum(group.num_rows for group in groups)
-            return table_contents(self.path, "parquet", rows, columns, numbers)
+        columns = [(f.path, "date and time" if f.path in dated else _kind(f), None) for f in leaves]
+        return table_contents(self.path, "parquet", sum(rows), columns, numbers)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a file such that page checksums are verified where there are any."""
+    with path.open("rb") as stream:
+        size = stream.seek(-len(_MARK), SEEK_END) + len(_MARK)
+        if stream.read() != _MARK:
+            what = f"the file ends at byte {size} without a footer that says where columns are"
+            raise DataError(f"{what}: it was cut short, or more was written behind", hint=AGAIN)
+        known = pq.read_metadata(stream)
+        sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
+        # Pyarrow takes no other names than UTF-8; Python opens any.
+        named = printable(str(path)) == str(path)
+        with pq.ParquetFile(
+            path if named else stream,
+            metadata=known,
+            page_checksum_verification=True,
+            pre_buffer=False,
+            buffer_size=_BUFFER if max(sizes, default=0) > _AT_ONCE else 0,
+        ) as file:
+            yield file
+
+
+def _tables(
+    file: pq.ParquetFile, group: int, names: Sequence[str], size: int
+) -> Iterator[pa.Table]:
+    """Yield a row group in tables of the named columns: no structs, texts of one type."""
+    for batch in file.iter_batches(batch_size=size, row_groups=[group], columns=names):
+        table = pa.Table.from_batches([batch])
+        while any(pa.types.is_struct(field.type) for field in table.schema):
+            table = table.flatten()
+        for k, field in enumerate(table.schema):
+            kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+            kind = pa.string() if pa.types.is_large_string(kind) else kind
+            if kind != field.type:
+                table = table.set_column(k, field.name, table[k].cast(kind))
+        yield table
+
+
+def _leaves(file: pq.ParquetFile) -> list[Any]:
+    """Columns of the schema, structs taken apart, as pyarrow's `ColumnSchema`."""
+    return [file.schema.column(k) for k in range(len(file.schema))]
+
+
+def _holds(leaf: Any) -> str | None:
+    """What a column holds whose rows cannot be numbers of a few bytes each; None of numbers."""
+    if leaf.max_repetition_level:
+        return "a list"
+    match leaf.physical_type:
+        case "BOOLEAN":
+            return "bool"
+        case "BYTE_ARRAY":
+            return "string" if leaf.logical_type.type == "STRING" else "bytes"
+        case "FIXED_LEN_BYTE_ARRAY" if leaf.length > _WIDEST:
+            return "bytes"
+    return None
+
+
+def _kind(leaf: Any) -> str:
+    logical = str(leaf.logical_type.type).lower()
+    return logical if logical not in ("none", "unknown") else str(leaf.physical_type).lower()
 
 
 def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
     """Names of the columns to read. Raises DataError where one is missing or holds no numbers."""
-    lists = lists_of(file)
-    names = [request.mapping.time_field, *(n for s in request.signals for n in s.components)]
-    elements = dict.fromkeys(name for name in names if element_of(name, lists))
-    others = [first for name in lists if (first := f"{name}[0]") not in elements]
-    leaves = leaves_of(file)
-    column_of = columns_of(request, [*(leaf.path for leaf in leaves), *elements, *others])
+    leaves = _leaves(file)
+    column_of = columns_of(request, [leaf.path for leaf in leaves])
     for name, k in column_of.items():
-        if k >= len(leaves) or (name == request.mapping.time_field and is_text(leaves[k])):
-            continue
-        if (holds := is_no_number(leaves[k])) is not None:
+        holds = _holds(leaves[k])
+        dated = name == request.mapping.time_field and holds == "string"
+        if holds is not None and not dated:
             raise _no_numbers(name, holds)
     return list(column_of)
 
 
-def _takes_turns(table: pa.Table, request: Request) -> bool:
+def _takes_turns(opening: pa.Table, request: Request) -> bool:
     """Whether a table is of streams with times of their own; see `table.takes_turns`."""
-    opening = table.slice(0, _SEARCHED_ROWS)
     filled = [
         sum(~holes(opening.column(name)) for name in signal.components)
         for signal in request.signals
@@ -179,7 +226,7 @@ def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatA
         return _numbers(column, name, row) * UNITS["time"][canonical(request.mapping.time_unit)]
     if column.null_count:
         raise _empty(name, row + int(np.argmax(holes(column))))
-    if len(column) and not row and not is_date_time(column[0].as_py()):
+    if not row and first_date(column) is None:
         raise _no_numbers(name, "string")
     seconds = seconds_of_all(column, zoned=zoned)
     if (none := np.isnan(seconds)).any():
@@ -230,42 +277,3 @@ def _no_numbers(name: str, holds: str) -> DataError:
         hint="name a column of numbers in the log block of rig.yaml",
         fields=(name,),
     )
-
-
-def _dates(file: pq.ParquetFile, name: str) -> Any:
-    """The first rows of a column of texts that are dates; None of another, or a damaged one."""
-    with suppress(pa.ArrowException, OSError, ValueError):
-        first = next(batches(file, 0, [name], 1), None)
-        if first is not None and is_date_time(first.column(name)[0].as_py() or ""):
-            return first.column(name)
-    return None
-
-
-def _is_zoned(column: Any) -> bool:
-    """Whether a column of texts has dates with a zone, going by the first."""
-    texts = pa.types.is_string(column.type) and len(column)
-    return bool(texts) and has_zone(column[0].as_py() or "")
-
-
-def _elements(file: pq.ParquetFile, column: str) -> list[str]:
-    """Names of the numbers of a list, by the first row."""
-    first = next(iter(file.iter_batches(batch_size=1, columns=[column])), None)
-    if first is None or not first.num_rows:
-        return []
-    row = flattened(first).column(column)[0].as_py() or ()
-    return [f"{column}[{k}]" for k in range(min(len(row), _TOGETHER))]
-
-
-def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:
-    """The first rows of some row groups, and the number of the first."""
-    groups = np.linspace(0, file.num_row_groups - 1, min(file.num_row_groups, _GROUPS))
-    size = max(_OPENING, _LOOKED_AT // max(len(groups), 1))
-    rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
-    chosen = np.unique(np.rint(groups)).astype(int).tolist()
-    tables = [(sum(rows[:k]), next(batches(file, k, names, size), None)) for k in chosen]
-    return [(begin, table) for begin, table in tables if table is not None]
-
-
-def _kind(leaf: Any) -> str:
-    logical = str(leaf.logical_type.type).lower()
-    return logical if logical not in ("none", "unknown") else str(leaf.physical_type).lower()

@@ -81,8 +81,18 @@ def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray:
     return np.where(empty, np.nan, seconds + nanoseconds * 1e-9)
 
 
-def as_times(seconds: FloatArray) -> Any:
-    """A column of s since 1970, (N,), as times of Arrow; empty where they are NaN."""
+def first_date(column: Any) -> str | None:
+    """The first cell of a column of texts where that is a date and time; None of another."""
+    texts = pa.types.is_string(column.type) and len(column)
+    cell = (column[0].as_py() or "") if texts else ""
+    return cell if is_date_time(cell) else None
+
+
+def with_times(column: Any) -> Any:
+    """A column of texts that are dates and times as times of Arrow; any other as it is."""
+    if (first := first_date(column)) is None:
+        return column
+    seconds = seconds_of_all(column, zoned=has_zone(first))
     ticks = np.rint(np.nan_to_num(seconds) * 1e9).astype(np.int64)
     return as_arrow(ticks, np.isnan(seconds)).cast(pa.timestamp("ns"))
 

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Literal
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import zstandard
@@ -19,13 +18,10 @@ from tdfscal.errors import DataError
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, mapped
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
-    as_times,
-    has_zone,
-    is_date_time,
     repeated,
     sampled,
-    seconds_of_all,
     table_piece,
+    with_times,
 )
 from tdfscal.logs.text.header import SEARCHED, find_table, is_number, split_cells
 from tdfscal.logs.text.rows import RowParser, Rows, find_columns, number_in, single_spaces
@@ -144,10 +140,8 @@ def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa
         if is_number(first):  # a spoilt cell is a hole; the reading names it
             numbers = [_number(cell, decimal) for cell in column.to_pylist()]
             table = table.set_column(k, str(k), pa.array(numbers, pa.float64()))
-        elif is_date_time(first):
-            seconds = seconds_of_all(column, zoned=has_zone(first))
-            if not np.isnan(seconds).any():
-                table = table.set_column(k, str(k), as_times(seconds))
+        else:
+            table = table.set_column(k, str(k), with_times(column))
     return table
 
 
