@@ -466,8 +466,6 @@ class PointSet:
     (N, 3), m, in the file's frame. std : (N, 3), m, standard uncertainties that the file gives; a
     row of NaN where it gives none for a point, None where it gives none at all. resolution : m,
     worth of the last digit that the coordinates are written with; 0 where they are design values.
-    repeatability : m per coordinate, of the means of repeated measurements, by their scatter; 0
-    where none are repeated.
     """
 
     group: tuple[str, ...]
@@ -476,7 +474,6 @@ class PointSet:
     std: FloatArray | None
     source: str
     resolution: float = 0.0
-    repeatability: float = 0.0
 
     def take(self, which: Sequence[int] | IntArray) -> Self:
         """Only the points with these indices."""

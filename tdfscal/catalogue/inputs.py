@@ -125,9 +125,6 @@ column-of-reflectors notes
   {subject}: the column Target holds reflectors ({reflector}), not points
 points-numbered notes
   {subject}: the points have no names; they are numbered by their rows
-measurements-averaged notes
-  {subject}: {measurements} measurements of {points} points are averaged; they
-  scatter by {scatter:.3g} per coordinate in the file's unit
 uncertainty-expanded notes
   {subject}: U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}
 uncertainty-sigma notes

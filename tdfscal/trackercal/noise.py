@@ -142,8 +142,6 @@ def _beside_file(
 
 
 def least_noise(points: MatchedPoints) -> float:
-    """Noise per coordinate that residuals show at least, m: of the digits, and of repetition."""
-    sets = (points.measured, points.reference)
-    digits = float(_ROUNDING * np.linalg.norm([p.resolution for p in sets]))
-    repetition = float(np.linalg.norm([p.repeatability for p in sets]))
-    return max(float(_FINEST), digits, repetition)
+    """Noise per coordinate that residuals show at least, m: of the digits."""
+    resolution = [points.measured.resolution, points.reference.resolution]
+    return max(float(_FINEST), float(_ROUNDING * np.linalg.norm(resolution)))

@@ -14,7 +14,7 @@ from tdfscal.files.points.reading import (
     read_point_file,
 )
 from tdfscal.findings import Finding
-from tdfscal.records import FloatArray, PointSet
+from tdfscal.records import PointSet
 
 PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"
 SA = """// SpatialAnalyzer SA 2024.1 ( x64 )
@@ -265,34 +265,3 @@ def test_the_model_refuses(change: dict[str, object]) -> None:
     PointFile.model_validate(good)
     with pytest.raises(ValidationError):
         PointFile.model_validate({**good, "points": [{**point, **change}]})
-
-
-def repeatability_file(path: Path, wrong: float = 0.0) -> FloatArray:
-    """Six points measured five times each, as SpatialAnalyzer writes them; (5, 6, 3), in mm."""
-    rng = np.random.default_rng(3)
-    true = rng.uniform(-1000, 1000, (6, 3))
-    seen = np.round(true + 0.02 * rng.normal(size=(5, 6, 3)), 4)
-    seen[2, 4, 0] += wrong
-    rows = [
-        f"A, ncp1, P{k}, " + ", ".join(f"{c:.4f}" for c in seen[j, k])
-        for j in range(5)
-        for k in range(6)
-    ]
-    path.write_text("\n".join(["// AXES = CARTESIAN (mm)", *rows]))
-    return np.asarray(seen, dtype=np.float64)
-
-
-def test_repeated_measurements_are_averaged_with_their_scatter(tmp_path: Path) -> None:
-    seen = repeatability_file(tmp_path / "p.csv")
-    read = read_point_file(tmp_path / "p.csv", length_unit=None)
-    assert read.points.point == tuple(f"P{k}" for k in range(6))
-    assert np.allclose(read.points.xyz, seen.mean(axis=0) * 1e-3, rtol=0, atol=1e-12)
-    # 72 degrees of freedom: within four standard deviations of 0.02 mm / √5.
-    assert read.points.repeatability == pytest.approx(2e-5 / 5**0.5, rel=4 / 144**0.5)
-    assert found(read, "measurements-averaged").values["measurements"] == 30
-
-
-def test_a_repeated_measurement_far_from_the_others_is_refused(tmp_path: Path) -> None:
-    repeatability_file(tmp_path / "p.csv", wrong=5.0)
-    with pytest.raises(DataError, match=r"line 18.*ncp1/P4.*line 6.*5"):
-        read_point_file(tmp_path / "p.csv", length_unit=None)

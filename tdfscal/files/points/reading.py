@@ -18,15 +18,8 @@ from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.files.yaml import parse_document
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
-from tdfscal.records import FloatArray, IntArray, PointSet, TrackerSession
+from tdfscal.records import FloatArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
-
-#: Of the way to the nearest other point: what lies farther apart is no measurement repeated.
-_APART = 0.1
-#: Times the middle spread of the points, beyond which one reading is wrong.
-_WRONG = 10.0
-#: Repeated points from which their middle spread is known.
-_SEVERAL = 3
 
 
 class Point(Strict):
@@ -95,8 +88,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     ------
     UsageError : the file cannot be opened.
     DataError : it is not a point file that can be used: no unit, polar axes, probe offsets,
-        no number where one should be, one name for points apart; the message names the line.
-    Measurements of one point, which are near each other, are averaged.
+        no number where one should be, one name for two points; the message names the line.
     """
     path = Path(path)
     text, source = read_text(path), str(path)
@@ -107,12 +99,6 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
     xyz = _coordinates(table)
-    rows = _repeated(names)
-    scatter = rows.scatter(xyz)
-    if len(rows.first) < len(names):
-        _check_repeated(table, names, rows, xyz)
-        values = {"measurements": len(names), "points": len(rows.first), "scatter": scatter}
-        named.append(Finding("measurements-averaged", (source,), values=values))
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinates)
     std, stated = _stated(table, beside)
@@ -120,13 +106,12 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     if columns.ignored:
         found.append(found_in("columns-unused", source, columns=list(columns.ignored)))
     points = PointSet(
-        group=tuple(names[k][0] for k in rows.first),
-        point=tuple(names[k][1] for k in rows.first),
-        xyz=rows.mean(xyz) * coordinate,
-        std=None if std is None else rows.mean(std) * uncertainty,
+        group=tuple(group for group, _ in names),
+        point=tuple(point for _, point in names),
+        xyz=xyz * coordinate,
+        std=None if std is None else std * uncertainty,
         source=source,
         resolution=digit * max(coordinate),
-        repeatability=scatter / (len(names) / len(rows.first)) ** 0.5 * max(coordinate),
     )
     return PointReading(points, tuple(found))
 
@@ -187,22 +172,20 @@ def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
         if not name[1] or (groups and not name[0]):
             table.refuse(k, "has no group or no point name", "name the point")
         names.append(name)
+    _refuse_repeated(table, names)
     return names, found
 
 
-def _check_repeated(
-    table: Table, names: Sequence[tuple[str, str]], rows: _Repeated, xyz: FloatArray
-) -> None:
-    """Refuse repeated measurements of different points."""
-    if wrong := _misplaced(rows, xyz):
-        k, off = wrong
-        first = table.lines[rows.first[rows.member[k]]].number
-        table.refuse(
-            k,
-            f"{'/'.join(filter(None, names[k]))} stands in line {first} already, {off:.3g} away in "
-            "the file's unit: too far for a measurement repeated",
-            "give each point of a group a name of its own, or leave one out",
-        )
+def _refuse_repeated(table: Table, names: Sequence[tuple[str, str]]) -> None:
+    """Refuse two rows of one name: which of them holds nobody can tell."""
+    seen: dict[tuple[str, str], int] = {}
+    for k, name in enumerate(names):
+        first = seen.setdefault(name, k)
+        if first != k:
+            number, label = table.lines[first].number, "/".join(filter(None, name))
+            what = f"{label} stands in line {number} already"
+            hint = "give each point of a group a name of its own; average repeated measurements"
+            table.refuse(k, what, hint)
 
 
 def _apart(group: str, point: str) -> tuple[str, str]:
@@ -267,56 +250,3 @@ def _stated(table: Table, beside: Preamble) -> tuple[FloatArray | None, list[Fin
     else:
         found.append(found_in("uncertainty-unstated", source, zero=bool(there.any())))
     return std, found
-
-
-@record
-class _Repeated:
-    """Rows of a point file by their points, each measured once or several times.
-
-    first : (M,), the first row of each point. member : (N,), which point each row is.
-    """
-
-    first: IntArray
-    member: IntArray
-
-    def mean(self, value: FloatArray) -> FloatArray:
-        """Mean (M, 3) of the rows (N, 3) of each point; NaN counts only where nothing else is."""
-        there = np.isfinite(value)
-        total = np.zeros((len(self.first), value.shape[1]))
-        count = total.copy()
-        np.add.at(total, self.member, np.where(there, value, 0.0))
-        np.add.at(count, self.member, there)
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-    def scatter(self, xyz: FloatArray) -> float:
-        """Standard deviation of a coordinate about its point's mean; 0 where none is repeated."""
-        dof = 3 * (len(self.member) - len(self.first))
-        square = np.sum((xyz - self.mean(xyz)[self.member]) ** 2)
-        return float(np.sqrt(square / dof)) if dof else 0.0
-
-
-def _repeated(names: Sequence[tuple[str, str]]) -> _Repeated:
-    """Tell which rows are the same point, by group and name."""
-    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    member = np.array([place[name] for name in names], dtype=np.int64)
-    return _Repeated(np.unique(member, return_index=True)[1], member)
-
-
-def _misplaced(rows: _Repeated, xyz: FloatArray) -> tuple[int, float] | None:
-    """Return the row that is no further measurement of its point, and how far off it is.
-
-    It lies nearer to another point than such a one could, or far from its others where the rest
-    of the points repeat well. None where all are repeated as they should.
-    """
-    count, middle = np.bincount(rows.member), rows.mean(xyz)
-    off = np.linalg.norm(xyz - xyz[rows.first][rows.member], axis=1)
-    apart = np.linalg.norm(middle[:, None] - middle, axis=2)
-    np.fill_diagonal(apart, np.inf)
-    limit = _APART * apart.min(axis=1)
-    limit[np.isinf(limit)] = 0.0  # a file of one point: nothing tells a repetition from a mistake
-    spread = np.zeros(len(count))
-    np.maximum.at(spread, rows.member, np.linalg.norm(xyz - middle[rows.member], axis=1))
-    if np.sum(count > 1) >= _SEVERAL:
-        limit = np.minimum(limit, _WRONG * np.median(spread[count > 1]))
-    wrong = np.flatnonzero(off > np.where(count > 1, limit, np.inf)[rows.member])
-    return (int(wrong[0]), float(off[wrong[0]])) if len(wrong) else None
