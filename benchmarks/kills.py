@@ -34,7 +34,6 @@ LINES = (
     "monitor c@.yaml C% --html out/m.html",
     "export c@.yaml --to urdf -o out/x.urdf",
     "init C@ -o out/rig.yaml",
-    "simulate out/s --postures 4 --rate 20 --seed @ --force",
 )
 #: What differs between equal runs: when they ran, and numbers that follow from it.
 WHEN = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d|[0-9a-f]{64}|[Rr]eport [0-9a-f]{8}")

@@ -77,7 +77,6 @@ def simulate(
     ] = 100.0,
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
     seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
-    force: Annotated[bool, Option("replace what is in the folder")] = False,
     progress: options.Telling = SILENT,
 ) -> SimulateResult:
     """Write a synthetic campaign with its truth.yaml.
@@ -87,7 +86,7 @@ def simulate(
     UsageError, RigError, NotConvergedError
     """
     scenario = scenario.lower()
-    check_folder(as_path(folder), force)
+    check_folder(as_path(folder))
     loaded = rig_named(rig) if rig else None
     progress.stage(f"simulating {postures} postures")
     played = simulate_to_folder(
@@ -102,7 +101,6 @@ def simulate(
         squeeze=squeeze,
         months=months,
         seed=seed,
-        overwrite=force,
     )
     return SimulateResult(Path(folder), played, seed)
 

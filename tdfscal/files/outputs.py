@@ -29,14 +29,12 @@ Identity = tuple[int, int]
 class Outputs:
     """Files of one command, on their way.
 
-    staged : by place, where the file is written until then. removed : files that go as these
-    appear. folders : made for them. protected : files that the command reads. asked : places that
-    its options name. whole : inside which they go to their places. appeared : they are in their
-    places, and stay there.
+    staged : by place, where the file is written until then. folders : made for them. protected :
+    files that the command reads. asked : places that its options name. whole : inside which they
+    go to their places. appeared : they are in their places, and stay there.
     """
 
     staged: dict[Path, Path] = field(default_factory=dict)
-    removed: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
     asked: list[Path] = field(default_factory=list)
@@ -71,8 +69,6 @@ class Outputs:
             with writing(place):
                 if not _is_device(place):
                     beside.replace(place)
-        for path in self.removed:
-            path.unlink(missing_ok=True)
         self.appeared = bool(self.staged)
         self.folders.clear()
         self.vanish()

@@ -105,7 +105,7 @@ CASES = [
     Case("report rejected.yaml", 0, "REJECTED"),
     Case("report nowhere.yaml --html out/kept.html", 2, "nowhere.yaml"),
     Case("report broken.yaml --html out/kept.html", 3, "broken.yaml"),
-    Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),
+    Case("simulate out/new --postures 3 --rate 10", 0, "out/new"),
     Case("simulate campaign", 2, "campaign"),
     Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
     Case("update own.yaml brief -o out/u.yaml --trials 0", 0, "ACCEPTED"),

@@ -112,25 +112,6 @@ def test_files_named_outside_their_folder_are_noted_and_kept(
     assert (tmp_path / "moves.csv").read_bytes() == kept
 
 
-def test_simulate_replaces_only_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
-    line = ("simulate", tmp_path / "s", "--postures", 3, "--rate", 10, "--force", "-q")
-    cli(*line, ends=0)
-    (tmp_path / "s" / "notes.txt").write_text("mine")
-    cli(*line, "--format", "parquet", ends=0)
-    assert {p.name for p in (tmp_path / "s").iterdir()} == {
-        "rig.yaml", "log.parquet", "truth.yaml", "tracker", "notes.txt"
-    }  # fmt: skip
-    rig = tmp_path / "s" / "rig.yaml"
-    rig.write_text(rig.read_text() + "# edited\n")
-    before = contents(tmp_path)
-    seen = cli(*line, ends=2)
-    assert "rig.yaml" in seen.err
-    (tmp_path / "s" / "truth.yaml").unlink()
-    cli(*line, ends=2)
-    del before["s/truth.yaml"]
-    assert contents(tmp_path) == before
-
-
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     """Also where the last of them cannot be put into its place."""
     from tdfscal.errors import UsageError

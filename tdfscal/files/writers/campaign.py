@@ -10,12 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tdfscal.errors import DataError, UsageError
-from tdfscal.files.hashing import input_file
+from tdfscal.errors import UsageError
 from tdfscal.files.outputs import make_folder, replacing, together, writing
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers import documents, logs
-from tdfscal.files.yaml import read_document
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
     MOVING,
@@ -41,9 +39,8 @@ _FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
 STATED_DELAY = {"value": 0.0, "std": 0.02}
 #: Relative standard uncertainty of the gain of the sample rig's sensors, as data sheets have it.
 _GAIN = 1.0e-3
-#: What `simulate` writes; the first says the SHA-256 of the others.
-_TRUTH = "truth.yaml"
-_OURS = ("rig.yaml", "log.csv", "log.parquet", "log.mcap", *documents.TRACKER_FILES)
+#: What a simulated campaign was made of.
+TRUTH = "truth.yaml"
 
 
 def sample_rig() -> Rig:
@@ -66,7 +63,6 @@ def simulate_to_folder(
     survey: SurveyOptions | None = None,
     rows: Rows = "timeseries",
     months: int = 12,
-    overwrite: bool = False,
 ) -> Run:
     """Simulate a scenario on a rig (default: the reference rig) and write its campaign folder.
 
@@ -77,9 +73,9 @@ def simulate_to_folder(
     The same arguments and seed give the same bytes; another format gives the same numbers.
 
     Raises UsageError for an unknown scenario, impossible numbers, or a folder that is
-    not empty (unless overwrite); RigError and NotConvergedError as `simulate_campaign`.
+    not empty; RigError and NotConvergedError as `simulate_campaign`.
     """
-    check_folder(folder, overwrite)
+    check_folder(folder)
     options = Options(
         postures=postures,
         tilt=float(np.deg2rad(tilt_deg)),
@@ -90,7 +86,7 @@ def simulate_to_folder(
     rng, drawn = np.random.default_rng(seed), rig or sample_rig()
     if scenario == "months":  # the same gains every month: a turn shows against them
         drawn = rig or reference_rig()
-        return _months(drawn, options, folder, format, months, seed, overwrite)
+        return _months(drawn, options, folder, format, months, seed)
     if scenario in MOVING:
         rate = options.recorder.force_rate
         moving = MOVING[scenario]
@@ -99,7 +95,7 @@ def simulate_to_folder(
         played = run(drawn, scenario, replace(moving, rate=rate), rng, survey)
     else:
         played = run(drawn, scenario, options, rng, survey)
-    write_run(played, folder, format=format, seed=seed, overwrite=overwrite)
+    write_run(played, folder, format=format, seed=seed)
     return played
 
 
@@ -110,28 +106,24 @@ def _months(
     format: LogFormat,
     months: int,
     seed: int,
-    overwrite: bool,
 ) -> Run:
-    """Write `<date>/` with rig.yaml, log and truth.yaml per campaign, and truth.yaml of all.
-
-    With overwrite, what `simulate` wrote for the same dates is replaced.
-    """
+    """Write `<date>/` with rig.yaml, log and truth.yaml per campaign, and truth.yaml of all."""
     played = simulate_months(rig, options, np.random.default_rng(seed), months)
     runs = [Run("months", rig, c.truth, c, None) for c in played.campaigns]
     with together():
         make_folder(folder)
         for date, of_month in zip(played.dates, runs, strict=True):
             place = folder / date[:7]
-            write_run(of_month, place, format=format, seed=seed, overwrite=overwrite)
+            write_run(of_month, place, format=format, seed=seed)
         story = {"name": "months", "seed": seed}
-        _write(folder / _TRUTH, documents.months_document(played, story))
+        _write(folder / TRUTH, documents.months_document(played, story))
     return runs[-1]
 
 
-def write_campaign(campaign: Campaign, folder: Path, *, format: LogFormat) -> tuple[Path, ...]:
+def write_campaign(campaign: Campaign, folder: Path, *, format: LogFormat) -> None:
     """Write a campaign without a tracker session; see `write_run`."""
     played = Run("self", campaign.rig, campaign.truth, campaign, None)
-    return write_run(played, folder, format=format)
+    write_run(played, folder, format=format)
 
 
 def write_run(
@@ -140,24 +132,21 @@ def write_run(
     *,
     format: LogFormat,
     seed: int | None = None,
-    overwrite: bool = False,
-) -> tuple[Path, ...]:
+) -> None:
     """Write rig.yaml, log.csv | .parquet | .mcap, truth.yaml and, with a survey, tracker/*.csv.
 
     The log holds the campaign's doubles to the last bit (CSV: positions in mm, to one rounding);
-    of one in motion a delay's std is stated. Nothing appears before all of it is written. With
-    overwrite, a campaign that stands in the folder is replaced and other files are left alone.
-    Returns the files.
+    of one in motion a delay's std is stated. Nothing appears before all of it is written.
 
     Raises UsageError for signals that do not fit the format, or a folder that is not empty.
     """
-    check_folder(folder, overwrite)
+    check_folder(folder)
     recorded, survey = played.campaign or played.moving, played.survey
     rig = played.rig if recorded is None else recorded.rig
     story = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
     block: dict[str, Any] = {}
     tracker = None
-    with writing(folder), together() as outputs:
+    with writing(folder), together():
         make_folder(folder)
         if recorded is not None:
             with replacing(folder / f"log.{format}") as beside:
@@ -169,50 +158,18 @@ def write_run(
             tracker = documents.tracker_block(survey)
         rig_file = documents.rig_document(rig, block or None, tracker)
         _write(folder / "rig.yaml", rig_file)
-        files = {}
-        for name in _OURS:
-            place = Path(os.path.realpath(folder / name))
-            if place in outputs.staged:
-                files[name] = input_file(outputs.staged[place], "verified").sha256
-            else:
-                outputs.removed.append(folder / name)
-        truth = documents.truth_document(played, rig, story)
-        _write(folder / _TRUTH, truth | {"files": files})
-    return tuple(folder / name for name in (*files, _TRUTH))
+        _write(folder / TRUTH, documents.truth_document(played, rig, story))
 
 
 def _write(path: Path, document: Mapping[str, Any]) -> None:
     write_text(path, to_yaml(document))
 
 
-def check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuse one that cannot be made, or holds what `simulate` did not write or was changed."""
+def check_folder(folder: Path) -> None:
+    """Raise UsageError for a folder that cannot be made, or that is not empty."""
     there = next(p for p in (folder.absolute(), *folder.absolute().parents) if os.path.lexists(p))
     if not there.is_dir() or not os.access(there, os.W_OK):
         what = "may not be written to" if there.is_dir() else "this is a file, not a folder"
         raise UsageError(what, where=str(there), hint="choose another folder")
-    if not folder.is_dir() or not any(folder.iterdir()):
-        return
-    if not overwrite:
-        raise UsageError(
-            "the folder is not empty",
-            where=str(folder),
-            hint="name a new folder, or replace what is in it with --force",
-        )
-    truth = folder / _TRUTH
-    content = read_document(truth, DataError).content if truth.is_file() else {"scenario": None}
-    ours = isinstance(content, dict) and "scenario" in content
-    written = (content.get("files") or {}) if ours else {}
-    paths = {name: folder / name for name in _OURS if (folder / name).is_file()}
-    strange = [] if ours else [truth]
-    strange += [
-        path
-        for name, path in paths.items()
-        if written.get(name) != input_file(path, "verified").sha256
-    ]
-    if strange:
-        raise UsageError(
-            "was not written by simulate, or was changed since",
-            where=str(strange[0]),
-            hint="name a new folder, or move this file away",
-        )
+    if folder.is_dir() and any(folder.iterdir()):
+        raise UsageError("the folder is not empty", where=str(folder), hint="name a new folder")

@@ -20,7 +20,6 @@ _TRACKER: dict[str, Any] = {
     "targets": {"nominal": "tracker/nominal.csv", "measured": "tracker/targets.csv"},
     "moves": {"servo": "tracker/servo.csv", "measured": "tracker/moves.csv"},
 }
-TRACKER_FILES = tuple(path for block in _TRACKER.values() for path in block.values())
 #: Of the truth, what each support has of its own.
 _OF_A_SUPPORT = ("rotation", "rpy", "zero", "sensitivity", "hinge", "datum", "stiffness")
 #: What a SpatialAnalyzer export begins with.
