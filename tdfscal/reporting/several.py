@@ -21,12 +21,22 @@ from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
-from tdfscal.reporting.traceability import measured_on
+from tdfscal.reporting.traceability import measured_on, report_digest
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
-#: Said where calibrations stand on the same recordings.
-_NO_RESULTS = "NOT SEPARATE RESULTS"
 _K = f"k = {COVERAGE_FACTOR:g}"
+_RULE = (
+    "Two calibrations are compatible where neither the χ² of all differences together nor that of "
+    "any sensor by itself is less probable than {limit}, so that of sound calibrations "
+    f"{INCOMPATIBLE:.0%} at most are called incompatible. E_n, a difference divided by its "
+    f"expanded uncertainty ({_K}), only shows where they differ: of many angles some exceed 1 by "
+    "chance."
+)
+_DEPARTED = (
+    "Validate the newest on a held-out log (tdfscal validate).",
+    "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
+    "one of them understates its uncertainty.",
+)
 
 
 @record
@@ -45,23 +55,20 @@ class Several:
     @property
     def agrees(self) -> bool:
         """Every later one is a result of its own and of the same rig, compatible with the first."""
-        return not self.departs and all(pair.obstacle is None for pair in self.pairs)
+        return self.verdict == "COMPATIBLE"
 
     @property
-    def departs(self) -> bool:
-        """One is not compatible with the first, at one level for all (Bonferroni)."""
-        return not all(pair.compatible for pair in self.pairs if np.isfinite(pair.p_value))
-
-    @property
-    def apart(self) -> bool:
-        """One is of another rig than the first."""
-        return any(pair.obstacle and pair.obstacle.rejects for pair in self.pairs)
-
-    @property
-    def unverified(self) -> bool:
-        """One was rejected, which alone keeps them from agreeing."""
+    def verdict(self) -> str:
+        """In words, at one level for all pairs with the first (Bonferroni)."""
+        obstacles = [pair.obstacle for pair in self.pairs if pair.obstacle]
         rejected = not all(c.accepted for c in self.content)
-        return rejected and not self.apart and not self.departs
+        if any(found.rejects for found in obstacles):
+            return "NOT COMPARABLE"
+        if not all(pair.compatible for pair in self.pairs if np.isfinite(pair.p_value)):
+            return "NOT COMPATIBLE"
+        if obstacles:
+            return "NOT VERIFIED" if rejected else "NOT SEPARATE RESULTS"
+        return "COMPATIBLE"
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
@@ -81,51 +88,102 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
     return Several(names, letters, content, pairs, tuple(remarks))
 
 
-def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
-    """Lay out several calibrations: verdict first, then the files, their angles, and E_n."""
-    files = tuple(
-        (
-            mark,
-            f"{name}: {layout.METHODS[c.method].split(',')[0]}{measured_on(c)}, "
-            f"{c.status if c.status == 'accepted' else c.status.upper()}, each angle {within(c)} "
-            "(95 %)",
-        )
-        for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
-    )
-    return Report(
-        title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
-        subtitle=f"{len(view.names)} calibrations side by side, in the order of measurement",
-        verdict=_headline(view),
-        accepted=view.agrees,
-        provisional=any(c.status == "provisional" for c in view.content),
-        reasons=tuple(_verdict(pair) for pair in view.pairs if not pair.verified),
-        sections=(
-            Section("Calibrations", (Facts(files),)),
-            *layout.illustrated(drawings, {}),
-            Section(
-                "Angles and E_n",
-                (_angles(view), _en(view)),
-                f"E_n is the difference divided by its expanded uncertainty ({_K}); whether two "
-                "calibrations are compatible, the χ² of all and of each sensor say.",
-            ),
-        ),
-        warnings=_warnings(view),
-        advice=(_keep(view),) if view.agrees or view.unverified else _advice(view.pairs),
-    )
-
-
-def _headline(view: Several) -> str:
-    if view.apart:
-        return "NOT COMPARABLE"
-    if view.departs or view.agrees:
-        return "NOT COMPATIBLE" if view.departs else "COMPATIBLE"
-    return "NOT VERIFIED" if view.unverified else _NO_RESULTS
-
-
 def letter(index: int) -> str:
     """A to Z, then A2 to Z2 and so on."""
     turn, place = divmod(index, 26)
     return ascii_uppercase[place] + (str(turn + 1) if turn else "")
+
+
+def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out several calibrations: verdict first, then the files, their angles, E_n, the rule."""
+    each = list(zip(view.letters, view.names, view.content, strict=True))
+    files = tuple((mark, f"{name}: {_described(c)}") for mark, name, c in each)
+    digests = (
+        (mark, f"content SHA-256 {report_digest(c)}, rig file SHA-256 {c.rig.sha256}")
+        for mark, _, c in each
+    )
+    first = view.pairs[0]
+    origin = (
+        ("Command", f"tdfscal report {' '.join(view.names)}"),
+        ("Decision rule", _RULE.format(limit=f"{first.limit:.2g}")),
+        *digests,
+    )
+    verdict = view.verdict
+    keep = (_keep(view),) if verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
+    return Report(
+        title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
+        subtitle=f"{len(view.names)} calibrations side by side, in the order of measurement",
+        verdict=verdict,
+        accepted=view.agrees,
+        provisional=any(c.status == "provisional" for c in view.content),
+        reasons=tuple(_verdict(step) for step in view.pairs if not step.verified),
+        sections=(
+            Section("Calibrations", (Facts(files),)),
+            *layout.illustrated(drawings, {}),
+            Section("Angles and E_n", (_angles(view), _en(view))),
+            Section("Where this verdict comes from", (Facts(origin),)),
+        ),
+        warnings=_warnings(view),
+        advice=keep or _advice(view.pairs),
+    )
+
+
+def _described(c: Calibration) -> str:
+    status = c.status if c.status == "accepted" else c.status.upper()
+    method = layout.METHODS[c.method].split(",")[0]
+    return f"{method}{measured_on(c)}, {status}, each angle {within(c)} (95 %)"
+
+
+def _keep(view: Several) -> str:
+    """Which of calibrations that agree stays in use, and why; best those with nothing open."""
+    sound = [pair for pair in zip(view.letters, view.content, strict=True) if pair[1].accepted]
+    if not sound:
+        return "Use none of them: calibrate again."
+    named = [pair for pair in sound if pair[1].status == "accepted"] or sound
+    first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
+    keep = f"Keep {first[0]} in use: nothing has moved since, so that no angle need be loaded anew"
+    if within(best[1]) == within(first[1]):
+        return f"{keep}."
+    return f"{keep}; {best[0]} knows the angles best, if a smaller ± is wanted."
+
+
+def _warnings(view: Several) -> tuple[str, ...]:
+    named = list(zip(view.letters, view.content, strict=True))
+    found = [sentence(one) for name, c in named for one in defects(name, c)]
+    own = {"sha256", "campaign", "stated_limits"}
+    rigs = [c.rig.model_dump(exclude=own) for c in view.content]
+    if any(rig != rigs[0] for rig in rigs):
+        found.append("the rig files differ between these calibrations")
+    return (*found, *map(sentence, view.remarks))
+
+
+def _angles(view: Several) -> Table:
+    order = view.content[0].rotations()
+    each = [in_order_of(order, c.rotations()) for c in view.content]
+    cells = [mrad_with(so3.to_rpy(one.rotation), rpy_std(one)) for one in each]
+    caption = f"Angles in mrad with expanded uncertainty, {_K}"
+    rows = by_angle(order.supports, *cells)
+    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
+
+
+def mrad_with(value: Any, std: Any) -> layout.Cell:
+    """Cells of values (n, 3), rad, in mrad with their expanded uncertainty."""
+    return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
+
+
+def _en(view: Several) -> Table:
+    pairs = view.pairs
+    rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
+    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
+    header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
+    return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
+
+
+def _marked(en: Any) -> layout.Cell:
+    def cell(i: int, j: int) -> str:
+        return f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}" if np.isfinite(en[i, j]) else "–"
+
+    return cell
 
 
 def several_document(view: Several) -> dict[str, Any]:
@@ -165,73 +223,17 @@ def _advice(pairs: Sequence[Comparison]) -> tuple[str, ...]:
     obstacles = [pair.obstacle for pair in pairs if pair.obstacle]
     departs = any(np.isfinite(pair.p_value) and not pair.compatible for pair in pairs)
     apart = any(found.rejects for found in obstacles)
-    cures = dict.fromkeys(f"{begun(cure(found))}." for found in obstacles)
+    cures = dict.fromkeys(begun(cure(found), ".") for found in obstacles if cure(found))
     return (*cures, *(_DEPARTED if departs and not apart else ()))
-
-
-_DEPARTED = (
-    "Validate the newest on a held-out log (tdfscal validate).",
-    "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
-    "one of them understates its uncertainty.",
-)
-
-
-def _keep(view: Several) -> str:
-    """Which of calibrations that agree stays in use, and why; best those with nothing open."""
-    sound = [pair for pair in zip(view.letters, view.content, strict=True) if pair[1].accepted]
-    if not sound:
-        return "Use none of them: calibrate again."
-    named = [pair for pair in sound if pair[1].status == "accepted"] or sound
-    first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
-    keep = f"Keep {first[0]} in use: no move since is seen, so that nothing need be loaded anew"
-    if within(best[1]) == within(first[1]):
-        return f"{keep}."
-    return f"{keep}; {best[0]} where ± matters, for it knows the angles best."
-
-
-def _warnings(view: Several) -> tuple[str, ...]:
-    named = list(zip(view.letters, view.content, strict=True))
-    found = [sentence(one) for name, c in named for one in defects(name, c)]
-    rigs = [c.rig.model_dump(exclude={"sha256", "campaign", "stated_limits"}) for c in view.content]
-    if any(rig != rigs[0] for rig in rigs):
-        found.append("the rig files differ between these calibrations")
-    found += map(sentence, view.remarks)
-    return tuple(found)
-
-
-def _angles(view: Several) -> Table:
-    order = view.content[0].rotations()
-    each = [in_order_of(order, c.rotations()) for c in view.content]
-    cells = [mrad_with(so3.to_rpy(one.rotation), rpy_std(one)) for one in each]
-    caption = f"Angles in mrad with expanded uncertainty, {_K}"
-    rows = by_angle(order.supports, *cells)
-    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
-
-
-def mrad_with(value: Any, std: Any) -> layout.Cell:
-    """Cells of values (n, 3), rad, in mrad with their expanded uncertainty."""
-    return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
-
-
-def _en(view: Several) -> Table:
-    pairs = view.pairs
-    rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
-    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
-    header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
-    return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
-
-
-def _marked(en: Any) -> layout.Cell:
-    def cell(i: int, j: int) -> str:
-        return f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}" if np.isfinite(en[i, j]) else "–"
-
-    return cell
 
 
 def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
     """Lay out differences, their uncertainties and E_n of one pair; of no two results the first."""
     columns = {"difference": mrad(c.rpy, "+.3f")}
-    caption, together = f"{c.names[0]} minus {c.names[1]}, the later minus the earlier, mrad", ""
+    caption, rule = (
+        f"{c.names[0]} minus {c.names[1]}, the later minus the earlier, mrad",
+        list[str](),
+    )
     if np.isfinite(c.p_value):
         columns |= {
             "U": mrad(COVERAGE_FACTOR * c.rpy_std),
@@ -239,18 +241,19 @@ def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
             "detectable": mrad(c.detectable),
         }
         caption += f"; U with {_K}"
-        together = (
-            f"All together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}; the sensor that "
-            f"differs most: {p_text(c.alone)}. Compatible where neither is below {c.limit:.2g}: of "
-            f"sound calibrations {INCOMPATIBLE:.0%} at most are not. A change of one angle as "
-            f"large as its last column would have been seen with {DETECTION_POWER:.0%} probability."
-        )
+        rule = [
+            f"All angles together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. The sensor that "
+            f"differs most, by itself: {p_text(c.alone)}.",
+            f"Compatible where neither probability is below {c.limit:.2g}: of sound calibrations "
+            f"{INCOMPATIBLE:.0%} at most are then called incompatible.",
+            "A change of one angle as large as in the column detectable would have been seen with "
+            f"{DETECTION_POWER:.0%} probability.",
+        ]
     header, rows = ("sensor", "angle", *columns), by_angle(c.supports, *columns.values())
-    said = (*([together] if together else ()), *(f"{sentence(remark)}." for remark in remarks))
-    blocks = (Table(caption, header, rows, left=2), *said)
+    said = (*([" ".join(rule)] if rule else ()), *(f"{sentence(one)}." for one in remarks))
     return Report(
         title=begun(_verdict(c)),
         accepted=c.verified,
-        sections=(Section("Differences", blocks),),
+        sections=(Section("Differences", (Table(caption, header, rows, left=2), *said)),),
         advice=_advice([c]),
     )

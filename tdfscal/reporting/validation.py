@@ -38,7 +38,6 @@ from tdfscal.reporting.validation_claim import (
     lengths,
     reasons,
     search_test,
-    start,
     zeros_known,
 )
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
@@ -47,38 +46,44 @@ from tdfscal.validation.residual_wrench import Validation
 from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
-#: At most as many postures are listed one by one, in text and on a page.
-_LISTED, _LISTED_ON_PAGE = 12, 40
 #: Causes that are told, where the log does not tell them apart.
 _CAUSES = 3
-_KEEP = (
-    "Keep this calibration in use.",
-    "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
+_RULE = (
+    "still valid where neither χ² nor the search for a single change falls below its limit; both "
+    f"limits together reject {VALIDATION_ALARM:.1%} of calibrations that hold{FIXED}"
 )
-_MORE = ("Too few postures to call it still valid: record six or more, with squeezes.",)
+#: Verdict, and what next, by the outcome.
+_SAID = {
+    "holds": (
+        "still valid",
+        (
+            "Keep this calibration in use.",
+            "Validate it again in a month, and after every work on a sensor, a hinge or the "
+            "terminal.",
+        ),
+    ),
+    "touched": (
+        "record again",
+        (
+            "Free what was touched and record this check again, before anything else.",
+            "Until then it says nothing of the calibration, neither for it nor against it.",
+        ),
+    ),
+    "changed": (
+        "recalibrate",
+        (
+            "Do not steer by this calibration until the cause is found.",
+            "Undo the cause and validate again; where that is not possible, calibrate again.",
+        ),
+    ),
+}
+_ANOTHER = "Validate on a log that did not go into the calibration."
+_LATER = "Validate on a log recorded since the calibration: only that shows whether it holds."
+_MORE = "Record six postures or more, with squeezes: these are too few to call it still valid."
 _SHARPER = (
     "Check again with more postures, tilt and squeezes, and state no more noise or drift than "
-    "there is.",
+    "there is."
 )
-_ANOTHER = ("Validate on a log that did not go into the calibration.",)
-_LATER = ("Validate on a log recorded since the calibration: only that shows whether it holds.",)
-_RENEW = (
-    "Do not steer by this calibration until the cause is found.",
-    "Undo the cause and validate again; where that is not possible, calibrate again.",
-)
-_AGAIN = (
-    "Free what was touched and record this check again, before anything else.",
-    "Until then it says nothing of the calibration, neither for it nor against it.",
-)
-_RULE = (
-    "still valid where neither χ² nor the search for a single change exceeds its limit; the limits "
-    f"together reject {VALIDATION_ALARM:.1%} of calibrations that hold" + FIXED
-)
-_SAID = {
-    "holds": ("still valid", _KEEP),
-    "touched": ("record again", _AGAIN),
-    "changed": ("recalibrate", _RENEW),
-}
 
 
 @record
@@ -152,7 +157,7 @@ def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
         advice = _ANOTHER if v.own else _LATER if v.earlier else _MORE if v.few else _SHARPER
-        return "not contradicted", advice
+        return "not contradicted", (advice,)
     return _SAID[v.outcome]
 
 
@@ -222,7 +227,6 @@ def validation_report(
 ) -> Report:
     """Lay out a verdict; origin and drawings are those of a page."""
     found = _residual(v)
-    beside: tuple[Table, ...] = ()
     if isinstance(v, MovingValidation):
         lost = covered(v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
@@ -232,7 +236,6 @@ def validation_report(
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
         table = layout.residual_table(found, "LCS, about its origin")
-        beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
         figure = "validation"
         left_out = tuple(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
@@ -248,13 +251,13 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("scatter against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
+            ("residuals against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
              f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}"),
             ("single change", p_text(v.judged.search_p), f"limit {SEARCH_LIMIT:.3g}"),
         ),
         summary=(table, *zeros),
         sections=(
-            *layout.illustrated(drawings, {figure: (table, *beside)}),
+            *layout.illustrated(drawings, {figure: (table,)}),
             Section("Zeros" if zeros else "", zeros),
             Section("Left out", layout.listed("Left out", left_out)),
         ),
@@ -285,7 +288,7 @@ def _causes(v: Tested) -> tuple[str, ...]:
     rest = len(said) - _CAUSES
     if rest <= 0:
         return said
-    more = f"{rest} less likely causes cannot be excluded; --json lists them"
+    more = f"{rest} less likely causes cannot be excluded (--json lists them)"
     return (*said[:_CAUSES], more if rest > 1 else said[_CAUSES])
 
 
@@ -305,32 +308,14 @@ def _zero_table(v: Tested) -> tuple[Table, ...]:
     return (Table(caption, ("sensor", "x", "y", "z"), rows),)
 
 
-def _posture_table(v: Validation, most: int) -> Table:
-    """The postures with the largest residual force, in the order of the log."""
-    order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
-    rows = tuple(
-        (
-            str(v.used[k] + 1),
-            start(v, int(v.used[k])),
-            *(f"{v.calibrated[k, c]:.2f}" for c in range(6)),
-            f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
-        )
-        for k in order
-    )
-    units = (f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS)
-    which = f"The {most} worst postures" if len(v.calibrated) > most else "Postures"
-    caption = f"{which}, calibrated; u is the standard uncertainty"
-    return Table(caption, ("", "s", *units, "largest / u"), rows)
-
-
 def _provenance(v: Tested, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
     return origin.making.section(
         calibration_fact(origin.name, c),
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
-        ("Test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
-        ("Single changes", f"the likeliest by chance alone: {search_test(v)}"),
+        ("χ² test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
+        ("Single change", f"the likeliest one, by chance alone: {search_test(v)}"),
         ("Decision rule", _RULE),
         ("Taken as exact", "; ".join(exact_names(c)) or "nothing"),
         ("Convention", c.convention),

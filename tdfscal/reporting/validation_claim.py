@@ -141,26 +141,26 @@ def extent(v: Tested) -> str:
 
 
 def reasons(v: Tested) -> list[str]:
-    """Sentences: the reason, and what to do."""
+    """Sentences: what the check found, what of zeros, and what it would have seen."""
     moving = isinstance(v, MovingValidation)
     noise = " and the noise of this log" if moving else ""
-    explained = f"what the stated uncertainties{noise} explain"
+    left = f"In {extent(v)} the calibrated sensors leave"
+    allow = f"force and moment than the stated uncertainties{noise} allow"
     found = changes(v)
     zeros = [begun(told(f), ".") for f in found if f.code.startswith("zeros-")]
     if v.holds:
-        tests = f"χ²: {chi2_test(v)}; single change: {search_test(v)}"
-        return [f"The residual wrench of {extent(v)} is {explained} ({tests}).", *zeros, _sure(v)]
-    said = [f"The residual wrench of {extent(v)} is not {explained}: {_rejecting(v)}."]
+        tests = f"χ² test: {chi2_test(v)}; test for a single change: {search_test(v)}"
+        return [f"{left} no more {allow} ({tests}).", *zeros, _sure(v)]
+    said = [f"{left} more {allow}: {_rejecting(v)}."]
     if not v.suspected:
-        none = "No single change, of a sensor, a zero or the load, whose size is told from none "
-        none += "explains all of it: several may have, or the calibration is another rig's."
-        return [*said, none]
+        none = "No single change explains all of it: several things may have changed, or the "
+        return [*said, f"{none}calibration is that of another rig."]
     said += zeros
     if len(v.suspected) > 1:
+        more = "a longer motion" if moving else "more postures"
         said.append(
-            f"{'The motion does' if moving else 'The postures do'} not tell the causes below "
-            f"apart; {'a longer motion' if moving else 'more postures'}, more tilt and a squeeze "
-            "would."
+            f"The causes below explain it about equally well; {more}, more tilt and a squeeze "
+            "would tell them apart."
         )
     return said
 
@@ -182,11 +182,15 @@ def _rejecting(v: Tested) -> str:
 def _sure(v: Tested) -> str:
     """What would have been detected."""
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
-    text = (
-        f"A single sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, behind "
-        f"a new tare too, would have been detected with {DETECTION_POWER:.0%} probability"
+    said = (
+        f"Had one sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, this "
+        f"check would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare"
     )
-    missed = f" It has to hold to ± {rounded(1e3 * v.limit)} mrad: such turns go unseen." * v.blind
     if twist > np.pi / 4:
-        return f"{text}; a turn about the vertical would not show here.{missed}"
-    return f"{text}, about the vertical by more than {rounded(1e3 * twist)} mrad.{missed}"
+        said += "; it would not show a turn about the vertical."
+    else:
+        said += f"; about the vertical, by more than {rounded(1e3 * twist)} mrad."
+    if v.blind:
+        said += f" The angles have to hold to ± {rounded(1e3 * v.limit)} mrad, which is less: a "
+        said += "harmful turn could go unseen."
+    return said

@@ -178,6 +178,9 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert document["dof"] == 9
     assert document["sensor_p_value"] < document["p_limit"] == 0.005
     said = " ".join(done.out.split())
-    assert "Compatible where neither is below 0.005: of sound calibrations 1% at most" in said
+    assert (
+        "Compatible where neither probability is below 0.005: of sound calibrations 1% at most"
+        in said
+    )
     three = json.loads(run(capsys, "compare", *files, "--json").out)
     assert [c["verified"] for c in three["comparisons"]] == [True, False]
