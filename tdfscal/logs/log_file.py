@@ -21,8 +21,6 @@ from tdfscal.records import Integrity
 if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
 
-MAX_SAMPLES: Final = 1 << 16
-"""Of each stream in one piece."""
 AGAIN: Final = "record or copy it again"
 EMPTY: Final = "leave the file out, or record the log again"
 """What to do about a file of which nothing is whole."""
@@ -62,11 +60,7 @@ class LogFile(ABC):
         cannot be opened.
         """
         with self._opened():
-            for piece in self.read(request):
-                longest = max((len(block.time) for block in piece), default=0)
-                parts = max(-(-longest // MAX_SAMPLES), 1)
-                for k in range(parts):
-                    yield tuple(block.part(k, parts) for block in piece) if parts > 1 else piece
+            yield from self.read(request)
 
     def contents(self) -> Contents:
         """Look through the file, whatever is wanted of it; raises as `pieces`."""

@@ -20,7 +20,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.hashing import printable
 from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.log_file import AGAIN, EMPTY, MAX_SAMPLES, LogFile
+from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
     DATES,
@@ -50,6 +50,7 @@ _AT_ONCE: Final = 32 << 20
 _BUFFER: Final = 1 << 20
 _WIDEST: Final = 32  # bytes of a number
 _SEARCHED_ROWS: Final = 256
+_ROWS: Final = 1 << 16  # at a time
 _LOOKED_AT: Final = 1 << 17  # rows
 _FEWEST: Final = 4096  # rows of a group
 _GROUPS: Final = 32
@@ -71,7 +72,7 @@ class ParquetLog(LogFile):
             row, sparse, zoned = 0, False, False
             share = self.path.stat().st_size / max(file.metadata.num_rows, 1)
             for number in range(file.num_row_groups):
-                for table in _tables(file, number, names, MAX_SAMPLES):
+                for table in _tables(file, number, names, _ROWS):
                     if not row and timed:
                         sparse = _takes_turns(table.slice(0, _SEARCHED_ROWS), request)
                         date = first_date(table.column(request.mapping.time_field))

@@ -1,4 +1,4 @@
-"""One pass over the files of a campaign, whatever their format, or over a part of them."""
+"""One pass over the files of a campaign, whatever their format."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.catalogue.entry import by_wall_clock, when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import fingerprint
-from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import replace
 from tdfscal.logs.formats import expand, files_of, open_log
 from tdfscal.logs.log_file import ahead, placed
+from tdfscal.logs.recorders import files_by_recorder, on_one_clock
 from tdfscal.logs.request import Request, make_request, with_cure
 from tdfscal.logs.streams import Streams, as_log
+from tdfscal.logs.window import TimeWindow
 from tdfscal.records import BoolArray, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
-
 #: Mappings of one recorder, of several, or of the default names.
 Recorders = LogMapping | Sequence[LogMapping] | None
 
@@ -68,8 +67,8 @@ def iter_log(
 ) -> Iterator[Log]:
     """Read recorded logs as a stream of pieces, in bounded memory.
 
-    Each piece holds the new samples of every stream, about 64 k samples or less. A file's entry
-    in `inputs` and its warnings come with its last piece. Parameters and errors as `read_log`.
+    Each piece holds the new samples of every stream. A file's entry in `inputs` and its warnings
+    come with its last piece. Parameters and errors as `read_log`.
 
     window : the part of the log that is wanted; files are read, and checked, to their end.
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
@@ -77,14 +76,8 @@ def iter_log(
     if not paths:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
     mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
-    groups: Sequence[tuple[LogMapping | None, Sequence[Path]]] = [(None, paths)]
-    if len(mappings) > 1 or any(mapping.files for mapping in mappings):
-        from tdfscal.logs.recorders import files_by_recorder
-
-        groups = files_by_recorder(paths, mappings)
-    elif mappings:
-        groups = [(mappings[0], paths)]
-    sizes = [path.stat().st_size for _, own in groups for path in files_of(own)]
+    groups = files_by_recorder(paths, mappings)
+    sizes = [path.stat().st_size for _, own in groups for path in expand(own)]
     total = max(sum(sizes), 1) * (1 if len(groups) == 1 else 2)  # several are read twice
     before = 0
 
@@ -101,11 +94,7 @@ def iter_log(
         if axes is not None and not axes.all():
             _check_silent(expand(own)[0], make_request(mapping, supports), axes)
         streams.append((request.mapping, partial(_campaign, own, request, reached)))
-    pieces = streams[0][1]()
-    if len(streams) > 1:
-        from tdfscal.logs.recorders import on_one_clock
-
-        pieces = on_one_clock(streams)
+    pieces = streams[0][1]() if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -153,8 +142,6 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
         reached = streams.last
         row += int(streams.count[0])
         told(0, entry.bytes)
-        if file.cut_at is not None:
-            said = [streams.truncated(file), *said]
         findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
         yield replace(pending, inputs=(entry,), findings=findings)
 
@@ -168,13 +155,13 @@ def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
         return
     if min(len(force.time) for force in log.force) > 1:
         readings = [force.value for force in log.force]
+        steps = [np.diff(value, axis=0).std(axis=0) / np.sqrt(2) for value in readings]
+        series = whole.mapping.rows == "timeseries"
         check_unmeasured(
             log.supports,
             axes,
             scatter=np.array([value.std(axis=0) for value in readings]),
-            noise=np.array([np.diff(value, axis=0).std(axis=0) / np.sqrt(2) for value in readings])
-            if whole.mapping.rows == "timeseries"
-            else np.zeros(axes.shape),
+            noise=np.array(steps) if series else np.zeros(axes.shape),
         )
 
 
@@ -183,14 +170,10 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     starts: dict[Path, float] = {}
     untimed = 0
     for path in paths:
-        starts[path] = np.inf
         with closing(open_log(path).pieces(request)) as stream:
-            for piece in stream:
-                untimed += any(block.clock == "row" for block in piece)
-                times = [float(block.time[0]) for block in piece if block.time.size]
-                if times:
-                    starts[path] = min(times)
-                    break
+            piece = next((piece for piece in stream if any(b.time.size for b in piece)), ())
+        untimed += any(block.clock == "row" for block in piece)
+        starts[path] = min((float(b.time[0]) for b in piece if b.time.size), default=np.inf)
     if untimed == len(paths):
         return list(paths)
     if untimed:
@@ -200,89 +183,3 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
             hint="calibrate from logs of one kind",
         )
     return sorted(paths, key=lambda path: starts[path])
-
-
-@record
-class Moment:
-    """A time in s: on the log's clock or, `after_begin`, from the first sample on.
-
-    dated : given as a date, which the clock must have.
-    """
-
-    seconds: float
-    after_begin: bool = False
-    dated: bool = False
-
-    def __str__(self) -> str:
-        """As it is written on the command line."""
-        return f"+{self.seconds:.9g} s" if self.after_begin else when(self.seconds)
-
-
-@record
-class TimeWindow:
-    """What of a log is used: from `begin` to `end`, both included; None is open."""
-
-    begin: Moment | None = None
-    end: Moment | None = None
-
-    def __str__(self) -> str:
-        """In words."""
-        ends = (("from", self.begin), ("to", self.end))
-        return " ".join(f"{word} {moment}" for word, moment in ends if moment is not None)
-
-    def cut(self, pieces: Iterator[Log], where: str) -> Iterator[Log]:
-        """Pass the pieces of a log on, with the samples of this part only.
-
-        Raises DataError where no sample lies in it, UsageError for a date that its clock lacks.
-        """
-        first, last, kept = np.inf, -np.inf, 0
-        said: tuple[Finding, ...] = (Finding("log-window", values={"window": str(self)}),)
-        for piece in pieces:
-            streams = (*piece.position, *piece.force)
-            times = [series.time for series in streams if series.time.size]
-            if times and first == np.inf:
-                first = min(float(time[0]) for time in times)
-                self._refuse_date(first, where)
-            last = max([last, *(float(time[-1]) for time in times)])
-            low, high = _at(self.begin, first, -np.inf), _at(self.end, first, np.inf)
-            part = replace(
-                piece,
-                position=tuple(_between(s, low, high) for s in piece.position),
-                force=tuple(_between(s, low, high) for s in piece.force),
-                temperature=tuple(_between(s, low, high) for s in piece.temperature),
-                findings=(*said, *piece.findings),
-            )
-            said = ()
-            kept += sum(series.time.size for series in part.force)
-            yield part
-        if not kept:
-            raise DataError(
-                f"no sample lies {self}; the log runs from {when(first)} to {when(last)}",
-                where=where,
-                hint="correct --from and --to; a time after the begin of the log is written +90, "
-                "+1.5min or +2h",
-            )
-
-    def _refuse_date(self, first: float, where: str) -> None:
-        """Raise UsageError where an end is a date and the log's clock counts from some start."""
-        dates = [end for end in (self.begin, self.end) if end is not None and end.dated]
-        if any(by_wall_clock(end.seconds) for end in dates) and not by_wall_clock(first):
-            raise UsageError(
-                f"the log's clock has no dates: it begins at {when(first)}",
-                where=where,
-                hint="give s of that clock, or +90 for 90 s after the log's begin",
-            )
-
-
-def _at(moment: Moment | None, first: float, otherwise: float) -> float:
-    if moment is None:
-        return otherwise
-    return moment.seconds + (first if moment.after_begin else 0.0)
-
-
-def _between(series: Series, low: float, high: float) -> Series:
-    begin = np.searchsorted(series.time, low)
-    end = np.searchsorted(series.time, high, side="right")
-    if begin == 0 and end == series.time.size:
-        return series
-    return Series(series.time[begin:end], series.value[begin:end])

@@ -30,11 +30,13 @@ _NONE = Series(np.empty(0), np.empty((0, 3)))
 
 def files_by_recorder(
     paths: Sequence[Path], recorders: Sequence[LogMapping]
-) -> list[tuple[LogMapping, list[Path]]]:
-    """Tell which recorder's each path is, by the pattern of its block.
+) -> list[tuple[LogMapping | None, list[Path]]]:
+    """Tell which recorder's each path is, by the pattern of its block; a lone one has all.
 
     Raises UsageError for a path that is nobody's or two recorders', or a recorder without any.
     """
+    if len(recorders) < 2 and not any(recorder.files for recorder in recorders):
+        return [(recorders[0] if recorders else None, list(paths))]
     found: list[list[Path]] = [[] for _ in recorders]
     for path in paths:
         owners = [k for k, recorder in enumerate(recorders) if owns(recorder, path)]

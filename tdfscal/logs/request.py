@@ -88,11 +88,6 @@ class Block:
         """Some of the samples."""
         return Block(self.clock, self.time[rows], {s: v[rows] for s, v in self.value.items()})
 
-    def part(self, k: int, parts: int) -> Block:
-        """One of so many parts of about the same length."""
-        n = len(self.time)
-        return self.at(slice(n * k // parts, n * (k + 1) // parts))
-
 
 Piece = tuple[Block, ...]
 

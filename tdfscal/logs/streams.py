@@ -105,7 +105,8 @@ class Streams:
     def findings(self, file: LogFile) -> list[Finding]:
         """What is to be said at the file's end; refuses a file that lacks a signal."""
         clocks = tuple(self._clocks.values())
-        said = [*file.findings, *(f for clock in clocks for f in clock.finish())]
+        said = [self._truncated(file)] if file.cut_at is not None else []
+        said += [*file.findings, *(f for clock in clocks for f in clock.finish())]
         said += apart(clocks) if len(clocks) > 1 else []
         said += [lone.finding() for lone in self._lone.values() if lone.count]
         for signal, count in zip(self._request.signals, self.count, strict=True):
@@ -118,7 +119,7 @@ class Streams:
             raise DataError(what)
         return said
 
-    def truncated(self, file: LogFile) -> Finding:
+    def _truncated(self, file: LogFile) -> Finding:
         """Say where a file that was cut short stops being whole."""
         end, rows = float(self.last.max()), "row" in self._clocks
         at = f"row {self.count.max()}" if rows else when(end)
