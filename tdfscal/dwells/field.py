@@ -1,4 +1,4 @@
-"""What the search for dwells works on: where signals change, their noise, drift and ringing.
+"""What the search for dwells works on: where signals change, their noise and ringing.
 
 A signal changes its level where a difference of neighbouring window means exceeds its noise; the
 rest is found from the quietest windows of the log, alternating with the noise measured on it.
@@ -20,7 +20,7 @@ from tdfscal.dwells.noise_level import (
     clean,
     difference_noise,
     differences,
-    noisier_stops,
+    evened,
     runs,
     signals,
     travels,
@@ -45,20 +45,14 @@ _LAST = 0.75  # of a stop: what comes before is settling, as a rule
 _SHORTEST_SLOPE = 8  # bins
 
 
-def mark_changes(
-    signal: Signals,
-    noise: Noise,
-    marked: BoolArray,
-    noisier: FloatArray | None = None,
-) -> BoolArray:
+def mark_changes(signal: Signals, noise: Noise, marked: BoolArray) -> BoolArray:
     """Bins that are marked already, or where the level of any axis changes.
 
-    noisier : see `noisier_stops`.
     Small windows first: they place a change best, and larger windows then keep clear of it.
     """
     marked = marked.copy()
     limit = threshold(signal, noise)
-    for scale, excess in enumerate(_excesses(signal, limit, noisier)):
+    for scale, excess in enumerate(_excesses(signal, limit)):
         width = 2**scale
         free = clean(marked, 2 * width)
         for first, last in zip(*runs((excess > 0) & free), strict=True):
@@ -75,7 +69,7 @@ def mark_changes(
     return marked
 
 
-def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) -> list[FloatArray]:
+def _excesses(signal: Signals, limit: FloatArray) -> list[FloatArray]:
     """By how much the differences of each scale exceed their limit, the largest of all axes."""
     bins = signal.value.shape[1]
     reach = 2**SCALES - 1  # bins that the widest difference takes beyond its first
@@ -86,8 +80,7 @@ def _excesses(signal: Signals, limit: FloatArray, noisier: FloatArray | None) ->
         rows = signal.value[:, begin : begin + _SPAN + reach]
         for scale, (_, difference) in enumerate(differences(rows, SCALES)):
             excess = np.abs(difference[:, :_SPAN], out=difference[:, :_SPAN])
-            own = limit[scale][:, None]
-            excess -= own if noisier is None else own * noisier[:, some][:, : excess.shape[1]]
+            excess -= limit[scale][:, None]
             levels[scale][some] = excess.max(axis=0)
     return levels
 
@@ -124,16 +117,10 @@ def quiet_seed(signal: Signals, base: BoolArray, width: float) -> BoolArray:
     return np.asarray((reach > 2.0 * np.quantile(alive, _SEED_QUANTILE)) | base)
 
 
-def segment(
-    signal: Signals,
-    base: BoolArray,
-    width: float,
-    noisier: FloatArray | None = None,
-) -> tuple[BoolArray, Noise]:
+def segment(signal: Signals, base: BoolArray, width: float) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
-    width : of a bin, s. noisier : see `noisier_stops`. Blocks over the whole log are
-    enough for the noise of a long one.
+    width : of a bin, s. Blocks over the whole log are enough for the noise of a long one.
     """
     sample, out = blocks(signal, base)
     marked = quiet_seed(sample, out, width)
@@ -145,27 +132,25 @@ def segment(
         previous, marked = marked, mark_changes(sample, noise, out)
         if np.array_equal(previous, marked):
             break
-    return mark_changes(signal, noise, base, noisier), noise
+    return mark_changes(signal, noise, base), noise
 
 
 @record
 class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 
-    signals : of 6n axes, positions first; a drift of all stops, rate (3n,), N/s, and ringing are
-    removed from the forces. visible : (3n,), m, change of a position between two bins that stands
-    out of the noise. noisier : see `noisier_stops`.
+    signals : of 6n axes, positions first; the forces without drift common to
+    all stops, without ringing, and of one noise in all stops. visible : (3n,), m,
+    change of a position between two bins that stands out of the noise.
     """
 
     bins: Bins
     signals: Signals
     moving: BoolArray
     disturbed: BoolArray
-    noisier: FloatArray | None
     noise: Noise
     visible: FloatArray
     shortest: int
-    rate: FloatArray
     ringing: Ringing | None
 
     @property
@@ -178,13 +163,6 @@ class Field:
         """First guess (6n,), from the longest windows whose noise was measured."""
         width = 2 ** (len(self.noise.difference) - 1)
         return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
-
-    def noisier_at(self, index: int) -> FloatArray:
-        """How much noisier the rest at a bin is than most, (6n,)."""
-        every = np.ones(len(self.signals.value))
-        if self.noisier is not None:
-            every[len(self.positions) :] = self.noisier[:, index]
-        return every
 
     def time(self, index: int) -> float:
         """Time of a bin's edge, s."""
@@ -209,28 +187,23 @@ def prepare(bins: Bins) -> Field:
     moving = np.asarray(np.convolve(moving, np.ones(3))[1 : len(moving) + 1] > 0)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
-    if rate.any():
-        time = bins.start - bins.start[0]
-        forces = replace(forces, value=forces.value - rate[:, None] * time)
-    noisier = noisier_stops(forces, moving)
-    disturbed, noise = segment(forces, moving, bins.width, noisier)
+    drift = rate[:, None] * (bins.start - bins.start[0])
+    forces = replace(forces, value=forces.value - drift)
+    quiet = evened(forces, moving)
+    disturbed, noise = segment(quiet, moving, bins.width)
     ringing = find_ringing(forces.value, noise.of_mean(1), *rests, bins.width)
     if ringing is not None:
-        forces = replace(forces, value=ringing.removed(forces.value))
-        noisier = noisier_stops(forces, moving)
-        disturbed, _ = segment(forces, moving, bins.width, noisier)
-    if rate.any() or ringing is not None:
-        every = replace(every, value=np.concatenate([positions.value, forces.value]))
+        quiet = evened(replace(forces, value=ringing.removed(forces.value)), moving)
+        disturbed, _ = segment(quiet, moving, bins.width)
+    every = replace(every, value=np.concatenate([positions.value, quiet.value]))
     return Field(
         bins=bins,
         signals=every,
         moving=moving,
         disturbed=disturbed,
-        noisier=noisier,
         noise=without_creep(difference_noise(every, disturbed, LONGEST)),
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(SHORTEST / bins.width - 1e-9)), _SHORTEST_BINS),
-        rate=rate,
         ringing=ringing,
     )
 
@@ -243,34 +216,12 @@ def within(field: Field, extents: list[Extent]) -> Field:
     return replace(field, noise=without_creep(difference_noise(field.signals, out, LONGEST)))
 
 
-def common_drift(slope: FloatArray, length: FloatArray) -> FloatArray:
-    """Drift (A,) of slopes (K, A) of stops of some length (K,); 0 where they show none.
+def drift_of_rests(value: FloatArray, first: IntArray, last: IntArray, width: float) -> FloatArray:
+    """Drift (A,), N/s, that stops [first, last) of forces (A, B) in bins of width s have in common.
 
     Settling takes the sign of the move before it; the drift of a zero keeps its own. The noise of a
     slope goes with the length to the power of −3/2.
     """
-    if len(slope) < _MANY:
-        return np.zeros(slope.shape[1])
-    weight = length[:, None] ** 1.5
-    middle = _median(slope, weight)
-    alike = (weight * (np.sign(slope) == np.sign(middle))).sum(axis=0) >= _ALIKE * weight.sum()
-    spread = 1.4826 * np.median(np.abs(slope - middle) * weight, axis=0)
-    spread = _MEDIAN * spread / np.sqrt((weight**2).sum())
-    z = float(-ndtri(0.5 * DRIFT_PER_LOG / len(middle)))
-    return np.asarray(np.where(alike & (np.abs(middle) > z * spread), middle, 0.0))
-
-
-def _median(value: FloatArray, weight: FloatArray) -> FloatArray:
-    """(A,) of (K, A), each counted by its weight (K, 1)."""
-    order = np.argsort(value, axis=0)
-    share = np.cumsum(weight[order, 0], axis=0)
-    half = np.argmax(share >= 0.5 * share[-1], axis=0)
-    at = np.take_along_axis(order, half[None], axis=0)
-    return np.asarray(np.take_along_axis(value, at, axis=0)[0])
-
-
-def drift_of_rests(value: FloatArray, first: IntArray, last: IntArray, width: float) -> FloatArray:
-    """Common drift (A,), N/s, of forces (A, B) over stops [first, last) in bins of width s."""
     slopes, lengths = [], []
     for a, b in zip(first, last, strict=True):
         a = b - round(_LAST * (b - a))
@@ -278,4 +229,15 @@ def drift_of_rests(value: FloatArray, first: IntArray, last: IntArray, width: fl
             t = np.arange(b - a) - 0.5 * (b - a - 1)
             slopes.append(value[:, a:b] @ t / (t @ t) / width)
             lengths.append(b - a)
-    return common_drift(np.array(slopes).reshape(-1, len(value)), np.array(lengths, np.float64))
+    if len(slopes) < _MANY:
+        return np.zeros(len(value))
+    slope, weight = np.array(slopes), np.array(lengths)[:, None] ** 1.5
+    order = np.argsort(slope, axis=0)
+    share = np.cumsum(weight[order, 0], axis=0)
+    half = np.argmax(share >= 0.5 * share[-1], axis=0)
+    middle = np.take_along_axis(np.sort(slope, axis=0), half[None], axis=0)[0]  # weighted median
+    alike = (weight * (np.sign(slope) == np.sign(middle))).sum(axis=0) >= _ALIKE * weight.sum()
+    spread = 1.4826 * np.median(np.abs(slope - middle) * weight, axis=0)
+    spread = _MEDIAN * spread / np.sqrt((weight**2).sum())
+    z = float(-ndtri(0.5 * DRIFT_PER_LOG / len(middle)))
+    return np.asarray(np.where(alike & (np.abs(middle) > z * spread), middle, 0.0))

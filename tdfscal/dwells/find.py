@@ -19,7 +19,7 @@ from tdfscal.dwells.dwell_means import (
     still_since,
     whole_range,
 )
-from tdfscal.dwells.field import Field, common_drift, prepare, within
+from tdfscal.dwells.field import Field, prepare, within
 from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.errors import DataError, expect
 from tdfscal.findings import Finding, Value
@@ -79,25 +79,21 @@ def find_dwells(pieces: Log | Iterable[Log]) -> Dwells:
 def dwells_of_bins(bins: Bins) -> Dwells:
     """The same from bins.
 
-    The search runs three times: the first round shows the drift common to all dwells, which the
-    second tells from settling; this shows the noise of long means, which the third weighs against
-    the bias that settling leaves. A sample of the stops is enough for the first two.
+    The search runs three times: the first round shows the noise of the dwells without settling,
+    and that of long means, which the next weigh against the bias that settling leaves. A sample of
+    the stops is enough for the first two.
     """
     field = prepare(bins)
-    rate, long_run = field.rate, field.long_run
-    extents, left_out = search(field, rate, long_run, rough=True, some=_SAMPLE)
+    long_run = field.long_run
+    extents, left_out = search(field, long_run, rough=True, some=_SAMPLE)
     for some in (_SAMPLE, None):
         if extents:
             field = within(field, extents)
-            moments = dwell_moments(bins, extents)
-            span = np.array([(extent.end - extent.begin) * bins.width for extent in extents])
-            slope = moments.drift[:, len(bins.supports) :].reshape(len(span), -1) / span[:, None]
-            rate = common_drift(slope, span)
             # Of a bin as it counts in a long mean.
-            density = np.median(moments.density, axis=0) / (bins.width / bins.period)[:, None]
-            found = np.sqrt(density.ravel())
+            density = np.median(dwell_moments(bins, extents).density, axis=0)
+            found = np.sqrt((density / (bins.width / bins.period)[:, None]).ravel())
             long_run = np.where(found > 0, found, field.long_run)
-        extents, left_out = search(field, rate, long_run, some=some)
+        extents, left_out = search(field, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
     if not len(dwells):
         from tdfscal.dwells.absence import explain  # of logs without any

@@ -1,7 +1,6 @@
 """Noise of signals at rest, measured on the log itself: differences of neighbouring window means.
 
-At window lengths of 1, 2, 4 … bins, so that vibration and correlated noise count as what they are;
-and which stops are noisier than most.
+At window lengths of 1, 2, 4 … bins, so that vibration and correlated noise count as what they are.
 """
 
 from __future__ import annotations
@@ -212,30 +211,29 @@ def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
     return Signals(signal.value[:, rows], signal.gap[rows], signal.quantum), out
 
 
-def noisier_stops(signal: Signals, moving: BoolArray) -> FloatArray | None:
-    """Factor (A, B) by which rests whose forces are noisier than those of most are so; 1 elsewhere.
+def evened(forces: Signals, moving: BoolArray) -> Signals:
+    """The signals with rests that are noisier than most brought to their noise, about their level.
 
-    None where there is no such rest. By the lower quartile of the second differences: settling is
-    too smooth to show in it, or too brief.
+    By the lower quartile of the second differences: settling is too smooth to show in it, or too
+    brief.
     """
     first, last = runs(~moving)
-    long = last - first >= _BENDS + 2
-    first, last = first[long], last[long]
-    if not len(first):
-        return None
-    rests = zip(first, last, strict=True)
-    own = np.array([_lower_quartile(signal.value[:, a:b]) for a, b in rests])
+    rests = [slice(a, b) for a, b in zip(first, last, strict=True) if b - a >= _BENDS + 2]
+    if not rests:
+        return forces
+    own = np.array([_lower_quartile(forces.value[:, rest]) for rest in rests])
     most = np.median(own, axis=0)
-    ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
-    # A quartile of n bends is known to about 1.6/√n.
-    known = 1.0 + 8.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
-    noisier = np.flatnonzero((ratio > known[:, None]).any(axis=1))
-    if not len(noisier):
-        return None
-    factor = np.ones(signal.value.shape)
-    for k in noisier:
-        factor[:, first[k] : last[k]] = np.where(ratio[k] > known[k], ratio[k], 1.0)[:, None]
-    return factor
+    value = forces.value
+    for rest, noise in zip(rests, own, strict=True):
+        # A quartile of n bends is known to about 1.6/√n.
+        bends = min(rest.stop - rest.start, _SOME_BENDS)
+        louder = (noise > (1.0 + 8.0 / np.sqrt(bends)) * most) & (most > 0)
+        if louder.any():
+            value = value.copy() if value is forces.value else value
+            level = np.median(value[louder, rest], axis=1, keepdims=True)
+            share = (most[louder] / noise[louder])[:, None]
+            value[louder, rest] = level + share * (value[louder, rest] - level)
+    return replace(forces, value=value)
 
 
 def _lower_quartile(value: FloatArray) -> FloatArray:

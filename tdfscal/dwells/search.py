@@ -28,7 +28,6 @@ _ONSET = 25  # bins looked at to see how a move begins
 
 def search(
     field: Field,
-    rate: FloatArray,
     long_run: FloatArray,
     *,
     rough: bool = False,
@@ -38,8 +37,6 @@ def search(
 
     some : look at so many rests at most, evenly over the log.
     rough : take what may still be biased by the end of settling, for a first look at the noise.
-
-    rate : (3n,), N/s, drift of the forces to take out before levels are compared.
     long_run : (6n,), positions first; see `Stretch`.
     """
     axes = len(field.positions)
@@ -56,14 +53,11 @@ def search(
     apart = np.flatnonzero(first[1:] - last[:-1] > _BRIEF / field.bins.width) + 1
     for part in np.split(np.arange(len(first)), apart) if len(first) else ():
         bins = slice(int(first[part[0]]), int(last[part[-1]]))
-        value = field.signals.value[:, bins].copy()
-        time = field.bins.start[bins] - field.bins.start[bins.start]
-        value[axes:] -= (rate - field.rate)[:, None] * time
+        value = field.signals.value[:, bins]
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
         found: list[Extent] = []
         for begin, end, *inner in rests[part].tolist():
-            here = stretch.noisier(field.noisier_at(begin))
-            kept, out = _within_rest(field, here, begin, end, inner, rough)
+            kept, out = _within_rest(field, stretch, begin, end, inner, rough)
             found += kept
             left_out += out
         stops, out = _whole_stops(field, stretch, found)
@@ -84,18 +78,18 @@ def _whole_stops(
     out: list[LeftOut] = []
     for later in extents:
         earlier = joined[-1] if joined else None
-        if earlier is not None and _stays(field, earlier, later):
-            factor = np.maximum(field.noisier_at(earlier.begin), field.noisier_at(later.begin))
-            here = stretch.noisier(factor)
-            if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
-                away = _leaves(here, earlier.ends[1], later.begin)
-                joined[-1] = earlier.followed_by(later, between=not away)
-                if not away:
-                    continue
-                moved = field.moving[earlier.end : later.begin].any()
-                out.append(field.out(earlier.end, later.begin, _WRONG if moved else _JOLT))
-                continue
-        joined.append(later)
+        if (
+            earlier is None
+            or not _stays(field, earlier, later)
+            or not one_level(stretch, earlier.ends[1], later.ends[0], SAME_LEVEL)
+        ):
+            joined.append(later)
+            continue
+        away = _leaves(stretch, earlier.ends[1], later.begin)
+        joined[-1] = earlier.followed_by(later, between=not away)
+        if away:
+            moved = field.moving[earlier.end : later.begin].any()
+            out.append(field.out(earlier.end, later.begin, _WRONG if moved else _JOLT))
     return joined, out
 
 
@@ -183,8 +177,8 @@ def _settled_parts(
     clear, latest = inner
     settled: list[Settled] = []
     unsettled: list[LeftOut] = []
+    held = round(_TRANSIENT / field.bins.width)
     origin = begin
-    final = False
     for calm, stop in (found := _calm(field, begin, end)):
         start, last = max(calm, clear), min(stop, latest)
         if last - start < field.shortest:
@@ -195,14 +189,10 @@ def _settled_parts(
         if part is None or part.ratio > _UNSETTLED:
             unsettled.append(field.out(start, last, Finding("stop-changing")))
             continue
-        settled.append(part)
-        final = stop == found[-1][1]
+        if part.end - part.begin >= held or stop == found[-1][1]:
+            settled.append(part)
         origin = _next(field, stop, end)
-    held = round(_TRANSIENT / field.bins.width)
-    kept = [
-        part for part in settled if part.end - part.begin >= held or (final and part is settled[-1])
-    ]
-    return kept, unsettled
+    return settled, unsettled
 
 
 def _next(field: Field, begin: int, end: int) -> int:
@@ -215,8 +205,6 @@ def _next(field: Field, begin: int, end: int) -> int:
 
 def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
     """Stretches of [begin, end) without change of force, the crests of oscillations left out."""
-    if not field.disturbed[begin:end].any():
-        return [(begin, end)]
     first, last = runs(~field.disturbed[begin:end])
     calm = [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
     held = round(_TRANSIENT / field.bins.width)

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from tdfscal.dwells.dwell_means import Extent
 from tdfscal.dwells.noise_level import Noise
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
@@ -83,13 +83,6 @@ class Stretch:
     def force(self) -> slice:
         """The axes that settle."""
         return slice(self.forces, None)
-
-    def noisier(self, factor: FloatArray) -> Stretch:
-        """With the noise of each axis (A,) times a factor."""
-        if np.all(factor == 1.0):
-            return self
-        noise = replace(self.noise, difference=self.noise.difference * factor)
-        return replace(self, noise=noise, long_run=self.long_run * factor)
 
     def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
         """Does a difference of means (..., A) contradict the noise, with false alarm p?

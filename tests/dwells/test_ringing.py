@@ -1,4 +1,4 @@
-"""What rings alike after every move, however slowly; and drift common to all stops."""
+"""What rings alike after every move, however slowly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.dwell_stops import KINDS, SLOW, score
 from tdfscal.dwells import find_dwells, reduce_to_bins
-from tdfscal.dwells.field import common_drift, prepare
+from tdfscal.dwells.field import prepare
 from tdfscal.dwells.ringing import Ringing
 
 from .rig_log import Recipe, record
@@ -73,19 +73,6 @@ def test_no_crest_of_slow_ringing_is_a_dwell(stop: float, amplitude: float) -> N
     assert len(dwells.left_out) >= 12
     seen = [out.reason.values["frequency"] for out in dwells.left_out if out.reason.values]
     assert 0.5 in [pytest.approx(hertz, abs=0.1) for hertz in seen]
-
-
-def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
-    rng = np.random.default_rng(0)
-    length = rng.uniform(1.0, 6.0, 40)
-    noise = rng.normal(size=(40, 3)) * length[:, None] ** -1.5
-    signs = rng.choice([-1.0, 1.0], (40, 1))
-    slope = np.column_stack([0.3 + noise[:, 0], 3.0 * signs[:, 0] + noise[:, 1], noise[:, 2]])
-    drift = common_drift(slope, length)
-    # Weighted by length³, 40 stops know it to 1.25 / √Σ length³.
-    assert drift[0] == pytest.approx(0.3, abs=4 * 1.25 / np.sqrt((length**3).sum()))
-    np.testing.assert_array_equal(drift[1:], 0.0)
-    np.testing.assert_array_equal(common_drift(slope[:9], length[:9]), 0.0)
 
 
 def test_no_crest_of_two_modes_is_a_dwell() -> None:
