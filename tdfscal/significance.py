@@ -38,6 +38,8 @@ UNDECLARED_ERROR: Final = 0.375 * QUESTIONED
 #: That a sensor is said to have turned on the way, or a zero to have jumped. Divided among all
 #: splits, which are so much alike that half of it comes true.
 WITHIN_CAMPAIGN: Final = 0.15 * QUESTIONED
+#: That a contact is said to have stayed over a run of postures, of all runs.
+STAYING_CONTACT: Final = 0.05 * QUESTIONED
 #: That the distances between hinges are said to contradict the rig file, as a whole or by any
 #: single cause; and, where they agree, that any positioner's frame is called turned, scaled or not
 #: square.

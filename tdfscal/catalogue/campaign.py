@@ -105,6 +105,12 @@ zero-jumped warns
   sensor before posture {posture}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
     {campaign:~|the campaign} again
+contact-stays warns
+  something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of
+  the {frame} from posture {posture} to {last}{between:time}
+  -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it,
+    and record these postures again; where it was there before or after them instead,
+    record those
 """,
     f"the residuals{{campaign: of ~|}} say {{tied:about as well that|that}} %s {_SHIFT}",
     _BESIDES,

@@ -23,9 +23,9 @@ from tdfscal.model.parameters import nominal, starting_state
 from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import Fit, estimate, fit, spread
 from tdfscal.selfcal.mounting_search import apart, robust_cost
-from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import CAUSES_APART
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def misreading(
     found = _likeliest(better)
     if rests is None or found.jump is None or found.tared:
         return found
-    step = find_slip(estimate(present), rests.time, rests.number)
+    step = find_change(estimate(present), rests.time, rests.number)
     # A sensor that turned is for the gate to say.
     return None if step is not None and step.kind == "slip" else found
 

@@ -19,6 +19,7 @@ from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, Rig, Rotations
+from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import (
     Fit,
     at_state,
@@ -38,6 +39,7 @@ from tdfscal.selfcal.outliers import (
     cross_validate,
     fit_robust,
     hidden_contact,
+    settled,
 )
 from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
 from tdfscal.selfcal.result import (
@@ -48,7 +50,6 @@ from tdfscal.selfcal.result import (
     check_determined,
 )
 from tdfscal.selfcal.score_tests import suspicions, wandering
-from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
@@ -173,10 +174,10 @@ class _Told:
         return suspicions(self.known, self.usable.time, self.usable.temperature)
 
     @cached_property
-    def slip(self) -> Suspicion | None:
-        """The likeliest slip."""
+    def change(self) -> Suspicion | None:
+        """The likeliest change on the way."""
         usable, noise = self.usable, self.usable.measured_noise
-        return find_slip(self.known, usable.time, usable.number, noise_from_residuals=noise)
+        return find_change(self.known, usable.time, usable.number, noise_from_residuals=noise)
 
     def by_all(self) -> _Told:
         """The same of the estimate by all postures."""
@@ -199,26 +200,39 @@ def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, Fl
     told = _Told(known, usable)
     if usable.measured_noise:
         return robust, told, None
-    touched, contact = _hidden_contact(rig, usable, known)
-    channels = channel_noise(known)
-    if channels is None and touched is None:
-        return robust, told, None
-    whole = told.by_all()
-    noise, weighted = -np.inf, robust
-    if channels is not None:
+    # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
+    rivals: list[tuple[float, RobustFit, FloatArray | None]] = []
+    whole, change = told.by_all(), told.change
+    named = [doubt.weight for doubt in whole.doubts if doubt.kind not in SCATTERS]
+    if (touched := _hidden_contact(rig, usable, known)) is not None:
+        rivals.append((contact_worth(touched.fit, whole.known.fit), touched, None))
+    if (channels := channel_noise(known)) is not None:
         channels, weighted = _weighted(rig, usable, robust, channels)
-        noise = worth(robust.fit, weighted.fit, int(np.sum(channels > 1.0)))
-    if told.slip is not None and told.slip.weight > max(noise, contact):
-        return robust, told, None
-    if channels is not None:
         noise = worth(whole.known.fit, weighted.fit, int(np.sum(channels > 1.0)))
-    if touched is not None and contact > max([noise, *(doubt.weight for doubt in whole.doubts)]):
-        return touched, _Told(estimate(touched.fit), usable), None
-    if channels is None or any(
-        doubt.kind not in SCATTERS and doubt.weight > noise for doubt in whole.doubts
-    ):
+        rivals.append((noise, weighted, channels))
+    if change is not None:
+        weight = change.weight + contact_worth(robust.fit, whole.known.fit)
+        if change.kind == "contact":
+            rivals.append((weight, _without(rig, usable, robust, change), None))
+        else:
+            named.append(weight)
+    if not rivals:
         return robust, told, None
-    return weighted, _Told(estimate(weighted.fit), usable), channels
+    likelier, found, channels = max(rivals, key=lambda rival: rival[0])
+    if max(named, default=-np.inf) > likelier:
+        return robust, told, None
+    return found, _Told(estimate(found.fit), usable), channels
+
+
+def _without(rig: Rig, usable: Usable, robust: RobustFit, change: Suspicion) -> RobustFit:
+    """The fit without the postures over which a contact stayed."""
+    first, last = (change.causes[0].values[end] for end in ("posture", "last"))
+    assert isinstance(first, int)
+    assert isinstance(last, int)
+    touched = (usable.number >= first) & (usable.number <= last)
+    weight = np.where(touched, 0.0, 1.0)
+    state = robust.fit.state
+    return RobustFit.of(settled(rig, usable.postures, fit(rig, usable.postures, state, weight)))
 
 
 def _weighted(
@@ -243,18 +257,13 @@ def _weighted(
     return channels, weighted
 
 
-def _hidden_contact(
-    rig: Rig, usable: Usable, known: Estimate[Fit]
-) -> tuple[RobustFit | None, float]:
-    """A fit without postures in contact, where the one that was found misfits, and its weight."""
+def _hidden_contact(rig: Rig, usable: Usable, known: Estimate[Fit]) -> RobustFit | None:
+    """A fit without postures in contact that hide each other, where the one found misfits."""
     if known.quality.p_value >= MISFIT:
-        return None, -np.inf
+        return None
     loose, seen = loosened(rig), usable.postures
-    whole = _by_all(loose, known.fit)
-    found = hidden_contact(loose, seen, whole)
-    if found is None:
-        return None, -np.inf
-    return _with_earlier(rig, seen, found), contact_worth(found.fit, whole)
+    found = hidden_contact(loose, seen, _by_all(loose, known.fit))
+    return None if found is None else _with_earlier(rig, seen, found)
 
 
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
@@ -291,7 +300,8 @@ def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     # So many do not err each for itself.
     whole = told.by_all()
     contact = contact_worth(told.known.fit, whole.known.fit)
-    return tuple(doubt for doubt in whole.doubts if doubt.weight > contact - CAUSES_APART)
+    doubts = (replace(doubt, weight=doubt.weight - contact) for doubt in whole.doubts)
+    return tuple(doubt for doubt in doubts if doubt.weight > -CAUSES_APART)
 
 
 def _slip_or(
@@ -301,20 +311,13 @@ def _slip_or(
 
     What spoils the whole campaign may look like a slip, and a slip like much that does.
     """
-    slip = told.slip
+    slip = told.change
     if slip is None:
         return doubts, ()
     rivals = doubts or wandering(told.known, told.usable.time)
-    if all(_likelier(slip, doubt) for doubt in rivals):
+    if all(slip.weight > doubt.weight for doubt in rivals):
         return (slip,), tuple(d for d in doubts if d.weight > slip.weight - CAUSES_APART)
     return doubts or likeliest(list(rivals)), ()
-
-
-def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
-    """Noise has no structure that a test could hold against its scatter: likelihoods decide."""
-    if doubt.kind in SCATTERS:
-        return slip.weight > doubt.weight
-    return slip.p_value <= doubt.p_value
 
 
 def _reasons(of: SelfCalibration, gross: Finding | None) -> tuple[Finding, ...]:

@@ -1,4 +1,4 @@
-"""A sensor that turns within a campaign is named; what is no turn is not called one."""
+"""What changes within a campaign is named: a turned sensor, a contact that stays."""
 
 from __future__ import annotations
 
@@ -11,10 +11,18 @@ import pytest
 from tdfscal import simulation
 from tdfscal.api import calibrate, simulate
 from tdfscal.findings import Finding
+from tdfscal.model.postures import register
 from tdfscal.records import Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip
+from tdfscal.simulation import (
+    Contact,
+    Faults,
+    Options,
+    Recorder,
+    Slip,
+)
+from tdfscal.simulation.faults import Drift, Walk, ZeroShift
 
 from .campaigns import calibrated
 
@@ -94,16 +102,11 @@ def in_last_postures(share: float, seed: int) -> SelfCalibration:
     return calibrated(batch, RIG, 0)
 
 
-def test_a_step_gives_way_to_contact_that_is_likelier() -> None:
-    result = in_last_postures(1.0, 12)
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_a_jump_gives_way_to_contact_that_is_likelier(share: float) -> None:
+    result = in_last_postures(share, 12)
     assert sorted(result.rejected) == [12, 13]
-    assert not result.suspicions
-
-
-def test_a_step_about_as_likely_as_contact_is_named_beside_it() -> None:
-    result = in_last_postures(0.3, 1)
-    assert sorted(result.rejected) == [12, 13]
-    assert [(doubt.kind, doubt.tied) for doubt in result.suspicions] == [("jump", True)]
+    assert [doubt.kind for doubt in result.suspicions] == ["contact"]
 
 
 def test_contact_at_a_third_and_two_thirds_is_no_slip(tmp_path: Path) -> None:
@@ -167,3 +170,61 @@ def test_what_is_as_likely_as_another_is_named_beside_it() -> None:
     assert len(steps) >= 2
     for causes in steps:
         assert ("sensor-slipped", ("ncp4",)) in [(cause.code, cause.subject) for cause in causes]
+
+
+FORCE = (25.0, -15.0, 40.0)
+
+
+def _held(run: range) -> Faults:
+    """50 N on the terminal at each posture of a run."""
+    return Faults(contacts=tuple(Contact(k, FORCE, (4.0, -3.0, 2.0)) for k in run))
+
+
+@pytest.mark.parametrize(
+    ("sensors", "run", "seed"),
+    [(3, range(12, 24), 1), (5, range(12, 24), 2), (3, range(6, 16), 1), (3, range(8), 2)],
+)
+def test_a_contact_that_stays_is_named_with_its_run_and_no_zero_wanders(
+    sensors: int, run: range, seed: int
+) -> None:
+    rig = RIG if sensors == 3 else simulation.make_rig(sensors)
+    (result,) = runs(_held(run), seed, 1, rig)
+    (found,) = [each for each in result.findings if each.code == "contact-stays"]
+    assert (found.values["posture"], found.values["last"]) == (run.start + 1, run.stop)
+    assert sorted(result.rejected) == list(run)
+    stated, half = (np.array(found.values[key]) for key in ("change", "change_95"))
+    assert (np.abs(stated - FORCE) < 2 * half).all()
+    assert half.max() < 2.0
+    others = {each.code for each in result.findings} - {"contact-stays", "postures-rejected"}
+    assert not [code for code in others if code.startswith(("zero", "channel", "sensor"))]
+    assert result.reasons
+    assert result.quality.birge < 1.5
+
+
+def test_a_load_laid_on_the_terminal_is_a_contact_too() -> None:
+    """Its direction is the base's: under tilts of 5° a force of the terminal's leaves 5 N of it."""
+    hang = Options(squeeze=100.0, postures=POSTURES)
+    sound = simulation.simulate_dwells(RIG, hang, np.random.default_rng(3), 1)
+    R, _ = register(RIG.hinge, sound.dwells(0).position)
+    at, down = np.array([0.2, -0.1, 0.1]), np.array([0.0, 0.0, -60.0])
+    each = [(k, R[k].T @ down) for k in range(12, POSTURES)]
+    contacts = tuple(Contact(k, tuple(f), tuple(np.cross(at, f))) for k, f in each)
+    (result,) = runs(Faults(contacts=contacts), 3, 1)
+    (found,) = [each for each in result.findings if each.code == "contact-stays"]
+    assert found.values["frame"] == "BCS"
+    assert np.array(found.values["change"]) == pytest.approx(down, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        Faults(),
+        Faults(zero_shifts=(ZeroShift(0, 12, (0.8, -0.5, 1.2)),)),
+        Faults(slips=(Slip(1, 12, (2e-3, -1e-3, 3e-3)),)),
+        Faults(drifts=(Drift(0, (10.0, -6.0, 15.0)),)),
+        Faults(walks=tuple(Walk(k, 3.0) for k in range(3))),
+    ],
+)
+def test_what_one_sensor_or_time_does_is_no_contact(faults: Faults) -> None:
+    for result in runs(faults, seed=7, trials=4):
+        assert "contact-stays" not in {each.code for each in result.findings}
