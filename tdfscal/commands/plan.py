@@ -34,10 +34,9 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
-from tdfscal.planning.candidates import Limits, travel_limits
-from tdfscal.planning.choice import make_plan, plan_for_contact, plan_for_target
-from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
-from tdfscal.planning.plan import Objective, Plan, Request
+from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
+from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
+from tdfscal.planning.plan import Plan, make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Dwells, FloatArray, Log
 from tdfscal.reporting.layout import Drawing, Report
@@ -91,11 +90,10 @@ class PlanResult(Result):
         return pd.read_csv(io.StringIO(self.content), comment="#")
 
     def expected_frame(self) -> pd.DataFrame:
-        """One row per angle: standard uncertainty to expect, and of random ones, in rad."""
+        """One row per angle: standard uncertainty to expect, in rad."""
         import pandas as pd
 
-        expected, random = self.plan.expected.rpy_std, self.plan.random.rpy_std
-        return pd.DataFrame(by_angle(self.plan.rig.supports, std=expected, random_std=random))
+        return pd.DataFrame(by_angle(self.plan.rig.supports, std=self.plan.expected.rpy_std))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the uncertainties to expect."""
@@ -115,7 +113,7 @@ def plan(
     postures: Annotated[
         int | None,
         Option(
-            "postures to drive, returns included; default 24, or more for acceptance.contact",
+            "postures to drive; default 24, or more for acceptance.contact",
             least=1,
         ),
     ] = None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from tdfscal.errors import UsageError
@@ -47,6 +49,23 @@ class Limits:
         Unplanned, but read by the sensors like any other: they carry information.
         """
         return (self.stiffness or 0.0) * rig.declared.positioner
+
+
+Objective = Literal["angles", "wrench"]
+
+
+@record
+class Request:
+    """What is asked for.
+
+    noise : N per axis, expected standard uncertainty of a posture's mean force, beyond what the
+    rig declares. candidates : how many there are to choose from.
+    """
+
+    limits: Limits
+    noise: float = 1.0
+    candidates: int = 2000
+    objective: Objective = "angles"
 
 
 def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
@@ -156,10 +175,8 @@ class Candidates:
         )
 
 
-def draw(
-    rig: Rig, limits: Limits, count: int, rng: np.random.Generator, *, extremes: bool = True
-) -> Candidates:
-    """Draw candidates inside the limits; without extremes, evenly: what nobody planned.
+def draw(rig: Rig, limits: Limits, count: int, rng: np.random.Generator) -> Candidates:
+    """Draw candidates inside the limits, most of them on one.
 
     Leans spread evenly over the disc of the tilt limit, turns about the vertical within it.
     Squeezes have a random direction in the space of internal forces and an even size up to the
@@ -168,8 +185,7 @@ def draw(
 
     Raises UsageError where the weight alone breaks a limit.
     """
-    share = _AT_THE_LIMIT if extremes else 0.0
-    at_limit = rng.uniform(size=(3, count)) < share
+    at_limit = rng.uniform(size=(3, count)) < _AT_THE_LIMIT
     lean = limits.tilt * np.where(at_limit[0], 1.0, np.sqrt(rng.uniform(size=count)))
     azimuth = rng.uniform(-np.pi, np.pi, count)
     turn = rng.uniform(-1.0, 1.0, count)

@@ -1,52 +1,57 @@
-"""A plan and what was asked of it."""
+"""From a rig and its limits to the postures to drive, and the uncertainty to expect of them."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
 
 import numpy as np
 
-from tdfscal.acceptance.gate import coverage_radius
-from tdfscal.frozen import record
-from tdfscal.planning.candidates import Candidates, Limits
-from tdfscal.planning.predicted_information import Forecast
-from tdfscal.records import FloatArray, IntArray, Rig
-
-Objective = Literal["angles", "wrench"]
-
-
-@record
-class Request:
-    """What is asked for.
-
-    noise : N per axis, expected standard uncertainty of a posture's mean force, beyond what the
-    rig declares. at : roll, pitch, yaw, rad, posture at which the contact wrench is wanted.
-    """
-
-    limits: Limits
-    noise: float = 1.0
-    candidates: int = 2000
-    objective: Objective = "angles"
+from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.estimation.observability import PRIOR_SHARE
+from tdfscal.frozen import record, replace
+from tdfscal.numerics import so3
+from tdfscal.planning.candidates import Candidates, Request, check_limits, check_reach, draw
+from tdfscal.planning.predicted_information import (
+    Forecast,
+    Sight,
+    angle_rows,
+    averaged,
+    contact_excess,
+    forecast,
+    hinge_radius,
+    leaning,
+    wrench_rows,
+)
+from tdfscal.planning.selection import (
+    choose,
+    distances,
+    gains,
+    information,
+    inverse,
+    objective,
+    short_tour,
+    variances,
+)
+from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
+from tdfscal.selfcal.estimator import Fit, faked_information
 
 
 @record
 class Plan:
     """Postures in the order to drive them, K rows.
 
-    approach : (K,), ±1, side to come from. returns : rows that repeat the first posture. given :
-    postures recorded before. before : what these alone promise, None without any. expected : of all
-    together. random : of as many random postures within the same limits.
+    approach : (K,), ±1, side to come from: they alternate, so that backlash and friction show as
+    scatter and not as angles. given : postures recorded before. before : what these alone promise,
+    None without any. expected : of all together.
     """
 
     rig: Rig
     request: Request
     postures: Candidates
     approach: IntArray
-    returns: IntArray
     given: int
     before: Forecast | None
     expected: Forecast
-    random: Forecast
 
     def __len__(self) -> int:
         return len(self.postures)
@@ -58,47 +63,276 @@ class Plan:
         """
         return self.postures.position(self.request.limits)
 
-    @property
-    def improvement(self) -> float:
-        """Mean standard uncertainty of random postures over that of the plan."""
+
+#: Most postures that a target may ask for.
+MOST = 400
+#: Postures of a usual plan.
+_USUAL = 24
+#: An objective that follows the width of ignorance by more than this share is not measured.
+_FOLLOWS = 1e-2
+
+
+class Planner:
+    """A pool of candidates with all that choosing from it needs."""
+
+    def __init__(
+        self, rig: Rig, request: Request, rng: np.random.Generator, given: Fit | None
+    ) -> None:
+        _check(rig, request)
+        self.rig, self.request, self.given = rig, request, given
+        self.sight = Sight.of(rig, request.noise, given.state if given else None)
+        self.held = self._held(self.sight)
+        self.pool = draw(rig, request.limits, request.candidates, rng.spawn(1)[0])
+        self.rows = self.sight.rows(self.pool)
+        self.scatter = self._scatter(self.sight)
+        self.leaning = (self.sight,) if given else leaning(self.sight)
+        self.sight = replace(self.sight, open=self._open())
+        self.objective = self._objective()
+        self._selected: dict[int, IntArray] = {}
+
+    def _held(self, sight: Sight) -> FloatArray:
+        """Information (p, p) that stands before the plan: priors and recorded postures."""
+        held = sight.prior()
+        if self.given is not None:
+            J = self.given.at.whitener @ self.given.jacobian
+            held = held + np.einsum("k,kmp,kmq->pq", self.given.weight, J, J)
+            turns = slice(0, 3 * self.rig.n)
+            held[turns, turns] -= faked_information(self.given)
+            # Where noise fakes all there is, ignorance remains: 1 in units of its width.
+            values, vectors = np.linalg.eigh(sight.wide[:, None] * held * sight.wide)
+            half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]
+            held = half @ half.T
+        return held
+
+    def _scatter(self, sight: Sight) -> FloatArray:
+        """Information (p, p) to expect per posture of internal forces that nobody plans."""
+        some = self.pool.take(np.arange(min(8, len(self.pool))))
+        return np.asarray(sight.scatter(some, self.request.limits).mean(axis=0))
+
+    def _open(self) -> BoolArray:
+        """Sensors (n,) without all axes that all candidates together leave undetermined."""
+        lacking = np.asarray((~self.rig.axes).any(axis=1))
+        if not lacking.any():
+            return lacking
+        variance = []
+        for sight in self.leaning:
+            seen = information(sight.rows(self.pool)) + len(self.pool) * self._scatter(sight)
+            variance.append(variances(inverse(self.held + seen), angle_rows(sight)))
+        std = np.sqrt(np.mean(variance, axis=0)).reshape(-1, 3)
+        return np.asarray(lacking & self._weak(std).any(axis=1))
+
+    def _weak(self, std: FloatArray) -> BoolArray:
+        """Angles (n, 3) that standard uncertainties, rad, leave undetermined."""
+        limit, prior = self.rig.acceptance.identifiable, PRIOR_SHARE * self.rig.rpy_std
+        return np.asarray((std >= limit) | (std > prior))
+
+    def _objective(self) -> FloatArray:
+        """L (r, p) with tr(L C Lᵀ) the mean variance of the angles, or of the contact wrench.
+
+        Moments count by the force that makes them at the hinges.
+        """
+        if self.request.objective == "angles":
+            L = angle_rows(self.sight)
+        else:
+            L = wrench_rows(self.sight, self.rig.acceptance.contact_rpy)
+            L[3:] /= hinge_radius(self.rig)
+        return np.asarray(L / np.sqrt(len(L)))
+
+    def select(self, count: int) -> IntArray:
+        """Choose `count` candidates, the one that tells most first."""
+        if count > len(self.pool):
+            raise UsageError(
+                f"{count} postures are to be chosen from {len(self.pool)} candidates",
+                hint="ask for more candidates",
+            )
+        if count not in self._selected:
+            base = self.held + count * self.scatter
+            chosen, covariance = choose(self.rows, base, self.objective, count)
+            first = int(np.argmax(gains(self.rows[chosen], covariance, self.objective)))
+            self._selected[count] = np.concatenate([chosen[[first]], np.delete(chosen, first)])
+        return self._selected[count]
+
+    def forecast(self, postures: Candidates) -> Forecast:
+        """Uncertainty to expect of postures, with what is held already."""
+        stated = self.rig.acceptance
+        wanted = self.request.objective == "wrench" or stated.states_contact
+        at = stated.contact_rpy if wanted else None
+        limits, held = self.request.limits, self.held
+        draws: list[np.random.Generator | None] = [None]
+        if not self.rig.axes.all():
+            draws = [*np.random.default_rng(0).spawn(len(self.leaning))]
+        seen = (replace(sight, open=self.sight.open) for sight in self.leaning)
+        return averaged(
+            [
+                forecast(sight, postures, limits, held, at, rng)
+                for sight, rng in zip(seen, draws, strict=True)
+            ]
+        )
+
+    def expected(self, count: int) -> Forecast:
+        """Uncertainty to expect of the pool's best `count` postures."""
+        return self.forecast(self.pool.take(self.select(count)))
+
+    def floor(self) -> float:
+        """About the largest std, rad, that MOST postures leave, each as in a usual plan."""
+        usual = self.rows[self.select(min(_USUAL, len(self.pool)))]
+        each = information(usual) / len(usual) + self.scatter
+        return float(
+            np.sqrt(variances(inverse(self.held + MOST * each), angle_rows(self.sight)).max())
+        )
+
+    def plan(self, count: int) -> Plan:
+        """Choose, order and judge."""
+        if count < 1:
+            raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
+        chosen = self.pool.take(self.select(count))
+        postures = chosen.take(short_tour(distances(chosen.place), 0))
+        expected = self.forecast(postures)
+        self._refuse_unobservable(postures, expected)
+        return Plan(
+            rig=self.rig,
+            request=self.request,
+            postures=postures,
+            approach=1 - 2 * (np.arange(count) % 2),
+            given=0 if self.given is None else int(np.sum(self.given.weight > 0)),
+            before=None if self.given is None else self.forecast(postures.take(np.arange(0))),
+            expected=expected,
+        )
+
+    def _refuse_unobservable(self, postures: Candidates, expected: Forecast) -> None:
+        """Raise NotIdentifiableError where the best of plans does not reach the objective."""
         if self.request.objective == "wrench":
-            return wrench_size(self.rig, self.random) / wrench_size(self.rig, self.expected)
-        return self.random.mean / self.expected.mean
+            self._refuse_unmeasured(postures)
+            return
+        weak = self._weak(expected.rpy_std)
+        if not weak.any():
+            return
+        names = [f"{ANGLES[j]} of {self.rig.supports[i]}" for i, j in np.argwhere(weak)]
+        worst = 1e3 * float(expected.rpy_std[weak].max())
+        raise NotIdentifiableError(
+            f"within these limits {len(postures)} postures do not determine {', '.join(names)} "
+            f"(up to ±{worst:.3g} mrad)",
+            where="objective angles",
+            hint="allow a larger squeeze, tilt more, or drive more postures",
+        )
 
-    @property
-    def tour(self) -> float:
-        """Way of the slowest axis over the whole plan, m."""
-        between = np.diff(self.position, axis=0)
-        return float(np.max(np.abs(between), axis=(1, 2)).sum()) if len(self) > 1 else 0.0
+    def _refuse_unmeasured(self, postures: Candidates) -> None:
+        """Raise where the wrench's variance is what ignorance was taken to be."""
+        seen = information(self.sight.rows(postures))
+        seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
+        value, wider = (
+            objective(inverse(self._held(sight) + seen), self.objective)
+            for sight in (self.sight, replace(self.sight, wide=2.0 * self.sight.wide))
+        )
+        if wider > value * (1 + _FOLLOWS):
+            raise NotIdentifiableError(
+                f"within these limits {len(postures)} postures do not determine the contact "
+                "wrench at the assembly posture",
+                where="objective wrench",
+                hint="drive more postures, tare the sensors, or weigh the terminal",
+            )
 
 
-def contact_expanded(of: Forecast) -> tuple[float, float] | None:
-    """Expanded uncertainties of contact force, N, and torque, N·m; None where none was asked for.
+def make_plan(
+    rig: Rig,
+    request: Request,
+    postures: int,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+) -> Plan:
+    """Choose postures and squeezes by exchange over a random pool.
 
-    As the quality gate has them, their components taken as uncorrelated.
+    postures : how many to drive. given : the fit of postures recorded
+    already; the plan adds the best next ones.
+
+    Raises
+    ------
+    UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable.
     """
-    if of.contact_force is None or of.contact_torque is None:
-        return None
-    force, torque = (coverage_radius(np.diag(v**2)) for v in (of.contact_force, of.contact_torque))
-    return force, torque
+    return Planner(rig, request, rng, given).plan(postures)
 
 
-def contact_conforms(rig: Rig, of: Forecast) -> bool:
-    """Whether the contact wrench is to be expected within the limits that the rig file states."""
-    limits, expected = rig.acceptance.contact_limits, contact_expanded(of)
-    return expected is None or all(
-        limit is None or size <= limit for size, (*_, limit) in zip(expected, limits, strict=True)
-    )
+def plan_for_target(
+    rig: Rig,
+    request: Request,
+    target: float,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Plan:
+    """Plan with the fewest postures whose every angle is expected within `target`, rad.
+
+    progress : told how many postures are tried.
+
+    Raises
+    ------
+    UsageError : infeasible limits. NotIdentifiableError : no number of postures gets there.
+    """
+    if not 0.0 < target < np.inf:
+        raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")
+    planner = Planner(rig, request, rng, given)
+    floor = planner.floor()
+    if floor > target:
+        raise NotIdentifiableError(
+            f"{MOST} postures leave about ±{1e3 * floor:.3g} mrad on the weakest angle, and "
+            f"{1e3 * target:.3g} mrad is asked for",
+            hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
+        )
+    count = _fewest(planner, lambda found: found.largest / target, 0, _USUAL, progress)
+    progress(f"choosing {count} postures")
+    return planner.plan(count)
 
 
-def hinge_radius(rig: Rig) -> float:
-    """Mean distance of the hinges from their middle, m."""
-    return float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+def plan_for_contact(
+    rig: Rig,
+    request: Request,
+    postures: int,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+) -> Plan:
+    """Plan with as many postures as bring the contact wrench within the rig file's limits.
+
+    No fewer than `postures`; so many where no number of them gets there.
+
+    Raises UsageError, NotIdentifiableError as `make_plan`.
+    """
+    planner = Planner(rig, request, rng, given)
+    count = _fewest(planner, lambda found: contact_excess(rig, found), postures - 1, postures)
+    return planner.plan(postures if count > MOST else count)
 
 
-def wrench_size(rig: Rig, of: Forecast) -> float:
-    """Root of the objective `wrench`, N."""
-    if of.contact_force is None or of.contact_torque is None:
-        return np.nan
-    variances = [*of.contact_force**2, *(of.contact_torque / hinge_radius(rig)) ** 2]
-    return float(np.sqrt(np.mean(variances)))
+def _fewest(
+    planner: Planner,
+    excess: Callable[[Forecast], float],
+    low: int,
+    count: int,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> int:
+    """Fewest postures, above `low`, whose excess over what is asked is at most 1; from `count` on.
+
+    Variances fall as the inverse of their number. Above MOST where none of them gets there.
+    """
+    high = MOST + 1
+    while high - low > 1:
+        progress(f"trying {count} postures")
+        reached = excess(planner.expected(count))
+        low, high = (low, count) if reached <= 1.0 else (count, high)
+        count = int(np.clip(np.ceil(count * reached**2), low + 1, high - 1))
+    return high
+
+
+def _check(rig: Rig, request: Request) -> None:
+    check_limits(rig, request.limits)
+    if not 0.0 <= request.noise < np.inf:
+        raise UsageError(f"the noise is {request.noise:g} N", hint="give newtons, 0 or more")
+    if request.noise == 0.0 and rig.declared.force_noise == 0.0:
+        raise UsageError(
+            "neither the request nor the rig states a force noise",
+            hint="state what a posture's mean force will scatter by",
+        )
+    if request.objective == "wrench":
+        rotation = so3.from_rpy(np.array(rig.acceptance.contact_rpy))
+        check_reach(rig, request.limits, rotation, "the assembly posture")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tdfscal.acceptance.gate import coverage_radius
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
@@ -143,6 +144,30 @@ class Forecast:
         return float(np.nanmax(self.rpy_std))
 
 
+def contact_expanded(of: Forecast) -> tuple[float, float] | None:
+    """Expanded uncertainties of contact force, N, and torque, N·m; None where none was asked for.
+
+    As the quality gate has them, their components taken as uncorrelated.
+    """
+    if of.contact_force is None or of.contact_torque is None:
+        return None
+    force, torque = (coverage_radius(np.diag(v**2)) for v in (of.contact_force, of.contact_torque))
+    return force, torque
+
+
+def contact_excess(rig: Rig, of: Forecast) -> float:
+    """Largest of the contact wrench's expanded uncertainties over the rig file's limit of it."""
+    expected = contact_expanded(of) or ()
+    limits = (limit for *_, limit in rig.acceptance.contact_limits)
+    each = (size / limit for size, limit in zip(expected, limits, strict=False) if limit)
+    return max(each, default=0.0)
+
+
+def hinge_radius(rig: Rig) -> float:
+    """Mean distance of the hinges from their middle, m."""
+    return float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+
+
 def angle_rows(sight: Sight) -> FloatArray:
     """Rows (3n, p) of roll, pitch, yaw of every sensor by the free parameters, rad.
 
@@ -219,12 +244,12 @@ def leaning(sight: Sight) -> tuple[Sight, ...]:
     )
 
 
-def averaged(forecasts: Sequence[Forecast], power: int = 2) -> Forecast:
-    """Means of forecasts, by default quadratic ones."""
+def averaged(forecasts: Sequence[Forecast]) -> Forecast:
+    """Quadratic means of forecasts."""
 
     def mean(values: Sequence[FloatArray | None]) -> FloatArray | None:
         known = [value for value in values if value is not None]
-        return np.mean(np.power(known, power), axis=0) ** (1 / power) if known else None
+        return np.sqrt(np.mean(np.square(known), axis=0)) if known else None
 
     angles = mean([each.rpy_std for each in forecasts])
     assert angles is not None

@@ -137,25 +137,3 @@ def short_tour(distance: FloatArray, start: int) -> IntArray:
             break
         order[a + 1 : b + 1] = order[a + 1 : b + 1][::-1]
     return order
-
-
-def with_returns(order: IntArray, returns: int) -> IntArray:
-    """Insert the first posture again, `returns` times, evenly, the last time at the very end."""
-    pieces = np.array_split(order[1:], returns) if returns else [order[1:]]
-    out = [order[:1]]
-    for piece in pieces:
-        out += [piece, order[:1]] if returns else [piece]
-    return np.concatenate(out)
-
-
-def approaches(order: IntArray) -> IntArray:
-    """Side (K,), ±1, from which to come to each posture.
-
-    Sides alternate, and a posture that comes again is reached from the other side than before, so
-    that backlash and friction show as scatter and as differences, and not as angles.
-    """
-    side, last = np.empty(len(order), dtype=np.int64), dict[int, int]()
-    for k, posture in enumerate(order.tolist()):
-        side[k] = -last[posture] if posture in last else (-1) ** k
-        last[posture] = int(side[k])
-    return side

@@ -17,7 +17,7 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:  # each command loads its own
     from tdfscal.detection.capability import Capability, Remedy, Request
-    from tdfscal.planning.moving_plan import MovingPlan
+    from tdfscal.planning.motion import MovingPlan
     from tdfscal.planning.plan import Plan
     from tdfscal.planning.predicted_information import Forecast
     from tdfscal.trackercal import PointRegistration
@@ -176,7 +176,7 @@ def _remedy(remedy: Remedy, found: Capability) -> str:
 
 def plan_report(plan: Plan | MovingPlan) -> Report:
     """Lay out what to drive, and what to expect of it."""
-    from tdfscal.planning.moving_plan import MovingPlan
+    from tdfscal.planning.motion import MovingPlan
 
     rows = tuple(
         (name, *(_number(1e3 * v, ".3f", "–") for v in row))
@@ -194,28 +194,24 @@ def _expected(title: str, subtitle: str, *blocks: Block) -> Report:
 def _postures(plan: Plan, table: Table) -> Report:
     limits, request, expected = plan.request.limits, plan.request, plan.expected
     more = f", on top of {plan.given} postures recorded before" if plan.given else ""
-    again = {0: "never", 1: "once"}.get(len(plan.returns), f"{len(plan.returns)} times")
     before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
-    what = "contact wrench" if request.objective == "wrench" else "angles"
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
     return _expected(
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
+        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
         f"{limits.squeeze:g} N, {request.noise:.3g} N noise per axis and posture beside the rig "
         f"file's; home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         table,
         *_contact(plan),
-        f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
-        f"{1e3 * plan.random.mean:.3g} mrad{before}; for the {what} the plan is "
-        f"{plan.improvement:.2f} times better. Travel used about the middle: "
+        f"Mean {1e3 * expected.mean:.3g} mrad{before}. Travel used about the middle: "
         f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
     )
 
 
 def _contact(plan: Plan) -> Iterator[Block]:
     """What the plan makes of the contact wrench, and of its limits."""
-    from tdfscal.planning.plan import contact_conforms, contact_expanded
+    from tdfscal.planning.predicted_information import contact_excess, contact_expanded
 
     stated, stds = plan.rig.acceptance, (plan.expected.contact_force, plan.expected.contact_torque)
     if (sizes := contact_expanded(plan.expected)) is None:
@@ -232,7 +228,7 @@ def _contact(plan: Plan) -> Iterator[Block]:
         for (name, unit, _, limit), size in zip(stated.contact_limits, sizes, strict=True)
         if limit is not None
     ]
-    end = "enough" if contact_conforms(plan.rig, plan.expected) else _NOT_ENOUGH
+    end = "enough" if contact_excess(plan.rig, plan.expected) <= 1.0 else _NOT_ENOUGH
     if parts:
         yield f"Contact wrench, {_EXPANDED} against its limit: {', '.join(parts)}: {end}."
 
@@ -245,8 +241,7 @@ def _motion(plan: MovingPlan, table: Table) -> Report:
         f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
         "a second",
         table,
-        f"Mean {1e3 * plan.expected.mean:.3g} mrad; random ones within the same limits "
-        f"{1e3 * plan.random.mean:.3g} mrad: the plan is {plan.improvement:.2f} times better.",
+        f"Mean {1e3 * plan.expected.mean:.3g} mrad.",
         f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
         f"{1e3 * used['speed']:.1f} mm/s, way of a hinge "
         f"{', '.join(f'±{v:.3f}' for v in used['travel'])} m along x, y, z, internal force "
@@ -256,34 +251,32 @@ def _motion(plan: MovingPlan, table: Table) -> Report:
 
 def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
     """Return a plan as plain JSON values, SI units; path : the file."""
-    from tdfscal.planning.moving_plan import MovingPlan
+    from tdfscal.planning.motion import MovingPlan
 
     limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
     if isinstance(plan, MovingPlan):
         limits["speed"] = plan.request.speed
         duration = plan.request.duration
-        frequency = plan.trajectory.lines.line / duration
+        frequency = plan.motion.line / duration
         more = layout.document(plan, "used", duration=duration, frequency=frequency)
     else:
         more = layout.document(
             plan,
-            "given tour position approach",
+            "given position approach",
             postures=len(plan),
-            returns=plan.returns + 1,
             objective=plan.request.objective,
             before=plan.before and _forecast(plan.rig, plan.before),
             squeeze=plan.postures.squeeze,
         )
     return layout.document(
         plan,
-        "improvement",
+        "",
         format="tdfscal-plan/1",
         rig=plan.rig.name,
         output=path,
         noise=plan.request.noise,
         limits=limits,
         expected=_forecast(plan.rig, plan.expected),
-        random=_forecast(plan.rig, plan.random),
         **more,
     )
 

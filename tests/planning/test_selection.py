@@ -1,4 +1,4 @@
-"""Choice by linear algebra, against brute force; order, returns and approaches."""
+"""Choice by linear algebra, against brute force; and order."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from tdfscal.planning.selection import (
-    approaches,
     choose,
     distances,
     greedy,
     short_tour,
-    with_returns,
 )
 from tdfscal.records import FloatArray
 
@@ -54,12 +52,3 @@ def test_tour_is_a_permutation_and_nearly_the_shortest() -> None:
     assert sorted(tour) == list(range(7))
     best = min(length([0, *rest]) for rest in permutations(range(1, 7)))
     assert length(tour.tolist()) <= 1.1 * best
-
-
-def test_returns_and_approaches() -> None:
-    order = with_returns(np.array([4, 0, 1, 2, 3]), 2)
-    assert order.tolist() == [4, 0, 1, 4, 2, 3, 4]
-    assert with_returns(np.array([1, 0]), 0).tolist() == [1, 0]
-    side = approaches(order)
-    assert set(side.tolist()) == {-1, 1}
-    assert [side[0], side[3], side[6]] == [1, -1, 1]

@@ -13,7 +13,7 @@ from tdfscal.files.saving import csv_comment
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates
-from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.planning.motion import MovingPlan
 from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
 
@@ -68,20 +68,15 @@ def read_plan(path: Path) -> Driven | None:
 
 def plan_csv(plan: Plan, command: str) -> str:
     """One row per posture in the order to drive: hinge centres in m, squeezes in N, BCS."""
-    returns = set(plan.returns.tolist())
     how = [
         f"approach: side to come from. First drive every NCP to x, y and z {1e3 * OVERSHOOT:g} mm",
         "further to that side (+1: larger coordinates), all alike, then into the posture.",
-        "returns: 1 where the first posture comes again, to show drift.",
         "Rest at each posture, without contact, until the forces have settled, then record.",
     ]
     noise = f"{plan.request.noise:g} N per axis and posture"
-    rows = (
-        [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
-        for k in range(len(plan))
-    )
+    rows = ([str(k + 1), f"{side:+d}"] for k, side in enumerate(plan.approach))
     notes = _notes(plan, "", command, how, noise)
-    return _table(plan, notes, ["posture", "approach", "returns"], rows, plan.postures)
+    return _table(plan, notes, ["posture", "approach"], rows, plan.postures)
 
 
 def time_table_csv(plan: MovingPlan, command: str) -> str:
@@ -93,7 +88,7 @@ def time_table_csv(plan: MovingPlan, command: str) -> str:
     noise = f"a noise of {plan.request.noise:g} N in a force's mean over a second"
     notes = _notes(plan, ": time table of a motion", command, how, noise)
     rows = ([number(t, 6)] for t in plan.time)
-    return _table(plan, notes, ["t"], rows, plan.trajectory.at(plan.time))
+    return _table(plan, notes, ["t"], rows, plan.motion.at(plan.time))
 
 
 def number(value: float, digits: int) -> str:

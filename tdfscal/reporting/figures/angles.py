@@ -16,7 +16,7 @@ from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import Budget
 from tdfscal.numerics import so3
-from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.planning.motion import MovingPlan
 from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
@@ -24,7 +24,6 @@ from tdfscal.reporting.figures.style import (
     Drawing,
     beside,
     figure,
-    legend_above,
     legend_outside,
     logarithmic,
     signed,
@@ -146,19 +145,15 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
 
 
 def planned(plan: Plan | MovingPlan) -> Drawing:
-    """Standard uncertainty to expect of each angle, of the plan and of random ones."""
+    """Standard uncertainty to expect of each angle."""
 
     def paint() -> Figure:
         fig, (ax,), place = by_angle(plan.rig.supports)
-        random, expected = (1e3 * f.rpy_std.ravel() for f in (plan.random, plan.expected))
-        ax.barh(place, random, height=0.75, color=ink.PALE, label="random")
-        ax.barh(place, expected, height=0.45, color=ink.BLUE, label="plan", **ink.EDGE)
+        ax.barh(place, 1e3 * plan.expected.rpy_std.ravel(), height=0.6, color=ink.BLUE, **ink.EDGE)
         ax.set_xlabel("standard uncertainty, mrad")
-        legend_above(ax, 2)
         return fig
 
-    what = "motions" if isinstance(plan, MovingPlan) else "postures"
-    said = f"The plan is {plan.improvement:.2f} times better than random {what}."
+    said = f"Angles are expected within {1e3 * plan.expected.largest:.3g} mrad each."
     return Drawing("plan", "Uncertainty to expect", said, paint)
 
 
