@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
-_LONGEST: Final = 1000
-"""Letters; a longer name is no axis's: the work grows with the square of its length."""
-
 _INDEXED: Final = re.compile(
     r"(?P<prefix>.{1,200}?)(?:(?P<mark>[_.])(?P<plain>\d)|\[(?P<inner>\d)\])"
 )
@@ -53,7 +50,6 @@ class Stream:
     kind : message type, empty for a table. count : rows or messages.
     start, end : s, by the file's own clock; None where it has none (a table's is a column).
     stamped : its messages have a header with a time; unusable : why that cannot be used, if so.
-    joints : names of the elements of its lists.
     """
 
     name: str
@@ -64,7 +60,6 @@ class Stream:
     end: float | None = None
     stamped: bool = False
     unusable: str | None = None
-    joints: tuple[str, ...] = ()
 
 
 @record
@@ -124,7 +119,7 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
 
     Each name goes to one vector; of several letters that would do, the last one is the axis.
     """
-    there = {name for name in names if len(name) <= _LONGEST}
+    there = set(names)
     taken: set[str] = set()
     found = []
     for name in names:

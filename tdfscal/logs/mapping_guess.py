@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from typing import Final, Literal, cast
 
 import numpy as np
 
 from tdfscal.files.units import by_scale, unit_factor
 from tdfscal.frozen import record, replace
-from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.contents import Contents, Vector
 from tdfscal.logs.messages.paths import topic_of
-from tdfscal.logs.plausible_units import (
-    Proposal,
-    distances,
-    force_unit,
-    length_unit,
-    resampled,
-    time_unit,
-)
+from tdfscal.logs.plausible_units import force_unit, length_unit, resampled, time_unit
+from tdfscal.numerics import so3
 from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
@@ -42,8 +36,7 @@ _LENGTHS: Final = frozenset({"m", "cm", "mm", "um"})
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
 _SHOWN: Final = 3
 _MOST_POSTURES: Final = 1000
-_LARGEST: Final = 1e15
-_RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
+_LARGEST: Final = 1e15  # squares of more overflow
 
 
 @record
@@ -86,92 +79,102 @@ def guess_recorders(files: Mapping[str, Contents], rig: Rig | None = None) -> Gu
 
 def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     """Guess from the vectors of all files together."""
-    vectors: list[Vector] = []
-    owner: dict[int, str] = {}
-    for pattern, contents in files.items():
-        own = [v for v in map(_plausible, contents.vectors) if v.time.size]
-        owner |= dict.fromkeys(map(id, own), pattern)
-        vectors += own
+    owned = [
+        (pattern, vector)
+        for pattern, contents in files.items()
+        for vector in map(_plausible, contents.vectors)
+        if vector.time.size
+    ]
+    vectors = [vector for _, vector in owned]
+    owner = {id(vector): pattern for pattern, vector in owned}
     positions = _measured([v for v in vectors if _role(v) == "position"])
     # Drivers fill what they do not measure with zeros: the efforts of a JointState.
     forces = _measured([v for v in vectors if _role(v) == "force" and v.value.any()])
-    forces = [v for v in forces if not _is_commanded(v)]
-    pairs = _paired(positions, forces)
+    pairs = _paired(positions, [v for v in forces if not _is_commanded(v)])
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
-        none = f"no mapping is guessed: {found}; three of each are needed"
-        for role in ("position", "force"):
-            units = {v.unit: by_scale(role, v.unit) for v in vectors if v.unit is not None}
-            none += "".join(f"; {unit}: {line}" for unit, line in units.items() if line)
-        neither = [v.fields[0] for v in vectors if v.unit is None and _role(v) == "other"]
-        if neither:
-            none += f"; {', '.join(neither[:_SHOWN])} and the like are neither by their names: "
-            none += "X1, X1 [mm], NCP1_X_mm are known for positions, F1x, F1x [kN] for forces"
-        if twice := ", ".join(name for c in files.values() for name in c.repeated):
-            none += f"; columns that are there more than once are passed over: {twice}"
-        return Guess((), (none, *(note for c in files.values() for note in _joints(c))))
-    pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
-    pairs, by_rig = _named(pairs, rig)
+        return Guess((), (_why_none(found, vectors, files.values()),))
+    pairs, notes = _named(sorted(pairs, key=lambda p: _natural(p.position.label)), rig)
     length = length_unit([p.position for p in pairs], rig)
     force = force_unit([p.force for p in pairs], rig)
     on, why_on = _force_on(pairs, rig)
-    notes = [*by_rig, *length.notes, *force.notes, *why_on, *_rigidity(pairs)]
-    if commanded := [p.position.label for p in pairs if _is_commanded(p.position)]:
-        notes.append(f"by their names these positions were commanded: {', '.join(commanded)}")
-    problems = [*length.problems, *force.problems]
+    notes += [length.note, force.note, why_on]
+    problems = [length.problem, force.problem]
     recorders: list[LogMapping] = []
     for pattern, contents in files.items():
-        held = [
+        moves, loads = (
             tuple(v.fields if owner[id(v)] == pattern else () for v in side)
             for side in ([p.position for p in pairs], [p.force for p in pairs])
-        ]
-        if not any(held[0]) and not any(held[1]):
+        )
+        if not any(moves) and not any(loads):
             continue
         mapping = LogMapping(
             supports=tuple(p.support for p in pairs),
-            position=held[0],
-            force=held[1],
-            length_unit=length.unit if any(held[0]) else "m",
-            force_unit=force.unit if any(held[1]) else "N",
-            force_on=on if any(held[1]) else "terminal",
+            position=moves,
+            force=loads,
+            length_unit=length.unit if any(moves) else "m",
+            force_unit=force.unit if any(loads) else "N",
+            force_on=on if any(loads) else "terminal",
             decimal=contents.decimal,
             files=pattern or None,
         )
-        clock = _with_clock(mapping, contents)
-        notes += clock.notes
-        problems += clock.problems
-        if not clock.recorders:
-            return Guess((), tuple(notes), tuple(problems))
-        recorders += clock.recorders
-    return Guess(tuple(recorders), tuple(notes), tuple(problems))
+        timed, note, problem = _with_clock(mapping, contents)
+        notes.append(note)
+        problems.append(problem)
+        if timed is None:
+            recorders = []
+            break
+        recorders.append(timed)
+    return Guess(tuple(recorders), tuple(filter(None, notes)), tuple(filter(None, problems)))
 
 
-def _with_clock(mapping: LogMapping, contents: Contents) -> Guess:
-    """The mapping with its clock, and why; none where that fails."""
+def _why_none(found: str, vectors: Sequence[Vector], files: Collection[Contents]) -> str:
+    """Why no mapping is guessed, and what would be known."""
+    none = f"no mapping is guessed: {found}; three of each are needed"
+    for role in ("position", "force"):
+        units = {v.unit: by_scale(role, v.unit) for v in vectors if v.unit is not None}
+        none += "".join(f"; {unit}: {line}" for unit, line in units.items() if line)
+    if neither := [v.fields[0] for v in vectors if v.unit is None and _role(v) == "other"]:
+        none += f"; {', '.join(neither[:_SHOWN])} and the like are neither by their names: "
+        none += "X1, X1 [mm], NCP1_X_mm are known for positions, F1x, F1x [kN] for forces"
+    if twice := ", ".join(name for contents in files for name in contents.repeated):
+        none += f"; columns that are there more than once are passed over: {twice}"
+    return none
+
+
+def _with_clock(mapping: LogMapping, contents: Contents) -> tuple[LogMapping | None, str, str]:
+    """The mapping with its clock, or None, why, and what is wrong with the clock."""
     used = {name for fields in (*mapping.position, *mapping.force) for name in fields}
-    rows = sum(stream.count for stream in contents.streams)
     if contents.by_topic:
         source, why = _time_source(used, contents)
-        return Guess((replace(mapping, time_source=source),), tuple(why))
-    if timed := _time([c for c in contents.columns if c.name and c.name not in used]):
-        column, unit = timed
+        return replace(mapping, time_source=source), why, ""
+    if columns := [c for c in contents.columns if c.name and c.name not in used]:
+        best = max(columns, key=lambda column: _is_time(column.name))
+        unit = time_unit(best, (words(best.name) or [""])[-1])
         seconds = cast(TimeUnit, unit.unit)
-        mapping = replace(mapping, time_field=column.name, time_unit=seconds)
-        return Guess((mapping,), unit.notes, unit.problems)
-    none = "no column ascends as a time does"
-    if any(not column.name for column in contents.columns):
+        mapping = replace(mapping, time_field=best.name, time_unit=seconds)
+        return mapping, unit.note, unit.problem
+    if contents.columns and not all(column.name for column in contents.columns):
         number = [field.name for field in contents.streams[0].fields].index("") + 1
         nameless = f"column {number} has no name, and ascends as a time does: name it"
-        return Guess((), (f"no mapping is guessed: {nameless}",))
+        return None, f"no mapping is guessed: {nameless}", ""
+    rows = sum(stream.count for stream in contents.streams)
+    none = "no column ascends as a time does"
     if rows <= _MOST_POSTURES and not mapping.files:
-        why_rows = f"{none}, so each row is taken for a posture"
-        return Guess((replace(mapping, rows="postures"),), (why_rows,))
+        why = f"{none}, so each row is taken for a posture"
+        return replace(mapping, rows="postures"), why, ""
     many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
-    return Guess((), (f"{none}, and {many}",))
+    return None, f"{none}, and {many}", ""
+
+
+def _is_time(name: str) -> int:
+    """How much a name says that its column is the time."""
+    found = set(words(name))
+    return 2 * bool({"time", "timestamp"} & found) + bool({"t", "stamp", "clock"} & found)
 
 
 def _plausible(vector: Vector) -> Vector:
-    """The vector without readings that no unit makes a position or a force; squares overflow."""
+    """The vector without readings that no unit makes a position or a force."""
     keep = np.abs(vector.value).max(axis=1, initial=0.0) < _LARGEST
     return replace(vector, time=vector.time[keep], value=vector.value[keep])
 
@@ -182,24 +185,19 @@ def words(label: str) -> list[str]:
 
 
 def _role(vector: Vector) -> Role:
-    """What a vector's name says; the words nearest to its end say it best."""
+    """What a vector's unit or name says; the words nearest to its end say it best."""
     if vector.unit is not None:
-        for role in ("position", "force"):
-            if unit_factor(role, vector.unit) is not None:
-                return "position" if role == "position" else "force"
-        return "other"
+        is_length = unit_factor("position", vector.unit) is not None
+        is_force = unit_factor("force", vector.unit) is not None
+        return "position" if is_length else "force" if is_force else "other"
     found = words(vector.label)
     # `X1_mm`: a unit behind a bare axis letter.
     if [w for w in found if not w.isdigit()][-2:-1] == ["*"] and found[-1] in _LENGTHS:
         del found[-1]
     joints = vector.kind.rpartition(" ")[2] if len(vector.fields) == 3 else ""
-    if joints == "position":
-        return "position"
-    if joints == "effort":
-        return "force"
-    if joints == "velocity":
-        return "other"
-    if set(found) & _OTHER and found[-1:] != ["force"]:
+    if joints in ("position", "effort"):
+        return "position" if joints == "position" else "force"
+    if joints == "velocity" or (set(found) & _OTHER and found[-1:] != ["force"]):
         return "other"
     for word in reversed(found):
         if word in _FORCE:
@@ -208,10 +206,9 @@ def _role(vector: Vector) -> Role:
             return "position"
     if "Wrench" in vector.kind or "Force" in vector.kind:
         return "force"
-    if "current" in found:  # of a motor
-        return "other"
-    # A bare axis letter, `ncp1.x`, `X1`: a position.
-    return "position" if [w for w in found if not w.isdigit()][-1:] == ["*"] else "other"
+    # A bare axis letter, `ncp1.x`, `X1`: a position, but where it is the current of a motor.
+    bare = [w for w in found if not w.isdigit()][-1:] == ["*"]
+    return "position" if bare and "current" not in found else "other"
 
 
 def _is_commanded(vector: Vector) -> bool:
@@ -230,51 +227,35 @@ def _measured(vectors: Sequence[Vector]) -> list[Vector]:
 
     best: dict[tuple[str, ...], int] = {}
     for vector in vectors:
-        key = tuple(_key(vector))
-        best[key] = min(best.get(key, 2), rank(vector))
-    chosen = [vector for vector in vectors if rank(vector) == best[tuple(_key(vector))]]
+        best[_key(vector)] = min(best.get(_key(vector), 2), rank(vector))
+    chosen = [vector for vector in vectors if rank(vector) == best[_key(vector)]]
     free = [vector for vector in chosen if not _is_commanded(vector)]
     return free if len(free) >= 3 else chosen
 
 
-def _joints(contents: Contents) -> list[str]:
-    """What to write where the joints' names do not say which are x, y and z of an NCP."""
-    notes = []
-    for topic, names in ((s.name, s.joints) for s in contents.streams if s.joints):
-        shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
-        x, y, z = (*names[:3], "…", "…", "…")[:3]
-        notes.append(
-            f"the joints of {topic} are {shown}; where three of them move an NCP along x, y and z, "
-            f"write position: [{', '.join(f'{topic}.position.{j}' for j in (x, y, z))}]"
-        )
-    return notes
-
-
-def _key(vector: Vector) -> list[str]:
+def _key(vector: Vector) -> tuple[str, ...]:
     """What a name says of the support: its numbers, else its words that name no quantity."""
     found = words(vector.label)
     numbers = [w for w in found if w.isdigit()]
     general = {"*", "geometry", "msgs", "msg", "tcp", *_FORCE, *_POSITION, *_MEASURED, *_COMMANDED}
-    return numbers or [w for w in found if w not in general and not w.endswith(_POSITION_PART)]
+    others = [w for w in found if w not in general and not w.endswith(_POSITION_PART)]
+    return tuple(numbers or others)
 
 
 def _paired(positions: Sequence[Vector], forces: Sequence[Vector]) -> list[_Pair]:
     """Pair by equal keys where these are unique, else by their order."""
-    keys_p = [tuple(_key(v)) for v in positions]
-    keys_f = [tuple(_key(v)) for v in forces]
+    keys_p, keys_f = list(map(_key, positions)), list(map(_key, forces))
     common = [k for k in keys_p if keys_p.count(k) == 1 and keys_f.count(k) == 1 and k]
     if len(common) >= 3:
+        named = [f"ncp{k[0]}" if len(k) == 1 and k[0].isdigit() else "_".join(k) for k in common]
         return [
-            _Pair(f"ncp{k[0]}" if len(k) == 1 and k[0].isdigit() else "_".join(k),
-                  positions[keys_p.index(k)], forces[keys_f.index(k)])
-            for k in common
-        ]  # fmt: skip
-    if len(positions) == len(forces):
-        return [
-            _Pair(f"ncp{i + 1}", p, f)
-            for i, (p, f) in enumerate(zip(positions, forces, strict=True))
+            _Pair(name, positions[keys_p.index(k)], forces[keys_f.index(k)])
+            for name, k in zip(named, common, strict=True)
         ]
-    return []
+    if len(positions) != len(forces):
+        return []
+    both = enumerate(zip(positions, forces, strict=True), 1)
+    return [_Pair(f"ncp{i}", position, force) for i, (position, force) in both]
 
 
 def _named(pairs: list[_Pair], rig: Rig | None) -> tuple[list[_Pair], list[str]]:
@@ -291,19 +272,14 @@ def _named(pairs: list[_Pair], rig: Rig | None) -> tuple[list[_Pair], list[str]]
     if len(pairs) == rig.n:
         named = [replace(p, support=n) for n, p in zip(rig.supports, pairs, strict=True)]
         return named, ["the supports are matched with the rig's in order; check them"]
-    return pairs, [
-        f"the log has {len(pairs)} supports, the rig {rig.n}; the names are not the rig's"
-    ]
+    there = f"the log has {len(pairs)} supports, the rig {rig.n}"
+    return pairs, [f"{there}; the names are not the rig's"]
 
 
-def _force_on(
-    pairs: Sequence[_Pair], rig: Rig | None
-) -> tuple[Literal["terminal", "sensor"], list[str]]:
+def _force_on(pairs: Sequence[_Pair], rig: Rig | None) -> tuple[Literal["terminal", "sensor"], str]:
     """The NCPs push the terminal up: a sum that points down is that of the reactions."""
     forces = resampled([q.force for q in pairs])
     if rig is not None and [p.support for p in pairs] == list(rig.supports):
-        from tdfscal.numerics import so3
-
         forces = np.einsum("nij,nkj->nki", so3.from_rpy(rig.nominal_rpy), forces)
     total = forces.sum(axis=0).mean(axis=0)
     on: Literal["terminal", "sensor"] = "terminal" if total[2] > 0 else "sensor"
@@ -311,48 +287,19 @@ def _force_on(
     note = f"force_on: {on}, as the forces' sum points {way} along the sensors' z"
     if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
         note += "; it is far from vertical, so check this"
-    return on, [note]
+    return on, note
 
 
-def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
-    distance = distances([p.position for p in pairs])
-    mean = distance.mean(axis=0)
-    if not mean.all():
-        return ["two of the positions are the same throughout"]
-    spread = float(np.max(np.std(distance, axis=0) / mean))
-    if spread < _RIGID:
-        return []
-    return [
-        f"the distances between the positions vary by {100 * spread:.1f} %: they may be something "
-        "else than hinges of one rigid terminal"
-    ]
-
-
-def _time_source(
-    fields: Set[str], contents: Contents
-) -> tuple[Literal["header", "log"], list[str]]:
+def _time_source(fields: Set[str], contents: Contents) -> tuple[Literal["header", "log"], str]:
     """The header's time where every topic has one that can be used."""
     named = {topic_of(name, {s.name for s in contents.streams}) for name in fields}
     streams = [stream for stream in contents.streams if stream.name in named]
-    unusable = [stream for stream in streams if stream.unusable]
+    unusable = [stream.unusable for stream in streams if stream.unusable]
     if not all(stream.stamped for stream in streams):
-        return "log", []
+        return "log", ""
     if not unusable:
-        return "header", []
-    return "log", [f"time source: log, as header times cannot be used: {unusable[0].unusable}"]
-
-
-def _time(columns: Sequence[Column]) -> tuple[Column, Proposal] | None:
-    """The column that is best taken for the time, and its unit."""
-    if not columns:
-        return None
-
-    def rank(column: Column) -> tuple[bool, bool]:
-        found = words(column.name)
-        return ("time" in found or "timestamp" in found, bool({"t", "stamp", "clock"} & set(found)))
-
-    best = max(columns, key=rank)
-    return best, time_unit(best, (words(best.name) or [""])[-1])
+        return "header", ""
+    return "log", f"time source: log, as header times cannot be used: {unusable[0]}"
 
 
 def _natural(label: str) -> list[tuple[int, int, str]]:

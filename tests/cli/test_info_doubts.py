@@ -113,22 +113,13 @@ def test_units_of_the_header_that_cannot_be(
     assert said is None or said in doubts[0]
 
 
-def as_it_is(k: int, t: int) -> int:
-    return t
-
-
 @functools.cache
 def sample_messages() -> list[tuple[Schema | None, Channel, Message]]:
     with (SAMPLES / "mcap/log.mcap").open("rb") as source:
         return list(make_reader(source).iter_messages())
 
 
-def restamped(
-    target: Path,
-    topic: str,
-    stamp: Callable[[int, int], int],
-    logged: Callable[[int, int], int] = as_it_is,
-) -> Path:
+def restamped(target: Path, topic: str, stamp: Callable[[int, int], int]) -> Path:
     """The sample recording with other times on one topic, in ns: of (message, time as it is)."""
     count = 0
     with target.open("wb") as sink:
@@ -143,14 +134,14 @@ def restamped(
                     channel.topic, channel.message_encoding, kind
                 )
             data = bytearray(message.data)
-            log_time = message.log_time
             if channel.topic == topic:
                 sec, nanosec = (int(n) for n in np.frombuffer(data, "<u4", 2, 4))
                 new = stamp(count, sec * 10**9 + nanosec)
                 data[4:12] = np.array(divmod(new, 10**9), "<u4").tobytes()
-                log_time = logged(count, log_time)
                 count += 1
-            writer.add_message(ids[channel.topic], log_time, bytes(data), message.publish_time)
+            writer.add_message(
+                ids[channel.topic], message.log_time, bytes(data), message.publish_time
+            )
         writer.finish()  # type: ignore[no-untyped-call]
     assert count
     return target
@@ -179,16 +170,6 @@ def test_header_times_that_cannot_be_used(
 def test_header_times_off_by_a_constant_are_used(cli: Cli, tmp_path: Path) -> None:
     path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", lambda k, t: t + 5_000_000)
     assert told(cli, path)["mapping"]["log"]["time"] == {"source": "header"}
-
-
-def test_header_times_are_used_where_the_recorder_stalled(cli: Cli, tmp_path: Path) -> None:
-    def stalled(k: int, t: int) -> int:
-        return t + max(0, 2600 - k) * 20_000_000 if k >= 2500 else t
-
-    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", as_it_is, stalled)
-    found = told(cli, path)
-    assert found["mapping"]["log"]["time"] == {"source": "header"}
-    assert any("by 2 s at most" in problem for problem in found["problems"])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""`tdfscal info` on joints: pairs by the joints' names, else what to write."""
+"""`tdfscal info` on joints: pairs by the joints' names."""
 
 from __future__ import annotations
 
@@ -114,14 +114,3 @@ def test_efforts_are_forces_unless_all_are_zero(tmp_path: Path, effort: str, for
     assert mapping is not None
     assert mapping.force[2][0] == force
     assert_reads(path, mapping, position)
-
-
-def test_names_that_say_nothing_are_shown(tmp_path: Path) -> None:
-    names = [f"joint_{k}" for k in "abcdefghi"]
-    path, _ = recording(tmp_path / "log.mcap", names)
-    info = describe_logs([path])
-    assert info.mapping is None
-    (none, note) = info.guess.notes
-    assert "0 vectors look like positions and 3 like forces" in none
-    assert "the joints of /joint_states are joint_a, joint_b" in note
-    assert "write position: [/joint_states.position.joint_a, " in note

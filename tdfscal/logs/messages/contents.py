@@ -26,6 +26,7 @@ _MAX_LEAVES: Final = 64
 _MOST_SAMPLES: Final = 1 << 14  # of a topic
 _STAMP: Final = ("header", "stamp", "sec")
 _LISTS: Final = frozenset({"float64[]", "float32[]", "list"})
+_NAMES: Final = {Leaf(("name",), "string[]"), Leaf(("name",), "list")}
 _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 """Names that a message path can hold, and that are no number."""
 
@@ -33,7 +34,7 @@ _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 class TopicLook:
     """One topic as it is looked through; the first messages show what they hold.
 
-    leaves : what there is in a message. problem : why its messages cannot be read, if so.
+    problem : why its messages cannot be read, if so.
     """
 
     def __init__(self, channel: Channel, schema: Schema | None, first: Messages) -> None:
@@ -41,7 +42,6 @@ class TopicLook:
         self.problem: str | None = None
         self._kind = schema.name if schema is not None else channel.message_encoding
         self._leaves: list[Leaf] = []
-        self._joints: tuple[str, ...] = ()
         self._stamps: _Stamps | None = None
         self._read: Read | None = None
         self._time: list[IntArray] = []
@@ -51,31 +51,15 @@ class TopicLook:
         self._count = 0
         try:
             encoding = encoding_of(channel, schema)
-            content = first.bytes_of(0)
-            self._leaves = list(islice(encoding.leaves(content), _MAX_LEAVES))
-            if {Leaf(("name",), "string[]"), Leaf(("name",), "list")} & set(self._leaves):
-                self._joints = tuple(encoding.names(content))
-                self._leaves += self._by_name(encoding, first.at(0))
+            self._leaves = list(islice(encoding.leaves(first.bytes_of(0)), _MAX_LEAVES))
+            if _NAMES & set(self._leaves):
+                self._leaves += _by_name(encoding, first.at(0), self._leaves)
             if paths := [path for leaf in self._leaves for path in leaf.axes]:
                 self._read = encoding.reader(paths, stamped=False)
             if any(leaf.path == _STAMP for leaf in self._leaves):
                 self._stamps = _Stamps(self.name, encoding.reader([], stamped=True))
         except UNREADABLE as error:
             self.problem = reason(error)
-
-    def _by_name(self, encoding: Json | Ros, first: Messages) -> list[Leaf]:
-        """Elements of lists whose names differ in x, y, z only, as in JointState."""
-        names = [name for name in self._joints if _BY_NAME.fullmatch(name)]
-        found: list[Leaf] = []
-        for leaf in [leaf for leaf in self._leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
-            for label, three in axes_of(names):
-                axes = tuple((*leaf.path, Named(name)) for name in three)
-                try:
-                    encoding.reader(axes, stamped=False)(first)
-                except UNREADABLE:
-                    continue
-                found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
-        return found[:_MAX_LEAVES]
 
     def note(self, messages: Messages) -> None:
         """Note the times of messages, and sample their vectors."""
@@ -100,10 +84,6 @@ class TopicLook:
 
     def found(self) -> tuple[Stream, list[Vector]]:
         """Its fields, and what has x, y, z, as sampled."""
-        start, end = (tick / 1e9 for tick in self._ends)
-        stamped, unusable = self._stamps is not None, None
-        if self._stamps is not None:
-            unusable = self._stamps.unusable()
         fields: list[Field] = []
         vectors: list[Vector] = []
         time = np.concatenate([np.empty(0), *self._time]) / 1e9
@@ -115,18 +95,17 @@ class TopicLook:
                 three = np.concatenate(self._value)[:, column : column + 3]
                 low, high = extremes(three)
                 named = leaf.axes if leaf.label else (leaf.path,)
-                vectors.append(
-                    Vector(
-                        fields=tuple(self.name + path_text(path) for path in named),
-                        label=self.name + (leaf.label or path_text(leaf.path)),
-                        kind=f"{self._kind} {leaf.path[0] if leaf.label else leaf.kind}",
-                        unit=None,
-                        time=time[order],
-                        value=three[order],
-                    )
+                vector = Vector(
+                    fields=tuple(self.name + path_text(path) for path in named),
+                    label=self.name + (leaf.label or path_text(leaf.path)),
+                    kind=f"{self._kind} {leaf.path[0] if leaf.label else leaf.kind}",
+                    unit=None,
+                    time=time[order],
+                    value=three[order],
                 )
-            name = path_text(leaf.path).removeprefix(".")
-            fields.append(Field(name, leaf.kind, None, low, high))
+                vectors.append(vector)
+            fields.append(Field(path_text(leaf.path)[1:], leaf.kind, None, low, high))
+        start, end = (tick / 1e9 for tick in self._ends)
         stream = Stream(
             self.name,
             self._kind,
@@ -134,11 +113,25 @@ class TopicLook:
             tuple(fields),
             start,
             end,
-            stamped,
-            unusable,
-            self._joints,
+            stamped=self._stamps is not None,
+            unusable=self._stamps.unusable() if self._stamps is not None else None,
         )
         return stream, vectors
+
+
+def _by_name(encoding: Json | Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
+    """Elements of lists whose names differ in x, y, z only, as in JointState."""
+    names = [name for name in encoding.names(first.bytes_of(0)) if _BY_NAME.fullmatch(name)]
+    found: list[Leaf] = []
+    for leaf in [leaf for leaf in leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
+        for label, three in axes_of(names):
+            axes = tuple((*leaf.path, Named(name)) for name in three)
+            try:
+                encoding.reader(axes, stamped=False)(first)
+            except UNREADABLE:
+                continue
+            found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
+    return found[:_MAX_LEAVES]
 
 
 class _Stamps:
@@ -151,7 +144,6 @@ class _Stamps:
         self._topic, self._read = topic, read
         self._clock = Clock(topic, "timeseries")
         self._skew = Skew()
-        self._recorder = Clock(topic, "timeseries")
         self._fault: str | None = None
 
     def note(self, messages: Messages) -> None:
@@ -162,9 +154,7 @@ class _Stamps:
             time = self._read(messages)[:, 0]
             if np.isnan(time).any():
                 raise ValueError("it has more than 1e9 ns to the second, or is no number")
-            log = messages.log_time() / 1e9
-            self._skew.note(time, log)
-            self._recorder.ascending(np.maximum.accumulate(log))
+            self._skew.note(time, messages.log_time() / 1e9)
             self._clock.ascending(time)
         except DataError as error:
             self._fault = error.what
@@ -175,9 +165,7 @@ class _Stamps:
         """Why the header times cannot be used, if so."""
         if not self._skew.count and self._fault is None:
             return f"those of {self._topic} are all zero"
-        # Where the recorder stalled, it is its own time that jumps.
-        stalled = self._recorder.longest[0] - self._clock.longest[0]
-        if self._skew.worst > MAX_DEPARTURE and stalled < self._skew.worst / 2.0:
+        if self._skew.worst > MAX_DEPARTURE:
             return (
                 f"those of {self._topic} leave their usual distance to the recorder's "
                 f"by up to {self._skew.worst:.3g} s"
