@@ -133,10 +133,6 @@ serials-untold warns
 calibration-unsealed warns
   {subject} has no `content_sha256`: it was edited since it was written, or another
   program wrote it, and what stands in it once only is taken on trust
-calibration-misdated warns
-  {subject} says that it was computed on {created}
-  ? future , which is in the future
-  ? late , before its data were recorded ({end})
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties
   (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})

@@ -21,8 +21,8 @@ from tdfscal.commands.campaign import Campaign, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.find import Thermometer
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace

@@ -16,8 +16,7 @@ from tdfscal.commands.result import Result, by_column
 from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.defects import defects
-from tdfscal.files.calibration.document import recorded
+from tdfscal.files.calibration.document import defects, recorded
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import ANGLES

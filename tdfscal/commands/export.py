@@ -14,7 +14,7 @@ from tdfscal.commands.result import Result
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS
 from tdfscal.exports.statements import cautions
-from tdfscal.files.calibration.defects import below_accepted
+from tdfscal.files.calibration.document import below_accepted
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME

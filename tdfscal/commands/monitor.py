@@ -26,8 +26,8 @@ from tdfscal.comparison.history import Life
 from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
-from tdfscal.files.calibration.defects import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value, rejecting

@@ -31,8 +31,12 @@ from tdfscal.errors import UsageError
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import readings_of
-from tdfscal.files.calibration.defects import defects
-from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, dump_calibration, recorded
+from tdfscal.files.calibration.document import (
+    CALIBRATION_SUFFIXES,
+    defects,
+    dump_calibration,
+    recorded,
+)
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self, published_std

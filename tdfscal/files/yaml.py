@@ -27,17 +27,15 @@ from tdfscal.frozen import record
 Format = Literal["json", "yaml"]
 Place = tuple[str | int, ...]
 """Keys and indices from the top of a document to a value."""
+Scalar = str | float | int | bool | None
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
 _TOO_DEEP = f"is nested deeper than {MAX_DEPTH} levels"
-#: What ends a line for YAML.
-_LINE_END = re.compile(r"\r\n|[\r\n\x85\u2028\u2029]")
+_THIS_FILE = "check that it is the file that you mean"
 
 _CORE = ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")
 _TAGS = {None, "!"} | {f"tag:yaml.org,2002:{name}" for name in _CORE}
-Scalar = str | float | int | bool | None
-
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = {".nan": math.nan, "+.inf": math.inf, ".inf": math.inf, "-.inf": -math.inf}
@@ -62,13 +60,9 @@ class Document:
         """File, line and place in it: `rig.yaml, line 12, supports[1].hinge`."""
         known = next((place[:k] for k in range(len(place), 0, -1) if place[:k] in self.lines), None)
         line = f"line {self.lines[known]}" if known else ""
-        return ", ".join(part for part in (self.source, line, dotted(place)) if part)
-
-
-def dotted(place: Place) -> str:
-    """`('supports', 1, 'hinge')` → `supports[1].hinge`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{shorten(part)}" for part in place)
-    return "".join(parts).removeprefix(".")
+        parts = (f"[{part}]" if isinstance(part, int) else f".{shorten(part)}" for part in place)
+        dotted = "".join(parts).removeprefix(".")
+        return ", ".join(part for part in (self.source, line, dotted) if part)
 
 
 def read_document(path: Path, error: type[TdfscalError]) -> Document:
@@ -93,23 +87,19 @@ def parse_document(
 
     Raises `error` for anything that is not one well-formed document within the limits.
     """
+    builder = _Builder(source, error)
     if len(raw) > MAX_BYTES:
-        raise error(
-            f"is larger than {MAX_BYTES // 1_000_000} MB",
-            where=source,
-            hint="such a file is small: check that it is the one you mean",
-        )
+        builder.fail(f"is larger than {MAX_BYTES // 1_000_000} MB", _THIS_FILE)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         line = raw[: fault.start].count(b"\n") + 1
-        raise error(
-            f"byte 0x{raw[fault.start]:02x} is not UTF-8 text",
-            where=f"{source}, line {line}",
-            hint="save the file as UTF-8",
-        ) from fault
-    builder = _Builder(source, error)
-    content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
+        what = f"byte 0x{raw[fault.start]:02x} is not UTF-8 text"
+        builder.fail(what, "save the file as UTF-8", line)
+    try:
+        content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
+    except OverflowError as fault:
+        builder.fail(str(fault), "check the number")
     return Document(content, builder.lines, source, hashlib.sha256(raw).hexdigest())
 
 
@@ -145,6 +135,13 @@ class _Builder:
     error: type[TdfscalError]
     lines: dict[Place, int] = field(default_factory=dict)
 
+    def fail(self, what: str, hint: str, line: int = 0, column: int = 0) -> NoReturn:
+        where = f"{self.source}, line {line}" if line else self.source
+        raise self.error(what, where=f"{where}, column {column}" if column else where, hint=hint)
+
+    def _at(self, event: Any, what: str, hint: str) -> NoReturn:
+        self.fail(what, hint, event.start_mark.line + 1)
+
     def from_yaml(self, text: str) -> Any:
         """Return a YAML document's value; None for an empty text."""
         events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
@@ -154,92 +151,74 @@ class _Builder:
                 if isinstance(event, yaml.NodeEvent):
                     found.append(self._node(event, events, ()))
                 elif isinstance(event, yaml.DocumentStartEvent) and found:
-                    self._fail("holds more than one document", event, "remove the line `---`")
-        except yaml.YAMLError as fault:
-            raise self._syntax(fault, text) from fault
+                    self._at(event, "holds more than one document", "remove the line `---`")
+        except yaml.MarkedYAMLError as fault:
+            mark, hint = fault.problem_mark, "correct the indentation or the syntax there"
+            where = (mark.line + 1, mark.column + 1) if mark else ()
+            row = [*text.splitlines(), ""][mark.line] if mark else ""
+            what = f"is not YAML: {fault.problem}"
+            if "\t" in row[: len(row) - len(row.lstrip())]:
+                what, hint = "a tab stands where YAML wants spaces", "indent with spaces"
+            self.fail(what, hint, *where)
+        except yaml.YAMLError:
+            self.fail("holds a character that YAML does not allow", _THIS_FILE)
         return found[0] if found else None
 
     def _node(self, event: Any, events: Iterator[Any], place: Place) -> Any:
         """The value that begins with an event, its own events taken."""
         self.lines[place] = event.start_mark.line + 1
         if event.anchor is not None:
-            self._fail("anchors and aliases are not read", event, "write the value out")
+            self._at(event, "anchors and aliases are not read", "write the value out")
         if event.tag not in _TAGS:
-            self._fail(f"the tag {shorten(event.tag)} is not read", event, "write a plain value")
+            self._at(event, f"the tag {shorten(event.tag)} is not read", "write a plain value")
         if isinstance(event, yaml.ScalarEvent):
             try:
                 return plain_scalar(event.value) if event.implicit[0] else event.value
             except OverflowError as fault:
-                self._fail(str(fault), event, "check the number")
+                self._at(event, str(fault), "check the number")
         if len(place) >= MAX_DEPTH:
-            self._fail(_TOO_DEEP, event, "check that it is this file")
+            self._at(event, _TOO_DEEP, _THIS_FILE)
         inner = takewhile(lambda one: isinstance(one, yaml.NodeEvent), events)
         if isinstance(event, yaml.SequenceStartEvent):
             return [self._node(each, events, (*place, k)) for k, each in enumerate(inner)]
         content: dict[str, Any] = {}
         for each in inner:
             if not isinstance(each, yaml.ScalarEvent):
-                self._fail("a key must be plain text", each, "write `key: value`")
+                self._at(each, "a key must be plain text", "write `key: value`")
             if each.value in content:
-                what = f"the key `{shorten(each.value)}` occurs twice"
-                self._fail(what, each, "keep one of them")
+                self._at(each, f"the key `{shorten(each.value)}` occurs twice", "keep one of them")
             content[each.value] = self._node(next(events), events, (*place, each.value))
         return content
 
-    def _fail(self, what: str, event: Any, hint: str) -> NoReturn:
-        where = f"{self.source}, line {event.start_mark.line + 1}"
-        raise self.error(what, where=where, hint=hint)
-
-    def _syntax(self, fault: yaml.YAMLError, text: str) -> TdfscalError:
-        if not isinstance(fault, yaml.MarkedYAMLError) or (mark := fault.problem_mark) is None:
-            what, hint = (
-                "holds a character that YAML does not allow",
-                "check that it is a text file",
-            )
-            return self.error(what, where=self.source, hint=hint)
-        row = [*_LINE_END.split(text), ""][mark.line]
-        tab = "\t" in row[: len(row) - len(row.lstrip())]
-        return self.error(
-            "a tab stands where YAML wants spaces" if tab else f"is not YAML: {fault.problem}",
-            where=f"{self.source}, line {mark.line + 1}, column {mark.column + 1}",
-            hint="indent with spaces" if tab else "correct the indentation or the syntax there",
-        )
-
     def from_json(self, text: str) -> Any:
         """Return a JSON document's value."""
+        read = json.JSONDecoder(
+            parse_constant=self._constant,
+            parse_float=decimal,
+            parse_int=integer,
+            object_pairs_hook=self._object,
+        ).decode
         try:
-            content = json.loads(
-                text,
-                parse_constant=self._constant,
-                parse_float=decimal,
-                parse_int=integer,
-                object_pairs_hook=self._object,
-            )
+            content = read(text)
             too_deep = _deeper_than(MAX_DEPTH, content)
         except json.JSONDecodeError as fault:
-            raise self.error(
-                f"is not JSON: {fault.msg}",
-                where=f"{self.source}, line {fault.lineno}, column {fault.colno}",
-                hint="correct the syntax there",
-            ) from fault
-        except OverflowError as fault:
-            raise self.error(str(fault), where=self.source, hint="check the number") from fault
+            what = f"is not JSON: {fault.msg}"
+            self.fail(what, "correct the syntax there", fault.lineno, fault.colno)
         except RecursionError:
             too_deep = True
         if too_deep:
-            raise self.error(_TOO_DEEP, where=self.source, hint="check that it is this file")
+            self.fail(_TOO_DEEP, _THIS_FILE)
         return content
 
     def _constant(self, name: str) -> NoReturn:
-        hint = "leave it out or write null"
-        raise self.error(f"{name} is not JSON", where=self.source, hint=hint)
+        self.fail(f"{name} is not JSON", "leave it out or write null")
 
     def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         content: dict[str, Any] = {}
         for key, value in pairs:
             if key in content:
                 what = f"the key `{shorten(key)}` occurs twice in one object"
-                raise self.error(what, where=self.source, hint="keep one of them")
+                self.fail(what, "keep one of them")
             content[key] = value
         return content
 
@@ -263,16 +242,13 @@ def plain_scalar(text: str) -> Scalar:
         return _SPECIAL[lower]
     if _INTEGER.fullmatch(text):
         return integer(text)
-    if _FLOAT.fullmatch(text):
-        return decimal(text)
-    return text
+    return decimal(text) if _FLOAT.fullmatch(text) else text
 
 
 def integer(text: str) -> int | float:
     """Value of an integer's digits, decimal or 0x…, 0o…; OverflowError beyond double precision."""
-    base = {"0o": 8, "0x": 16}.get(text[:2])
-    if base is not None:
-        return int(text[2:18], base) if len(text) <= 18 else _overflow(text)
+    if text[:2] in ("0o", "0x"):
+        return int(text, 0) if len(text) <= 18 else decimal("inf")
     # Huge integers are slow to convert, and above 2⁵³ a double does not hold them exactly anyway.
     return int(text) if len(text) <= 20 else decimal(text)
 
@@ -280,11 +256,9 @@ def integer(text: str) -> int | float:
 def decimal(text: str) -> float:
     """Value of a decimal number; OverflowError beyond double precision."""
     value = float(text)
-    return value if math.isfinite(value) else _overflow(text)
-
-
-def _overflow(text: str) -> float:
-    raise OverflowError(f"{shorten(text)} is beyond double precision")
+    if not math.isfinite(value):
+        raise OverflowError(f"{shorten(text)} is beyond double precision")
+    return value
 
 
 def shorten(text: str, limit: int = 40) -> str:

@@ -12,8 +12,7 @@ from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.defects import defects
-from tdfscal.files.calibration.document import Calibration, recorded
+from tdfscal.files.calibration.document import Calibration, defects, recorded
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3

@@ -13,8 +13,7 @@ from typing import Any
 from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.consistency import UNCONFIRMED
-from tdfscal.files.calibration.defects import doubtful
-from tdfscal.files.calibration.document import Calibration, file_content, recorded
+from tdfscal.files.calibration.document import Calibration, file_content, recorded, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
 from tdfscal.files.rig.model import AcceptanceBlock
@@ -277,7 +276,7 @@ def doubts(c: Calibration) -> tuple[str, ...]:
     """That a file was edited, that its dates cannot be, whose certificate had ended before."""
     ended = overdue(c.rig.record(), _day(c), "this calibration")
     papers = (f"{sentence(found)}{_by_file(c.measured)}" for found in ended)
-    return (*map(sentence, doubtful("this calibration", c)), *papers)
+    return (*map(sentence, unsealed("this calibration", c)), *papers)
 
 
 def expired_sentence(c: Calibration) -> str:

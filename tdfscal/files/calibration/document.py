@@ -8,7 +8,7 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
-from tdfscal.files.calibration.consistency import ALTERED, CHANGED, check
+from tdfscal.files.calibration.consistency import ALTERED, CHANGED, UNCONFIRMED, check
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
 from tdfscal.files.hashing import content_sha256
@@ -17,6 +17,7 @@ from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
+from tdfscal.findings import Finding
 from tdfscal.frozen import replace
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
@@ -25,6 +26,8 @@ from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
 Array = TypeVar("Array", BoolArray, FloatArray)
 
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
+#: Lines of a draft that a sentence names.
+_LINES_SAID = 2
 
 
 def _read_only(array: Array) -> Array:
@@ -220,6 +223,28 @@ def recorded(c: Calibration) -> Measured:
         return c.measured.record()
     moment = parts.seconds(c.created)
     return Measured(moment, moment, "file")
+
+
+def defects(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """What whoever uses a calibration that goes by `name` must know; nothing where it is sound."""
+    return (*below_accepted(name, c), *unsealed(name, c))
+
+
+def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """The gate rejected it, or it rests on lines of a draft."""
+    if not c.accepted:
+        why = "; ".join(reason.text for reason in c.reasons)
+        return (Finding("rejected-in-use", (name,), values={"why": why}),)
+    if c.status != "provisional":
+        return ()
+    lines = [line for entry in c.found(UNCONFIRMED) for line in entry.subject]
+    said = {"lines": lines[:_LINES_SAID]}
+    return (Finding("provisional-in-use", (name,), len(lines), values=said),)
+
+
+def unsealed(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """It cannot tell whether it was edited."""
+    return (Finding("calibration-unsealed", (name,)),) if c.unsealed else ()
 
 
 def load_calibration(path: Path | str) -> Calibration:
