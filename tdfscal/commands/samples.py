@@ -14,7 +14,7 @@ from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.find import Thermometer
+from tdfscal.dwells.thermometer import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding

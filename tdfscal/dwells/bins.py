@@ -6,15 +6,19 @@ Everything later works on bins, so an hour at 1 kHz is 180 000 rows instead of 3
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
+import numpy.typing as npt
 
-from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray, IntArray, Log, Series
+
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
 #: Above this many bins their width doubles, so that memory stays bounded: 70 MB with three
@@ -58,6 +62,59 @@ class Bins:
         return len(self.start)
 
 
+@record
+class _Moments:
+    """Of the samples of one stream in P bins: number, count (P,); the others (P, 3), as in `Bins`.
+
+    Extremes less the mean are exact enough in float32; of a position they are 0.
+    """
+
+    number: IntArray
+    count: IntArray
+    mean: FloatArray
+    scatter: Float32Array
+    low: Float32Array
+    high: Float32Array
+
+
+def _moments(value: FloatArray, number: IntArray, first: IntArray, *, extremes: bool) -> _Moments:
+    """Moments of the samples value (N, 3) in bins `number` that begin at `first`, (P,) both."""
+    count = np.diff(first, append=len(value))
+    # Counted from each bin's first sample: a constant reading has no scatter, and its own mean.
+    reference = value[first]
+    deviation = value - np.repeat(reference, count, axis=0)
+    middle = np.add.reduceat(deviation, first) / count[:, None]
+    low = high = np.zeros(middle.shape, np.float32)
+    if extremes:
+        low = (np.minimum.reduceat(deviation, first) - middle).astype(np.float32)
+        high = (np.maximum.reduceat(deviation, first) - middle).astype(np.float32)
+    square = np.add.reduceat(deviation**2, first) - count[:, None] * middle**2
+    scatter = np.maximum(square, 0.0).astype(np.float32)
+    return _Moments(number, count, reference + middle, scatter, low, high)
+
+
+def _joined(parts: Sequence[_Moments]) -> _Moments:
+    """Moments of consecutive parts; bins of one number become one (Chan, Golub, LeVeque 1979)."""
+    each = ([getattr(part, field.name) for part in parts] for field in fields(_Moments))
+    one = _Moments(*(np.concatenate(arrays) for arrays in each))
+    first = np.flatnonzero(np.diff(one.number, prepend=-1))
+    if len(first) == len(one.number):
+        return one
+    size = np.diff(first, append=len(one.number))
+    count = np.add.reduceat(one.count, first)
+    away = one.mean - np.repeat(one.mean[first], size, axis=0)
+    weight = one.count[:, None]
+    middle = np.add.reduceat(weight * away, first) / count[:, None]
+    away -= np.repeat(middle, size, axis=0)
+    kept = (
+        np.add.reduceat(one.scatter + weight * away**2, first),
+        np.minimum.reduceat(away + one.low, first),
+        np.maximum.reduceat(away + one.high, first),
+    )
+    mean = one.mean[first] + middle
+    return _Moments(one.number[first], count, mean, *(x.astype(np.float32) for x in kept))
+
+
 class _Binner:
     """Collects bins; doubles their width when there are too many."""
 
@@ -65,7 +122,7 @@ class _Binner:
         self.supports = supports
         self.origin, self.width, self.limit = origin, width, limit
         streams = 2 * len(supports)
-        self.streams = Streams(streams)
+        self.parts: list[list[_Moments]] = [[] for _ in range(streams)]
         self.last = np.full(streams, -np.inf)
         self.quantum = np.full((streams, 3), np.inf)
         self.zeros, self.seen = np.zeros(streams), np.zeros(streams)
@@ -80,41 +137,56 @@ class _Binner:
         clocks: dict[int, tuple[IntArray, IntArray]] = {}
         for stream, series in enumerate(_all_series(piece)):
             time = series.time
-            if series.value.shape != (len(time), 3):
-                raise DataError(
-                    f"expected ({len(time)}, 3) values, got {series.value.shape}",
-                    where=self._name(stream),
-                )
             if not len(time):
                 continue
             if id(time) not in clocks or time[0] < self.last[stream]:
                 self._check_ascends(stream, time)
                 clocks[id(time)] = self._groups(time)  # the streams of a table share one time
             self.last[stream] = time[-1]
+            extremes = stream >= len(self.supports)
             with np.errstate(invalid="ignore", over="ignore"):
-                found = moments(
-                    series.value, *clocks[id(time)], extremes=stream >= len(self.supports)
-                )
+                found = _moments(series.value, *clocks[id(time)], extremes=extremes)
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
-            self.streams.add(stream, found)
+            self.parts[stream].append(found)
         # More bins are held once wider ones would hide a stop of a second.
-        while len(self.streams) > self.limit * (1 if self.width < _WIDEST else _LONG):
-            self.streams.coarsen()
+        while self._held() > self.limit * (1 if self.width < _WIDEST else _LONG):
             self.width *= 2
+            for parts in self.parts:
+                parts[:] = [_joined([replace(part, number=part.number // 2) for part in parts])]
+
+    def _held(self) -> int:
+        return max(sum(len(part.number) for part in parts) for parts in self.parts)
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        found = self.streams.finish()
+        streams = [_joined(parts) for parts in self.parts]
+        number = streams[0].number
+        for own in streams[1:]:
+            if not np.array_equal(own.number, number):
+                number = np.union1d(own.number, number)
+        n, shape = len(self.supports), (2 * len(self.supports), 3, len(number))
+        count, mean = np.zeros((shape[0], shape[2]), np.int32), np.full(shape, np.nan)
+        scatter, low, high = (np.zeros(shape, np.float32) for _ in range(3))
+        for k, own in enumerate(streams):
+            here = np.searchsorted(number, own.number)
+            count[k, here] = own.count
+            for into, values in (
+                (mean, own.mean),
+                (scatter, own.scatter),
+                (low, own.low),
+                (high, own.high),
+            ):
+                into[k][:, here] = values.T
         return Bins(
             supports=self.supports,
             width=self.width,
-            start=np.asarray(self.origin + self.width * found.number),
-            count=found.count.T,
-            mean=found.mean.transpose(2, 0, 1),
-            scatter=found.scatter.transpose(2, 0, 1),
-            low=found.low.transpose(2, 0, 1),
-            high=found.high.transpose(2, 0, 1),
+            start=np.asarray(self.origin + self.width * number),
+            count=count.T,
+            mean=mean.transpose(2, 0, 1),
+            scatter=scatter.transpose(2, 0, 1),
+            low=low[n:].transpose(2, 0, 1),
+            high=high[n:].transpose(2, 0, 1),
             period=period,
             quantum=np.where(np.isfinite(self.quantum), self.quantum, 0.0),
             zeros=self.zeros / np.maximum(self.seen, 1.0),

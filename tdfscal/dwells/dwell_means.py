@@ -13,12 +13,9 @@ is added.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs
@@ -26,11 +23,8 @@ from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum
 from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
-Real = TypeVar("Real", bound=np.floating)
-
 _LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
 _SPECTRA = 50  # dwells, evenly over the log, that the spectrum is taken from
-_ROWS = 2**12  # bins taken at once; they stay in the cache
 
 
 @record
@@ -66,7 +60,8 @@ class Extent:
 class Moments:
     """Per dwell and stream: mean (K, S, 3), cov of the mean (K, S, 3, 3), count and effective
     (K, S); drift (K, S, 3), change over the dwell by the fitted line, with drift_std;
-    density (K, S, 3), variance of a sample as it counts in a long mean.
+    density (K, S, 3), variance of a sample as it counts in a long mean; low, high (K, n, 3),
+    extremes of the forces' samples.
     """
 
     mean: FloatArray
@@ -76,6 +71,8 @@ class Moments:
     drift: FloatArray
     drift_std: FloatArray
     density: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 @record
@@ -83,6 +80,7 @@ class _Own:
     """What dwells show by themselves, (K, S, 3): see `Moments`.
 
     scatter : sample variance. length : 1 / standard deviation of the drift for noise of variance 1.
+    low, high : (K, n, 3), extremes of the forces' samples.
     """
 
     mean: FloatArray
@@ -90,6 +88,8 @@ class _Own:
     count: IntArray  # (K, S)
     drift: FloatArray
     length: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
@@ -129,20 +129,9 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         drift=own.drift,
         drift_std=sd / own.length,
         density=variance,
+        low=own.low,
+        high=own.high,
     )
-
-
-def force_extremes(bins: Bins, extents: Sequence[Extent]) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest sample of each dwell's forces, (K, n, 3) each, N."""
-    n = bins.low.shape[1]
-    low, high = np.zeros((len(extents), n, 3)), np.zeros((len(extents), n, 3))
-    for part in _portions(extents):
-        rows, first, _ = _together([extents[k] for k in part])
-        middle = _taken(bins.mean, rows)[n:]
-        least = np.fmin.reduceat(middle + _taken(bins.low, rows), first, axis=2)
-        most = np.fmax.reduceat(middle + _taken(bins.high, rows), first, axis=2)
-        low[part], high[part] = least.transpose(2, 0, 1), most.transpose(2, 0, 1)
-    return low, high
 
 
 def whole_range(bins: Bins) -> FloatArray:
@@ -196,64 +185,31 @@ def _spectra(bins: Bins, extents: Sequence[Extent]) -> list[tuple[int, Spectrum]
 
 def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
     shape = (len(extents), bins.count.shape[1], 3)
-    mean, scatter, drift = (np.zeros(shape) for _ in range(3))
-    length, count = np.ones(shape), np.zeros(shape[:2], dtype=np.int64)
-
-    for part in _portions(extents):
-        rows, first, size = _together([extents[k] for k in part])
-        total = partial(np.add.reduceat, indices=first, axis=-1)
-        spread = partial(np.repeat, repeats=size, axis=-1)
-        # (S, 1, R) and (S, 3, R), or (S, ..., K) of the dwells.
-        w = bins.count.T[:, None, rows].astype(np.float64)
-        x = np.where(w > 0, _taken(bins.mean, rows), 0.0)
-        reference = np.maximum.reduceat(x, first, axis=-1)
-        x -= spread(reference)
-        n = total(w)
-        offset = total(w * x) / n
-        x -= spread(offset)
-        wx = w * x
-        square = total(wx * x) + total(_taken(bins.scatter, rows).astype(np.float64))
-        # The line: the time as a fraction of the dwell, about its weighted mean.
-        begin = rows[first]
-        whole = rows[first + size - 1] - begin + 1
-        t = (rows - spread(begin)) / spread(whole)
-        line = t - spread(total(w * t) / n)
-        line2 = total(w * line**2)
-        for result, found in (
-            (mean, reference + offset),
-            (scatter, square / np.maximum(n - 1.0, 1.0)),
-            (drift, total(wx * line) / line2),
-            (length, np.sqrt(line2)),
-        ):
-            result[part] = found.transpose(2, 0, 1)
-        count[part] = n[:, 0].T
-    return _Own(mean, scatter, count, drift, length)
-
-
-def _together(extents: Sequence[Extent]) -> tuple[IntArray, IntArray, IntArray]:
-    """Bins of several dwells one after the other; where each dwell begins among them; its bins."""
-    rows = [extent.rows for extent in extents]
-    size = np.array([len(one) for one in rows])
-    return np.concatenate(rows), np.cumsum(size) - size, size
-
-
-def _taken(x: npt.NDArray[Real], rows: IntArray) -> npt.NDArray[Real]:
-    """(S, 3, R) of (B, S, 3)."""
-    return x.transpose(1, 2, 0)[..., rows]
-
-
-def _portions(extents: Sequence[Extent]) -> Iterator[list[int]]:
-    """Dwells in groups of limited size."""
-    part: list[int] = []
-    size = 0
+    mean, scatter, drift, length = (np.zeros(shape) for _ in range(4))
+    low, high = (np.zeros((shape[0], shape[1] // 2, 3)) for _ in range(2))
+    count = np.zeros(shape[:2], dtype=np.int64)
     for k, extent in enumerate(extents):
-        part.append(k)
-        size += int(extent.used.sum())
-        if size >= _ROWS:
-            yield part
-            part, size = [], 0
-    if part:
-        yield part
+        rows = extent.rows
+        w = bins.count.T[:, None, rows].astype(np.float64)  # (S, 1, R)
+        x = np.where(w > 0, bins.mean.transpose(1, 2, 0)[..., rows], 0.0)  # (S, 3, R)
+        reference = x.max(axis=2, keepdims=True)
+        x -= reference
+        n = w.sum(axis=2, keepdims=True)
+        offset = (w * x).sum(axis=2, keepdims=True) / n
+        x -= offset
+        own = bins.scatter.transpose(1, 2, 0)[..., rows].sum(axis=2, dtype=np.float64)
+        # The line: the time as a fraction of the dwell, about its weighted mean.
+        t = (rows - rows[0]) / (rows[-1] - rows[0] + 1)
+        line = t - (w * t).sum(axis=2, keepdims=True) / n
+        line2 = (w * line**2).sum(axis=2)
+        count[k], mean[k] = n[:, 0, 0], (reference + offset)[..., 0]
+        scatter[k] = ((w * x**2).sum(axis=2) + own) / np.maximum(n[..., 0] - 1.0, 1.0)
+        drift[k] = (w * x * line).sum(axis=2) / line2
+        length[k] = np.sqrt(line2)
+        middle = bins.mean[rows, shape[1] // 2 :]
+        low[k] = np.fmin.reduce(middle + bins.low[rows])
+        high[k] = np.fmax.reduce(middle + bins.high[rows])
+    return _Own(mean, scatter, count, drift, length, low, high)
 
 
 def _rounding(scatter: FloatArray, quantum: FloatArray) -> FloatArray:

@@ -14,7 +14,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from pyarrow import csv
 
 import tdfscal
 from tdfscal.errors import DataError
@@ -106,21 +105,6 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
         assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
         assert f"{limit:g} N in all" in seen.err
         assert seen.status == 3
-
-
-def test_a_copy_by_another_clock_in_another_format_counts_once(
-    campaign: Path, sample: tdfscal.Calibration, tmp_path: Path, cli: Cli
-) -> None:
-    table = pq.read_table(campaign / "log.parquet")
-    later = set_to("time", lambda time: time + 12345.678)(table)
-    csv.write_csv(later, campaign / "log2.csv")
-    cli("calibrate", campaign, "-o", tmp_path / "b.json", "--trials", 0, "-q", ends=0)
-    once, twice = sample.to_dict(), json.loads((tmp_path / "b.json").read_text())
-    assert twice["fit"]["postures"] == once["fit"]["postures"]
-    for a, b in zip(once["supports"], twice["supports"], strict=True):
-        assert np.allclose(b["rpy"], a["rpy"], rtol=0, atol=0.2 * max(a["rpy_std"]))
-        assert np.allclose(b["rpy_std"], a["rpy_std"], rtol=0.1)
-    assert any("repeat earlier readings" in text for text in texts(twice))
 
 
 def test_forces_seconds_behind_the_positions_are_named(

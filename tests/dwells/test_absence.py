@@ -72,18 +72,6 @@ def test_the_cause_is_named_and_the_advice_helps(name: str) -> None:
     assert len(better) >= 0.7 * STOPS
 
 
-def test_filtered_positions_are_named() -> None:
-    """No stop after a move is long enough for these."""
-    log = filtered(4.0, 1.0, "position")
-    moved = [
-        tuple(Series(s.time[s.time > 4.0], s.value[s.time > 4.0]) for s in streams)
-        for streams in (log.position, log.force)
-    ]
-    absence = of(replace(log, position=moved[0], force=moved[1]))
-    assert "the positions creep on" in absence.seen
-    assert absence.stop is None
-
-
 @pytest.mark.parametrize("quantity", ["position", "force"])
 @pytest.mark.parametrize("share", [0.01, 0.3])
 def test_zeros_in_place_of_readings_are_named_whether_dwells_are_found_or_not(

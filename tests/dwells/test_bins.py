@@ -84,7 +84,7 @@ def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     np.testing.assert_allclose((coarse.count[..., None] * coarse.mean).sum(axis=0), total)
 
 
-@pytest.mark.parametrize("fault", ["back", "nan", "empty", "stuck", "shape", "supports"])
+@pytest.mark.parametrize("fault", ["back", "nan", "empty", "stuck", "supports"])
 def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> None:
     pieces = cut(log, [log.force[0].time[0] + 3.0])
     force = pieces[1].force[1]
@@ -95,8 +95,6 @@ def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> 
         value[12, 2] = np.nan
     elif fault == "stuck":
         time[:] = time[0]
-    elif fault == "shape":
-        value = value[:, :2]
     changed = replace(
         pieces[1], force=(pieces[1].force[0], Series(time, value), pieces[1].force[2])
     )
@@ -105,7 +103,7 @@ def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> 
     given = {"empty": [], "stuck": [changed]}.get(fault, [pieces[0], changed])
     with pytest.raises(DataError) as raised:
         reduce_to_bins(given)
-    if fault in ("back", "nan", "shape"):
+    if fault in ("back", "nan"):
         assert raised.value.where is not None
         assert "ncp2, force" in raised.value.where
     if fault == "nan":
