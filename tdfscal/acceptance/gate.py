@@ -106,8 +106,6 @@ def locked_sensors(supports: Sequence[str], rotation: FloatArray) -> list[Findin
 
 
 _NODES = 80
-#: Months beyond which nothing is foreseen.
-_FAR_MONTHS = 1200.0
 #: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
 _FAR = 9.0
 #: Variances below this share of the largest are lines and planes, not bodies.
@@ -201,40 +199,6 @@ def assess(given: Calibrated) -> Conformity:
         for quantity, unit, rows, limit in stated.contact_limits
     )
     return Conformity(stated.contact_rpy, force, torque, cov)
-
-
-def conforming_months(given: Calibrated, walk: float) -> dict[str, float]:
-    """Months until the force or torque whose limit is stated no longer conforms; ∞ never.
-
-    walk : rad/√month per axis, by which the sensors' mountings walk from now on.
-    """
-    from tdfscal.wrench.contact_wrench import covariance
-
-    stated = given.rig.acceptance
-    turns = slice(0, 3 * given.rig.n)
-    month = np.zeros_like(given.covariance)
-    month[turns, turns] = walk**2 * np.eye(3 * given.rig.n)
-    place = at_rest(given, stated.contact_rpy)
-    now, more = (
-        covariance(replace(given, covariance=each), *place)[0] for each in (given.covariance, month)
-    )
-    return {
-        name: _until(now[rows, rows], more[rows, rows], limit)
-        for name, _, rows, limit in stated.contact_limits
-        if limit is not None
-    }
-
-
-def _until(now: FloatArray, more: FloatArray, limit: float) -> float:
-    """Months t until a vector of covariance now + more t conforms no more."""
-    from scipy.optimize import brentq  # slow to import, seldom needed
-
-    def beyond(months: float) -> float:
-        return coverage_radius(now + months * more) - limit
-
-    if not np.isfinite(now).all() or beyond(0.0) > 0.0:
-        return 0.0
-    return np.inf if beyond(_FAR_MONTHS) <= 0.0 else float(brentq(beyond, 0.0, _FAR_MONTHS))
 
 
 def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:

@@ -169,10 +169,6 @@ compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
   -> leave the other rig's calibration out; or, where its rig file was only corrected, calibrate
     that campaign again with the corrected file and compare anew
-exact-moves-untold warns
-  {subject} does not tell how errors of what it took as exact ({names}) move it: none
-  of them is counted here
-  -> make it anew from its logs, and update that
 calibration-open warns
   the calibration leaves zeros, mass or barycentre open: the uncertainty of the
   components that they touch is unknown (empty)
@@ -291,13 +287,6 @@ path-without-noise warns
   {planned:a plan has no samples|the path shows no noise of samples}: without it these sizes are too
   low for thresholds of a machine
   -> take a recorded log of a free path
-contact-conforms-until notes
-  the contact {subject} keeps within its limit (acceptance.contact) until {date}, as
-  its sensors' mountings walk
-  -> calibrate before then
-contact-lost warns
-  the contact {subject} is no longer known within its limit (acceptance.contact)
-  -> calibrate anew
 contact-unseen rejects
   of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen
   (acceptance.contact)

@@ -44,9 +44,6 @@ log-missing warns
   {subject} describes a log{files: in ~|}, and there is none: all rests on the
   tracker's survey alone
   -> copy the log into the campaign folder, or name it
-log-misdated warns
-  the name of {subject} says {date}, its file's date {clock}, which stands for when it was recorded
-  -> state the day as campaign.date in rig.yaml
 campaign-misdated warns
   {subject}: campaign.date is {date}, the log's clock says {clock}, which holds
   -> correct the one that is wrong

@@ -133,7 +133,7 @@ def _calibrated(
 ) -> Calibration:
     """Calibrate from one campaign: its log, its survey, or both."""
     campaign, settings = log.campaign, log.settings
-    own_rng, tracker_rng = np.random.default_rng(settings.seed).spawn(2)
+    own_rng, tracker_rng = np.random.default_rng(0).spawn(2)
     lines = tuple(unconfirmed_in(campaign.rig.path))
     notes = [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
     own = None
@@ -166,11 +166,8 @@ def origin_of(
     log: LogPass, inputs: Iterable[InputFile], when: Measured | None = None, **more: Any
 ) -> Provenance:
     """Where a calibration comes from, by its campaign; when it was measured, if that is not it."""
-    rig, settings = log.campaign.rig, log.settings
-    when = when or measured(log)
-    return Provenance(
-        rig, tuple(inputs), settings.command, settings.seed, when, clocks=log.clocks, **more
-    )
+    rig, line, when = log.campaign.rig, log.settings.command, when or measured(log)
+    return Provenance(rig, tuple(inputs), line, 0, when, clocks=log.clocks, **more)
 
 
 def surveyed(

@@ -14,31 +14,33 @@ from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import NOWHERE, check_regular, check_text, owns
+from tdfscal.logs.formats import NOWHERE, check_regular, owns
 from tdfscal.logs.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.records import LogMapping
 
-#: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.
-_FIRST_LINES = (
-    b"# tdfscal ",
-    b"time,fx,fy,fz,mx,my,mz,u_fx,",
-    b"sensor,r_xx,r_xy,r_xz,",
-)
-#: What else they say near their begin: exports, pages, documents, drafts.
-_SAID = re.compile(
-    rb"""\btdfscal[ ]\d[^\s,]*,[ ]method[ ]
-    | <meta[ ]name="generator"[ ]content="tdfscal[ ]
-    | ^[ ]*"?format"?:[ ]*"?tdfscal-
+#: How results of tdfscal begin, but for quotes: tables by their first line, documents by their
+#: format, pages, exports and drafts by what wrote them.
+_OWN = re.compile(
+    rb"""\A(?:\#[ ]tdfscal[ ]|time,fx,fy,fz,mx,my,mz,u_fx,|sensor,r_xx,r_xy,)
+    | \btdfscal[ ]\d[^\s,]*,[ ]method[ ]
+    | <meta[ ]name=generator[ ]content=tdfscal[ ]
+    | ^[ ]*format:[ ]*tdfscal-
     | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
     re.VERBOSE | re.MULTILINE,
 )
+#: The first format that a document names is its own.
+_FORMAT = re.compile(rb"format:\s*tdfscal-(rig|calibration)/")
 _HEAD = 1 << 14
 #: What the metadata of a Parquet file of contact wrenches say, at the end of the file.
 _QUANTITY = b"contact wrench on the terminal: force, and moment"
 _TAIL = 1 << 16
+_KINDS = (
+    "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, .bag or "
+    "rosbag2 folders"
+)
 
 
 @record
@@ -63,9 +65,8 @@ class Campaign:
         """Say so where the rig file describes a log and there is none."""
         if self.logs or not self.rig.log:
             return ()
-        files = [recorder.files for recorder in self.rig.log if recorder.files]
-        values: dict[str, Value] = {"files": ", ".join(files)}
-        return (Finding("log-missing", (str(self.rig.path),), values=values),)
+        files = ", ".join(recorder.files for recorder in self.rig.log if recorder.files)
+        return (Finding("log-missing", (str(self.rig.path),), values={"files": files}),)
 
 
 def resolve(
@@ -82,18 +83,23 @@ def resolve(
     paths = listed(where)
     _require(paths)
     loaded = _rig_of(paths, one(rig), fallback)
-    surveyed = loaded.tracker is not None and all(p.is_file() for p in loaded.tracker.paths)
     surveys = loaded.tracker.paths if loaded.tracker else ()
+    surveyed = bool(surveys) and all(path.is_file() for path in surveys)
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
     # A folder that holds nothing of the rig has no part in its survey.
     homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
     if not logs and not (surveyed and homes.intersection(map(_real, paths))):
-        raise UsageError(
-            "there is no log here, nor a tracker's survey",
-            where=", ".join(map(str, paths)),
-            hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
-        )
+        raise no_log(paths, "there is no log here, nor a tracker's survey")
     return Campaign(loaded, logs, surveyed)
+
+
+def no_log(where: PathLikes, what: str = "there is no log here") -> UsageError:
+    """Return the error of paths that hold no log."""
+    return UsageError(
+        what,
+        where=", ".join(map(str, listed(where))),
+        hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
+    )
 
 
 def find_logs(
@@ -109,22 +115,22 @@ def find_logs(
     paths = listed(where)
     _require(paths)
     known = {_real(path) for path in apart}
+    patterns = [one for one in recorders if one.files is not None]
     found: dict[Path, Path] = {}
     others: list[Path] = []
     for path in paths:
-        if path.is_dir() and not is_log(path):
-            patterns = [one for one in recorders if one.files is not None]
-            for entry in sorted(entries_of(path), key=_natural):
-                own = not patterns or any(owns(one, entry) for one in patterns)
-                if entry.name.startswith(".") or not own:
-                    continue
-                if _is_recorded(entry) and _real(entry) not in known:
-                    found.setdefault(_real(entry), entry)
-                elif entry.is_dir() and not (entry / RIG_NAME).is_file():
-                    others.append(entry)  # no campaign of its own: an unfinished recording?
-        else:
+        if not _is_folder(path):
             _refuse_other(path)
             found.setdefault(_real(path), path)
+            continue
+        for entry in sorted(entries_of(path), key=_natural):
+            own = not patterns or any(owns(one, entry) for one in patterns)
+            if entry.name.startswith(".") or not own:
+                continue
+            if _is_recorded(entry) and _real(entry) not in known:
+                found.setdefault(_real(entry), entry)
+            elif entry.is_dir() and not (entry / RIG_NAME).is_file():
+                others.append(entry)  # no campaign of its own: an unfinished recording?
     for folder in others:
         refuse_unfinished(folder, found.keys())
     for path in found.values():
@@ -135,25 +141,16 @@ def find_logs(
 
 def _refuse_other(path: Path) -> None:
     """Raise UsageError for what is no log by its name."""
-    if not is_log(path):
-        kinds = (
-            "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, "
-            ".bag or rosbag2 folders"
-        )
-        hint = "name the folder that holds it" if path.name == RIG_NAME else kinds
-        raise UsageError("is not a log", where=str(path), hint=hint)
-
-
-def _refuse_unrecorded(path: Path) -> None:
-    """Raise UsageError, DataError for a file that is no log by its name or its first lines."""
-    _refuse_other(path)
-    check_text(path)
-    if not looks_recorded(path):
-        raise UsageError(
-            "is not a log: no row of numbers stands near its begin",
-            where=str(path),
-            hint="look at it with `tdfscal info`",
-        )
+    if is_log(path):
+        return
+    kind = own_format(path)
+    if kind == "rig":
+        what, hint = "is a rig file, not a log", "name the folder of the logs, or give it by --rig"
+    elif kind == "calibration":
+        what, hint = "is a calibration, not a log", "name a campaign folder, or its logs"
+    else:
+        what, hint = "is not a log", _KINDS
+    raise UsageError(what, where=str(path), hint=hint)
 
 
 def _real(path: Path) -> Path:
@@ -161,10 +158,13 @@ def _real(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
+def _is_folder(path: Path) -> bool:
+    """It is a folder, and no recording that is one."""
+    return path.is_dir() and not is_log(path)
+
+
 def _is_recorded(entry: Path) -> bool:
-    if entry.stem == "calibration" or not looks_recorded(entry):
-        return False
-    return _may_be_read(entry)
+    return entry.stem != "calibration" and looks_recorded(entry) and _may_be_read(entry)
 
 
 def _may_be_read(entry: Path) -> bool:
@@ -176,20 +176,20 @@ def _may_be_read(entry: Path) -> bool:
 def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
     if given is not None:
         return _load(given)
-    beside = {_real(home / RIG_NAME): home / RIG_NAME for home in map(_home, paths)}
+    homes = [path if _is_folder(path) else path.absolute().parent for path in paths]
+    beside = {_real(home / RIG_NAME): home / RIG_NAME for home in homes}
     rigs = [_load(path) for path in beside.values() if path.is_file()]
     if not rigs and fallback is not None:
         return fallback
     if not rigs:
-        for path in paths:
-            if path.is_file() and not _says(path, b"tdfscal-rig/"):
-                _refuse_unrecorded(path)
-        home = _home(paths[0])
-        near = nearest(RIG_NAME, [n for n in _names(home) if _says(home / n, b"tdfscal-rig/")])
+        for path in filter(Path.is_file, paths):
+            _refuse_other(path)
+        rig_files = [name for name in _names(homes[0]) if own_format(homes[0] / name) == "rig"]
+        near = nearest(RIG_NAME, rig_files)
         rename = f"rename {near} to {RIG_NAME} or name it with --rig"
         raise UsageError(
             f"there is no {RIG_NAME}",
-            where=str(home),
+            where=str(homes[0]),
             hint=rename if near else "name the rig file with --rig",
         )
     other = next((rig for rig in rigs if rig.sha256 != rigs[0].sha256), None)
@@ -201,25 +201,11 @@ def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | Non
     return rigs[0]
 
 
-def _home(path: Path) -> Path:
-    """Folder whose rig.yaml goes with a path."""
-    return path if path.is_dir() and not is_log(path) else path.absolute().parent
-
-
-def _says(path: Path, word: bytes) -> bool:
-    """Tell whether a file has a word near its begin; a pipe is not opened."""
-    try:
-        with path.open("rb") if path.is_file() else contextlib.nullcontext() as file:
-            return file is not None and word in file.read(1024)
-    except OSError:
-        return False
-
-
 def _require(paths: Sequence[Path]) -> None:
     if not paths:
         raise UsageError("no path is given", hint="name a campaign folder or its logs")
     for path in paths:
-        if not os.path.lexists(path) or not path.exists():
+        if not path.exists():
             near = nearest(path.name, _names(path.absolute().parent))
             advice = f"the nearest name there is {near}" if near else "check the path"
             raise UsageError(
@@ -252,7 +238,7 @@ def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list
     paths = listed(where)
     inside = {path: [] if rig is not None else _campaigns_in(path) for path in paths}
     found = sum(inside.values(), list[Path]())
-    loose = any(not path.is_dir() or is_log(path) for path in paths if not inside[path])
+    loose = any(not _is_folder(path) for path in paths if not inside[path])
     if len(found) < (2 if loose else 1):
         return [paths]
     return [[folder] for path in paths for folder in inside[path] or [path]]
@@ -260,11 +246,11 @@ def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list
 
 def _campaigns_in(path: Path) -> list[Path]:
     """A campaign folder itself, or those inside of one that holds such, also without their rig."""
-    if not path.is_dir() or is_log(path):
+    if not _is_folder(path):
         return []
     if (path / RIG_NAME).is_file():
         return [path]
-    folders = [entry for entry in sorted(entries_of(path)) if entry.is_dir() and not is_log(entry)]
+    folders = [entry for entry in sorted(entries_of(path)) if _is_folder(entry)]
     if not any((folder / RIG_NAME).is_file() for folder in folders):
         return []
     return [f for f in folders if (f / RIG_NAME).is_file() or any(map(_is_recorded, entries_of(f)))]
@@ -289,27 +275,34 @@ def _load(path: Path) -> LoadedRig:
     return loaded
 
 
+def _head(path: Path) -> bytes:
+    """The beginning of a file without quotes; nothing of a pipe, and of what cannot be read."""
+    with contextlib.suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(_HEAD).replace(b'"', b"")
+    return b""
+
+
+def own_format(path: Path) -> str:
+    """Tell whether a file is a `rig` file or a `calibration`; empty for another one."""
+    found = _FORMAT.search(_head(path))
+    return found[1].decode() if found else ""
+
+
 def is_own_result(path: Path) -> bool:
     """Tell whether a file is a result of tdfscal and no recording."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-            if head.replace(b'"', b"").startswith(_FIRST_LINES) or _SAID.search(head):
-                return True
-            if path.suffix.lower() == ".mcap":
-                return WRENCH_WRITER.encode() in head[:256]  # who wrote it
-            if path.suffix.lower() != ".parquet":
-                return False
-            size = file.seek(0, 2)
-            file.seek(max(0, size - _TAIL))
-            return _QUANTITY in file.read(_TAIL)
-    except OSError:
+    head = _head(path)
+    if _OWN.search(head):
+        return True
+    if path.suffix.lower() == ".mcap":
+        return WRENCH_WRITER.encode() in head[:256]  # who wrote it
+    if path.suffix.lower() != ".parquet":
         return False
-
-
-def is_other_result(path: Path) -> bool:
-    """Tell whether a file is a result of tdfscal, and no calibration."""
-    return path.is_file() and is_own_result(path) and not _says(path, b"tdfscal-calibration")
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        file.seek(max(0, file.seek(0, 2) - _TAIL))
+        return _QUANTITY in file.read()
+    return False
 
 
 def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
@@ -323,7 +316,7 @@ def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
     found = [] if rig is None else [rig]
     for path in (*paths, *found):
         with contextlib.suppress(OSError):
-            folder = path.is_dir() and not is_log(path)
+            folder = _is_folder(path)
             for log in filter(_may_be_read, path.iterdir()) if folder else (path,):
                 found += [log, *log.rglob("*")]
                 with contextlib.suppress(TdfscalError):

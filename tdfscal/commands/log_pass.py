@@ -1,18 +1,13 @@
-"""A campaign's log as it passes: what it says of itself and of its files, when it was recorded.
-
-And the same recording in two campaigns: told by its files, its hours, its dwells or its samples.
-"""
+"""A campaign's log as it passes: what it says of itself and of its files, when it was recorded."""
 
 from __future__ import annotations
 
-import re
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from itertools import combinations
 
 import numpy as np
 
@@ -21,7 +16,6 @@ from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
-from tdfscal.comparison.shared_data import Readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
@@ -29,21 +23,13 @@ from tdfscal.frozen import record
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
 
-#: Warnings of a log that an error repeats at most; those of its clocks come first.
+#: Warnings of a log that an error repeats at most.
 _REPEATED = 3
-_CLOCK = (
-    "samples-not-ascending",
-    "header-clock-off",
-    "header-clock-departs",
-    "clocks-run-apart",
-    "clocks-apart",
-)
 #: Stops left out per dwell found, from which an error says so.
 _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
 _DAY = 86400.0
-_MONTH_IN_NAME, _MONTH = re.compile(r"(?<!\d)(20\d\d)-?(0[1-9]|1[0-2])-?[0-3]\d(?!\d)"), 31 * _DAY
 
 
 @record
@@ -57,7 +43,6 @@ class Settings:
     progress: Progress = SILENT
     window: TimeWindow | None = None
     trials: int | None = None
-    seed: int = 0
     command: str = ""
 
     def __post_init__(self) -> None:
@@ -86,11 +71,16 @@ class LogPass:
     end: float = float("-inf")
     stops: Finding | None = None
     clocks: tuple[RecorderClock, ...] = ()
-    rig: Rig = field(init=False)
-    progress: Progress = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.rig, self.progress = self.campaign.rig.rig, self.settings.progress
+    @property
+    def rig(self) -> Rig:
+        """What the rig file states."""
+        return self.campaign.rig.rig
+
+    @property
+    def progress(self) -> Progress:
+        """Whom to tell of the work."""
+        return self.settings.progress
 
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
@@ -141,17 +131,12 @@ class LogPass:
         try:
             yield
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
-            messages = sorted(self.messages, key=lambda finding: finding.code not in _CLOCK)
-            found = [*([self.stops] if self.stops else []), *messages]
+            found = [*([self.stops] if self.stops else []), *self.messages]
             what = "; ".join([error.what, *map(sentence, error.findings)])
-            if not found and not error.findings:
-                raise
-            if not found:
-                raise error.restated(what=what) from error
-            rest = len(found) - _REPEATED
-            more = f"; and {rest} more" if rest > 0 else ""
-            look = f"look first at the log: {'; '.join(map(told, found[:_REPEATED]))}{more}"
-            advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
+            advice = error.hint
+            if found:
+                look = f"look first at the log: {'; '.join(map(told, found[:_REPEATED]))}"
+                advice = f"{look}. {advice[0].upper()}{advice[1:]}" if advice else look
             raise error.restated(what=what, hint=advice) from error
 
 
@@ -208,20 +193,15 @@ def measured(log: LogPass) -> Measured:
 
 
 def misdated(log: LogPass) -> list[Finding]:
-    """Say so where rig file and log's clock, or the log's name and its file, are of other days."""
+    """Say so where rig file and log's clock are of other days."""
     date, found = log.rig.campaign.date, measured(log)
-    for path in log.campaign.logs if found.source == "file" else ():
-        named = _MONTH_IN_NAME.search(path.name)
-        if named and abs(stated_date(f"{named[1]}-{named[2]}-15").begin - found.begin) > 2 * _MONTH:
-            named_on = {"date": f"{named[1]}-{named[2]}", "clock": day(found.begin)}
-            return [Finding("log-misdated", (str(path),), values=named_on)]
     if date is None or found.source != "log":
         return []
     stated = stated_date(date)
-    apart = max(stated.begin - found.end, found.begin - stated.end)
+    if max(stated.begin - found.end, found.begin - stated.end) <= _DAY:
+        return []
     values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
-    where = str(log.campaign.rig.path)
-    return [Finding("campaign-misdated", (where,), values=values)] if apart > _DAY else []
+    return [Finding("campaign-misdated", (str(log.campaign.rig.path),), values=values)]
 
 
 def stated_date(date: str) -> Measured:
@@ -235,48 +215,3 @@ def stated_date(date: str) -> Measured:
 def day(moment: float) -> str:
     """Return the date of a moment in s since 1970."""
     return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
-
-
-@record
-class Recording:
-    """What tells one recording from another. means : of its readings; None where not at hand."""
-
-    name: str
-    inputs: Sequence[InputFile]
-    measured: Measured | None
-    means: Readings | None = None
-
-
-def refuse_repeated(recordings: Sequence[Recording]) -> None:
-    """Raise UsageError where two campaigns hold the same recording."""
-    for first, second in combinations(recordings, 2):
-        common = {e.sha256 for e in first.inputs} & {e.sha256 for e in second.inputs}
-        what = next((e.path for e in second.inputs if e.sha256 in common), None)
-        if what is None and _at_one_time(first.measured, second.measured):
-            what = "their clocks say so, for no rig is recorded twice at a time"
-        if what is None and _alike(first, second):
-            what = "their mean forces agree far below their uncertainty"
-        if what is not None:
-            raise UsageError(
-                f"holds the same recording as {first.name}: {what}",
-                where=second.name,
-                hint="name each recording once; twice the same data are no more data",
-            )
-
-
-def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
-    """Whether two wall clocks ran at the same time, for longer than they may be set apart."""
-    if a is None or b is None or not a.source == b.source == "log":
-        return False
-    together = min(a.end, b.end) - max(a.begin, b.begin)
-    return together > 0.5 * min(a.end - a.begin, b.end - b.begin)
-
-
-def _alike(a: Recording, b: Recording) -> bool:
-    """Whether half of the dwells of the shorter one, or more, are also the other's."""
-    if a.means is None or b.means is None:
-        return False
-    few, many = sorted((a.means, b.means), key=lambda one: len(one.force))
-    if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
-        return False
-    return bool(2 * repeated(many, few).sum() >= len(few.force))

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-
-from tdfscal.acceptance.gate import conforming_months
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.calibration import CalibrationSource, sources_of
-from tdfscal.commands.campaign import campaign_folders, is_other_result
-from tdfscal.commands.log_pass import Settings, stated_date
+from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
+from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.read_campaigns import Read, require_one_rig
 from tdfscal.commands.result import Result, by_column
@@ -28,13 +24,12 @@ from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects
-from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
-from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
-from tdfscal.records import ANGLES, Measured, Rig
-from tdfscal.reporting.history import day
+from tdfscal.records import ANGLES, Rig
+from tdfscal.reporting.history import chart_rule, day, history_document, history_report
 from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
 from tdfscal.reporting.traceability import (
     Making,
@@ -50,7 +45,7 @@ Source = tuple[tuple[str, str], dict[str, Any]]
 
 @record(eq=False)
 class MonitorResult(Result):
-    """A rig's history. alarms : those that count, of all in `life`.
+    """A rig's history.
 
     findings : what its reader must know; those that reject name campaigns that were not judged.
     checks : what each was, in the order of time. making : of what all was made.
@@ -58,10 +53,14 @@ class MonitorResult(Result):
 
     rig: Rig
     life: Life
-    alarms: tuple[Alarm, ...]
     findings: tuple[Finding, ...]
     checks: tuple[Source, ...]
     making: Making
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Steps and creep, each with the check that raised it."""
+        return self.life.alarms
 
     @property
     def exit_status(self) -> int:
@@ -70,8 +69,6 @@ class MonitorResult(Result):
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, what was not judged, alarms, state, angles."""
-        from tdfscal.reporting.history import chart_rule, history_report
-
         checks = (fact for fact, _ in self.checks)
         origin = self.making.section(*checks, *chart_rule(self.life), page_only=False)
         certificates = self.rig.certificates
@@ -87,8 +84,6 @@ class MonitorResult(Result):
 
     def document(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
-        from tdfscal.reporting.history import history_document
-
         unjudged = bool(rejecting(self.findings))
         content = history_document(self.life, self.alarms, unjudged=unjudged)
         said = {"rig": self.rig.name, **self.making.document(), **content}
@@ -98,8 +93,6 @@ class MonitorResult(Result):
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
-        from tdfscal.reporting.history import day
-
         life = self.life
         rows = (
             (
@@ -129,9 +122,6 @@ def monitor(
             "calibration files and campaign folders of one rig", list[Path], "FILE…", reads=True
         ),
     ],
-    since: Annotated[
-        str | date | None, Option("alarms raised before count no more", str, "DATE")
-    ] = None,
     html: options.Page = None,
     command: options.CommandLine = "tdfscal.monitor",
     progress: options.Telling = SILENT,
@@ -150,7 +140,6 @@ def monitor(
     DataError, RigError
         A calibration cannot be read, or no campaign.
     """
-    first = _date(since)
     calibrations, folders = _sorted_out(sources_of(*files))
     known = [read_earlier(source) for source in calibrations]
     like = (known[0].name, known[0].rig) if known else None
@@ -187,29 +176,14 @@ def monitor(
     pooled = pool([read.recorded for read in reads]) if reads else None
     life, noisy = life_of(rig, known, pooled)
     making = Making(command, tuple(file for read in reads for file in read.inputs))
-    found = (*lost, *papers, *noisy, *_findings(life, checks), *_contact(life, rig, known))
+    found = (*lost, *papers, *noisy, *_findings(life, checks))
     return MonitorResult(
         rig,
         life,
-        tuple(a for a in life.alarms if life.month[a.raised] >= first),
         (*found, *overdue(rig, making.created[:10])),
         tuple(map(_source, ordered)),
         making,
     )
-
-
-def _date(since: str | date | None) -> float:
-    """Months since 1970 of a date; −∞ without one. Raises UsageError."""
-    if since is None:
-        return -np.inf
-    text = since if isinstance(since, str) else since.isoformat()
-    try:
-        begin = stated_date(text).begin
-    except ValueError as error:
-        raise UsageError(
-            f"{text!r} is no date", where="--since", hint="write it as 2026-03-01"
-        ) from error
-    return Measured(begin, begin, "rig").month
 
 
 def _source(check: Earlier | Read) -> Source:
@@ -232,16 +206,19 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
     calibrations: list[CalibrationSource] = []
     folders: list[Path] = []
     for source in sources:
-        if not isinstance(source, CalibrationFile) and is_other_result(Path(source)):
+        if isinstance(source, CalibrationFile) or not (path := Path(source)).is_dir():
+            if isinstance(source, CalibrationFile) or not _is_other_result(path):
+                calibrations.append(source)
             continue
-        if isinstance(source, CalibrationFile) or not Path(source).is_dir():
-            calibrations.append(source)
-            continue
-        path = Path(source)
         if is_log(path):
             raise UsageError("is a recording", where=str(path), hint="name its campaign folder")
         folders += [group[0] for group in campaign_folders([path])]
     return calibrations, folders
+
+
+def _is_other_result(path: Path) -> bool:
+    """Tell whether a file is a result of tdfscal, and no calibration."""
+    return is_own_result(path) and own_format(path) != "calibration"
 
 
 def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:
@@ -256,30 +233,6 @@ def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]
     for e in known:
         if silent := [name for name in e.file.undetermined if name not in never]:
             yield Finding("check-silent", (e.name,), values={"sensors": silent})
-
-
-def _contact(life: Life, rig: Rig, known: Sequence[Earlier]) -> Iterator[Finding]:
-    """How long the latest accepted calibration knows the contact wrench within its limit.
-
-    Lost by the likeliest walk; until when by the largest that the history allows, as far as it
-    foresees.
-    """
-    use = [e for e in known if e.file.accepted]
-    if not use:
-        return
-    last = max(use, key=lambda e: e.measured.month)
-    given = replace(calibrated(last.file), rig=replace(last.rig, acceptance=rig.acceptance))
-    likely = max(rig.drift.angle, life.walk.value if life.walk else 0.0)
-    most = max(rig.drift.angle, life.walk.high if life.walk else 0.0)
-    since = float(life.month[-1]) - last.measured.month
-    longest = conforming_months(given, likely)
-    for quantity, months in conforming_months(given, most).items():
-        until = max(last.measured.month + months, float(life.month[-1]))
-        if longest[quantity] <= since:
-            yield Finding("contact-lost", (quantity,))
-        elif until <= life.due.foreseen:
-            values: dict[str, Value] = {"date": day(until)}
-            yield Finding("contact-conforms-until", (quantity,), values=values)
 
 
 def _some(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,9 +1,13 @@
-"""Campaigns of one rig as they are read, each in a folder with a rig.yaml of its own."""
+"""Campaigns of one rig as they are read, each in a folder with a rig.yaml of its own.
+
+And the same recording in two of them: told by its files, its hours or its mean readings.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -13,20 +17,22 @@ from tdfscal.checks.same_rig import different_constants, other_papers
 from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import surveyed
 from tdfscal.commands.campaign import resolve
-from tdfscal.commands.log_pass import LogPass, Recording, Settings, measured, misdated
-from tdfscal.comparison.shared_data import readings
-from tdfscal.errors import (
-    DataError,
-    NotConvergedError,
-    NotIdentifiableError,
-    OutputError,
-    RigError,
-    TdfscalError,
-    UsageError,
-)
+from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
+from tdfscal.comparison.shared_data import Readings, readings, repeated
+from tdfscal.errors import OutputError, TdfscalError, UsageError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
+
+
+@record
+class Recording:
+    """What tells one recording from another. means : of its readings; None where not at hand."""
+
+    name: str
+    inputs: Sequence[InputFile]
+    measured: Measured | None
+    means: Readings | None = None
 
 
 @record(kw_only=True)
@@ -42,6 +48,38 @@ class Read(Recording):
     dwells: Dwells | None
     survey: Rotations | None = None
     exact: tuple[ExactMoves, ...] = ()
+
+
+class Unusable(dict[str, TdfscalError]):
+    """Campaigns that cannot be used, by name, each with what is wrong with it."""
+
+    @contextmanager
+    def noting(self, name: str) -> Iterator[None]:
+        """Take down what the data or the files of a campaign do not give."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except TdfscalError as error:
+            self[name] = error
+
+    @property
+    def first(self) -> TdfscalError:
+        """What is wrong with the first, to be raised where nothing is left to judge."""
+        return next(iter(self.values()))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Name them, each with why; the result wants them."""
+        return tuple(
+            Finding(
+                "campaign-unusable",
+                (name,),
+                values={"why": error.what, "hint": error.hint or "compare it with the others"},
+                rejects=True,
+            )
+            for name, error in self.items()
+        )
 
 
 def read_campaigns(
@@ -71,60 +109,31 @@ def read_campaigns(
     return sorted(reads, key=lambda read: read.measured.month), unusable
 
 
-class Unusable(dict[str, TdfscalError]):
-    """Campaigns that cannot be used, by name, each with what is wrong with it."""
-
-    @contextmanager
-    def noting(self, name: str) -> Iterator[None]:
-        """Take down what the data or the files of a campaign do not give."""
-        try:
-            yield
-        except OutputError:
-            raise
-        except (UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError) as error:
-            self[name] = error
-
-    @property
-    def first(self) -> TdfscalError:
-        """What is wrong with the first, to be raised where nothing is left to judge."""
-        return next(iter(self.values()))
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """Name them, each with why; the result wants them."""
-        return tuple(
-            Finding(
-                "campaign-unusable",
-                (name,),
-                values={"why": error.what, "hint": error.hint or "compare it with the others"},
-                rejects=True,
-            )
-            for name, error in self.items()
-        )
-
-
 def _read(name: str, log: LogPass) -> Read:
-    dwells, survey = None, None
-    exact: tuple[ExactMoves, ...] = ()
-    inputs: Sequence[InputFile] = log.inputs
-    if log.campaign.logs:
-        with naming(name), log.explaining():
-            dwells = log.dwells()
-        log.messages += misdated(log)
-    else:
+    if not log.campaign.logs:
         log.messages += log.campaign.lost_log
         found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
-        survey, exact = found.rotations, found.exact
+        return Read(
+            name=name,
+            inputs=inputs,
+            measured=measured(log),
+            rig=log.rig,
+            log=log,
+            dwells=None,
+            survey=found.rotations,
+            exact=found.exact,
+        )
+    with naming(name), log.explaining():
+        dwells = log.dwells()
+    log.messages += misdated(log)
     return Read(
         name=name,
-        inputs=tuple(inputs),
+        inputs=tuple(log.inputs),
         measured=measured(log),
+        means=readings(log.rig, dwells),
         rig=log.rig,
-        dwells=dwells,
-        means=None if dwells is None else readings(log.rig, dwells),
         log=log,
-        survey=survey,
-        exact=exact,
+        dwells=dwells,
     )
 
 
@@ -147,3 +156,38 @@ def naming(campaign: str) -> Iterator[None]:
         where = error.where or ""
         where = where if where.startswith(campaign) else f"{campaign}: {where}".rstrip(": ")
         raise error.restated(where=where) from error
+
+
+def refuse_repeated(recordings: Sequence[Recording]) -> None:
+    """Raise UsageError where two campaigns hold the same recording."""
+    for first, second in combinations(recordings, 2):
+        common = {e.sha256 for e in first.inputs} & {e.sha256 for e in second.inputs}
+        what = next((e.path for e in second.inputs if e.sha256 in common), None)
+        if what is None and _at_one_time(first.measured, second.measured):
+            what = "their clocks say so, for no rig is recorded twice at a time"
+        if what is None and _alike(first.means, second.means):
+            what = "their mean forces agree far below their uncertainty"
+        if what is not None:
+            raise UsageError(
+                f"holds the same recording as {first.name}: {what}",
+                where=second.name,
+                hint="name each recording once; twice the same data are no more data",
+            )
+
+
+def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
+    """Whether two wall clocks ran at the same time, for longer than they may be set apart."""
+    if a is None or b is None or not a.source == b.source == "log":
+        return False
+    together = min(a.end, b.end) - max(a.begin, b.begin)
+    return together > 0.5 * min(a.end - a.begin, b.end - b.begin)
+
+
+def _alike(a: Readings | None, b: Readings | None) -> bool:
+    """Whether half of the dwells of the shorter one, or more, are also the other's."""
+    if a is None or b is None:
+        return False
+    few, many = sorted((a, b), key=lambda one: len(one.force))
+    if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
+        return False
+    return bool(2 * repeated(many, few).sum() >= len(few.force))

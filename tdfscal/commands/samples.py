@@ -12,7 +12,6 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
-from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.thermometer import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
@@ -83,11 +82,6 @@ def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibratio
         if len(dwells):
             return None
         raise neither(dwells, error) from error
-
-
-def mean_readings(own: Own) -> Readings | None:
-    """Mean readings by which a recording at rest is known again."""
-    return readings(own.rig, own.dwells) if isinstance(own, SelfCalibration) else None
 
 
 def _for_want_of(dwells: Dwells, found: MotionCalibration) -> MotionCalibration:

@@ -14,12 +14,18 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration
-from tdfscal.commands.log_pass import Recording, Settings, refuse_repeated
-from tdfscal.commands.read_campaigns import Read, Unusable, naming, read_campaigns
-from tdfscal.commands.samples import Own, calibrate_motion, mean_readings
+from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.read_campaigns import (
+    Read,
+    Recording,
+    Unusable,
+    naming,
+    read_campaigns,
+    refuse_repeated,
+)
+from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.comparison.rig_history import life_of
@@ -66,7 +72,7 @@ def judged(read: Read) -> Judged:
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    rig, means = read.rig, read.means
+    rig = read.rig
     alone: Own | None = None
     if read.dwells is None:
         given: dict[str, Any] = {"survey": read.survey, "exact": read.exact}
@@ -77,52 +83,34 @@ def judged(read: Read) -> Judged:
                 given = {"postures": usable_postures(rig, read.dwells).postures}
             else:
                 given = {"estimate": alone.calibrated, "exact": exact_quantities(alone.fit)}
-                means = mean_readings(alone)
         if alone is None:
             with suppress(TdfscalError):
                 alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    known = {field.name: getattr(read, field.name) for field in fields(Read)} | {"means": means}
+    said, rejected, remark = "; ".join(_told(read, alone)), None, None
+    # A cause rather than how badly it fits.
+    reasons = [] if alone is None else [r for r in alone.reasons if r.code not in PRECISION]
+    if reasons:
+        cause = min(reasons, key=lambda reason: reason.code in _SYMPTOMS)
+        why = "; ".join(filter(None, (sentence(cause), said)))
+        values: dict[str, Value] = {"why": why, "hint": cure(cause), "cause": cause.code}
+        rejected = Finding("campaign-left-out", (read.name,), values=values)
+    elif said:
+        remark = Finding("campaign-remark", (read.name,), values={"said": said})
     return Judged(
-        **known,
+        **{field.name: getattr(read, field.name) for field in fields(Read)},
         recorded=Recorded(read.name, read.measured.month, rig, **given),
-        rejected=_rejected(read, alone),
-        remark=_remark(read, alone),
+        rejected=rejected,
+        remark=remark,
     )
-
-
-def _rejected(read: Read, alone: Own | None) -> Finding | None:
-    """Why `calibrate` rejects a campaign: a cause rather than how badly it fits.
-
-    Its words, cure and code are values of what is said of it.
-    """
-    found = () if alone is None else alone.reasons
-    reasons = sorted(
-        (reason for reason in found if reason.code not in PRECISION),
-        key=lambda reason: reason.code in _SYMPTOMS,
-    )
-    if not reasons:
-        return None
-    why = "; ".join([sentence(reasons[0]), *_told(read, alone)])
-    values: dict[str, Value] = {"why": why, "hint": cure(reasons[0]), "cause": reasons[0].code}
-    return Finding("campaign-left-out", (read.name,), values=values)
-
-
-def _remark(read: Read, alone: Own | None) -> Finding | None:
-    """What a reader must know of a campaign that takes part."""
-    said = "; ".join(_told(read, alone))
-    return Finding("campaign-remark", (read.name,), values={"said": said}) if said else None
 
 
 def _told(read: Read, alone: Own | None) -> list[str]:
     """What a campaign's log says of itself, what stands for few dwells, and what was left out.
 
-    The first of each kind, and how many more.
+    The first of each kind.
     """
     found = [one for one in read.log.messages if severity(one) == "warns"]
-    if isinstance(alone, SelfCalibration) and (lost := alone.dwells.left_out):
-        (code, _), *_ = Counter(stop.reason.code for stop in lost).most_common(1)
-        stops: dict[str, Value] = {"stops": len(lost) + len(alone.dwells), "reason": STOPS[code]}
-        found.append(Finding("stops-left-out", size=len(lost), values=stops))
+    found += [read.log.stops] if read.log.stops else []
     if isinstance(alone, SelfCalibration) and alone.rejected:
         (reason, _), *_ = Counter(map(sentence, alone.rejected.values())).most_common(1)
         values: dict[str, Value] = {"postures": len(alone.dwells), "reason": reason}
@@ -134,9 +122,7 @@ def _told(read: Read, alone: Own | None) -> list[str]:
         found.append(Finding("dwells-unjudged", size=len(read.dwells)))
     first = {one.code: one for one in reversed(found)}
     codes = list(dict.fromkeys(one.code for one in found))[:_REMARKS]
-    said = [sentence(first[code]).removeprefix(f"{read.name}/") for code in codes]
-    more = len(found) - len(said)
-    return [*said, *([f"and {more} more"] if more else [])]
+    return [sentence(first[code]).removeprefix(f"{read.name}/") for code in codes]
 
 
 def usable_campaigns(
@@ -155,7 +141,6 @@ def usable_campaigns(
     for read in reads:
         with unusable.noting(read.name):
             found.append(judged(read))
-    refuse_repeated([*before, *found])  # a motion is known by now
     return found, unusable
 
 
@@ -180,7 +165,6 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
 
 def _informed(read: Read, informed: Rig, trials: int | None) -> Own:
     assert read.dwells is not None
-    settings = read.log.settings
     with read.log.explaining():
         moving = calibrate_motion(read.log, read.dwells, informed)
         if moving is not None and not len(read.dwells):
@@ -188,9 +172,9 @@ def _informed(read: Read, informed: Rig, trials: int | None) -> Own:
         still = self_calibrate(
             informed,
             read.dwells,
-            rng=np.random.default_rng(settings.seed).spawn(2)[0],
+            rng=np.random.default_rng(0).spawn(2)[0],
             max_trials=trials,
-            progress=settings.progress.stage,
+            progress=read.log.progress.stage,
         )
     if moving is None:
         return still

@@ -14,9 +14,9 @@ from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
 from tdfscal.commands.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.commands.campaign import campaign_folders
-from tdfscal.commands.log_pass import Recording, Settings, day, refuse_repeated
-from tdfscal.commands.read_campaigns import Read, read_campaigns
-from tdfscal.commands.samples import Own, mean_readings
+from tdfscal.commands.log_pass import Settings, day
+from tdfscal.commands.read_campaigns import Read, Recording, read_campaigns, refuse_repeated
+from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     PRECISION,
     calibrate_informed,
@@ -26,7 +26,6 @@ from tdfscal.commands.several_campaigns import (
 )
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
-from tdfscal.comparison.shared_data import Readings
 from tdfscal.errors import UsageError
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, of_estimate, stated
@@ -138,15 +137,6 @@ def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
     rows = parameter_rows(named, rig.supports, stand)
     moves = exact_moves_from(file.taken_as_exact, rows, len(free))
     return tuple(one.by(np.eye(len(free))[free]) for one in moves)
-
-
-def _moves_untold(file: CalibrationFile) -> list[str]:
-    """What a file took as exact without saying how its parameters move by errors of it."""
-    return [
-        one.name
-        for one in file.taken_as_exact
-        if one.common is one.apart is None and any(any(effect.turn) for effect in one.supports)
-    ]
 
 
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
@@ -268,10 +258,8 @@ def _updated(
     month, since = read.measured.month, earlier.measured.month
     informed = replace(read.rig, earlier=earlier.prior(read.rig, month))
     own = calibrate_informed(read, informed, trials)
-    means = mean_readings(own)
-    refuse_repeated([*earlier.recordings(), Recording(read.name, (), None, means=means)])
     level = float(alarm_level(month - since))
-    misfit, this = _contribution(informed, own, read, means, level)
+    misfit, this = _contribution(informed, own, read, level)
     if misfit.p_value <= level:
         alone = judged(read)
         rejected, estimate = alone.rejected, alone.recorded.estimate
@@ -287,8 +275,6 @@ def _updated(
         own = replace(own, findings=(*found, *said))
     own = replace(own, findings=(*own.findings, *beside))
     notes = [_could_have_missed(misfit, read.rig, earlier), *defects(earlier.name, earlier.file)]
-    if untold := _moves_untold(earlier.file):
-        notes.append(Finding("exact-moves-untold", (earlier.name,), values={"names": untold}))
     campaigns, history = (*earlier.campaigns, this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
     return Calibration.of(from_self(own, origin, notes))
@@ -310,9 +296,7 @@ def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
     return Finding("turns-visible", (earlier.name,), values=values)
 
 
-def _contribution(
-    rig: Rig, own: Own, read: Read, means: Readings | None, level: float
-) -> tuple[Misfit, CampaignResult]:
+def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit, CampaignResult]:
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
@@ -331,7 +315,7 @@ def _contribution(
         given.state,
         placed(given.state, published_std(given, found.parameter_std)),
         rig.axes,
-        means,
+        read.means if isinstance(own, SelfCalibration) else None,
         name=read.name,
         measured=read.measured,
         inputs=read.inputs,

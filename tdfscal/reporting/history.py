@@ -36,7 +36,7 @@ _ADVICE = {
     ),
     "step": (
         "Look for what was loosened, exchanged or knocked at the sensors named, then calibrate "
-        "anew and go on from there (--since DATE leaves older alarms aside).",
+        "anew and go on from there, without the older files.",
     ),
     "creep": (
         "Look for what works loose or settles at the sensors named; calibrate more often, or "
@@ -177,7 +177,6 @@ def _checks(life: Life) -> str:
 def _facts(
     life: Life, alarms: tuple[Alarm, ...], lost: int, due: str
 ) -> tuple[tuple[str, str], ...]:
-    older = f" of {len(life.alarms)} in the history" if len(alarms) < len(life.alarms) else ""
     beside = f"; {lost} more left out" if lost else ""
     months = life.month[-1] - life.month[0]
     time = (
@@ -185,7 +184,7 @@ def _facts(
     )
     rows = [
         ("checks", f"{len(life.names)}{time}{beside}"),
-        ("alarms", f"{len(alarms)}{older}" + (" in the checks judged" if lost else "")),
+        ("alarms", f"{len(alarms)}" + (" in the checks judged" if lost else "")),
         ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
         ("random walk", _walk(life)),
         ("next calibration", due),
@@ -265,7 +264,6 @@ def history_document(
         verdict=_verdict(alarms, unjudged=unjudged),
         checks=[_check(life, k) for k in range(len(life.names))],
         alarms=[_alarm(life, alarm) for alarm in alarms],
-        older_alarms=[_alarm(life, a) for a in life.alarms if a not in alarms],
         walk={
             "declared": life.declared,
             "estimate": None if life.walk is None else life.walk.value,

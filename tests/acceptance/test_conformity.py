@@ -14,7 +14,6 @@ from tdfscal.acceptance.gate import (
     assess,
     assess_stated,
     at_rest,
-    conforming_months,
     coverage_radius,
     judge,
     within,
@@ -146,19 +145,3 @@ def test_a_contact_of_the_limit_may_conform_and_still_not_be_seen() -> None:
     unseen = limited(given(), force=0.99 * worst)
     assert [f.code for f in unseen.findings] == ["contact-below-threshold"]
     assert not any(f.rejects for f in judge(given().rig, FINE, 1.0, conformity=unseen))
-
-
-def test_a_walk_ends_conformity_when_its_variance_fills_the_room() -> None:
-    one = given()
-    U = assess(one).force.expanded
-    assert conforming_months(one, 1e-4) == {}
-
-    def within_limit(limit: float) -> Calibrated:
-        limits = replace(one.rig.acceptance, contact_force=limit)
-        return replace(one, rig=replace(one.rig, acceptance=limits))
-
-    assert conforming_months(within_limit(2.0 * U), 0.0) == {"force": np.inf}
-    assert conforming_months(within_limit(0.9 * U), 1e-4) == {"force": 0.0}
-    # Turns alone make this wrench: twice their uncertainty has four times their variance.
-    months = conforming_months(within_limit(2.0 * U), 1e-4)["force"]
-    assert months == pytest.approx(3.0 * STD**2 / 1e-4**2, rel=1e-6)

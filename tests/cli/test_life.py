@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from datetime import UTC, date, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -118,22 +117,6 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
     assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
 
 
-def test_an_older_file_that_tells_no_moves_is_said_to_count_them_as_none(
-    months: Path, files: list[Path]
-) -> None:
-    """Files of 1.0 name what was taken as exact, but not how parameters move by errors of it."""
-    content = yaml.safe_load(files[0].read_text())
-    del content["content_sha256"]
-    untold = [one["name"] for one in content["taken_as_exact"] if one.pop("common")]
-    before, after = (
-        tdfscal.update(file, folders(months, 1, 2), trials=0)
-        for file in (files[0], tdfscal.Calibration.model_validate(content))
-    )
-    (found,) = (f for f in after.findings if f.code == "exact-moves-untold")
-    assert ", ".join(untold) in found.text
-    assert not any(f.code == "exact-moves-untold" for f in before.findings)
-
-
 def monitored(cli: Cli, status: int, *arguments: object) -> Any:
     done = cli("monitor", *arguments, "--json", "-q", ends=status)
     return json.loads(done.out)
@@ -157,10 +140,7 @@ def test_a_turned_sensor_alarms_and_is_named_in_its_month(
     assert abs(size - 1e3 * np.linalg.norm(truth)) < 2 * half
     said = cli("monitor", *files, "-q").out
     assert re.search(r"next calibration +now", said)
-    for since in (date(2099, 1, 1), datetime(2099, 1, 1, tzinfo=UTC), "2099-01-01"):
-        assert len(tdfscal.monitor(*files, since=since).to_dict()["older_alarms"]) == 1
-    later = monitored(cli, 0, *files, "--since", "2099-01-01")
-    assert len(later["older_alarms"]) == 1
+    assert monitored(cli, 0, *files[5:])["alarms"] == []  # from then on
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.records import Drift, Rig
+from tdfscal.records import Rig
 from tdfscal.simulation import Recorder, reference_rig
 from tests.cli.running import Cli
 from tests.words import texts
@@ -107,31 +107,3 @@ def test_the_others_are_watched(months: dict[str, list[Path]], cli: Cli) -> None
     """The scenario turns the second sensor in the sixth month."""
     (alarm,) = monitored(cli, 1, *months["lacking"])["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
-
-
-def test_pooled_campaigns_say_how_zeros_drift_and_supports_give(tmp_path: Path, cli: Cli) -> None:
-    rig = reference_rig()
-    declared = replace(rig.declared, compliance_lateral=1e-7, compliance_vertical=1e-7)
-    rig = replace(rig, drift=Drift(time=0.5 / 3600), declared=declared)
-    simulate_to_folder(
-        tmp_path / "months", rig, "months", postures=8, months=6, seed=5, rows="postures",
-        recorder=Recorder(mean_sd=0.0),
-    )  # fmt: skip
-    folders = sorted(p for p in (tmp_path / "months").iterdir() if p.is_dir())[:2]
-    found = calibrated(cli, tmp_path / "pooled.json", *folders)
-    assert np.shape(found["drift"]["time"]["value"]) == (3, 3)
-    one = calibrated(cli, tmp_path / "one.json", folders[-1])
-    for way in ("lateral", "vertical"):
-        both, alone = (file["compliance"][way]["std"] for file in (found, one))
-        assert 0 < both < alone
-    done = cli("update", tmp_path / "one.json", folders[0], "--trials", 0, "-q")
-    assert done.status == 2  # it is older
-    calibrated(cli, tmp_path / "first.json", folders[0])
-    new = tmp_path / "new.json"
-    done = cli(
-        "update", tmp_path / "first.json", folders[1], "--trials", 0, "-o", new, "-q", ends=0
-    )
-    updated = json.loads(new.read_text())
-    assert updated["compliance"]["lateral"]["std"] == pytest.approx(
-        found["compliance"]["lateral"]["std"], rel=0.01
-    )

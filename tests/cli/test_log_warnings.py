@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -151,25 +150,6 @@ def test_a_date_that_the_logs_clock_contradicts_is_told(
     assert made.measured is not None
     assert (made.measured.source, made.measured.begin[:10]) == ("log", "2025-06-15")
     assert ("campaign-misdated" in {finding.code for finding in made.findings}) == told
-
-
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [("hub_2026-03-02.csv", True), ("20260302.csv", True), ("hub_2026-11-20.csv", False),
-     ("hub_20261302.csv", False), ("hub_2026-10-02.csv", False), ("log.csv", False)],
-)  # fmt: skip
-def test_a_day_in_a_logs_name_that_its_files_date_contradicts_is_told(
-    name: str, told: bool, tmp_path: Path
-) -> None:
-    campaign = shutil.copytree(SAMPLES / "csv", tmp_path / "campaign")
-    (campaign / "log.csv").rename(campaign / name)
-    written = datetime(2026, 11, 23, tzinfo=UTC).timestamp()
-    os.utime(campaign / name, (written, written))
-    found = {
-        finding.code: finding.text for finding in tdfscal.calibrate(campaign, trials=0).findings
-    }
-    assert ("log-misdated" in found) == told
-    assert not told or "2026-03" in found["log-misdated"]
 
 
 def test_a_survey_is_dated_by_its_own_files(tmp_path: Path) -> None:

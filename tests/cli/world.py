@@ -46,10 +46,11 @@ def _campaigns(home: Path) -> None:
 
 
 def _turned(table: pa.Table) -> pa.Table:
-    """The log of a rig whose first sensor was turned by 20 mrad since."""
-    x, z = (table[f"ncp1.f{axis}"].to_numpy() for axis in "xz")
+    """The log of a rig whose first sensor was turned by 20 mrad since, all tared by 0.4 N anew."""
+    force = {n: table[n].to_numpy() + 0.4 for n in table.column_names if n[-2:-1] == "f"}
+    x, z = force["ncp1.fx"], force["ncp1.fz"]
     c, s = np.cos(0.02), np.sin(0.02)
-    for name, values in (("ncp1.fx", c * x + s * z), ("ncp1.fz", c * z - s * x)):
+    for name, values in (force | {"ncp1.fx": c * x + s * z, "ncp1.fz": c * z - s * x}).items():
         table = table.set_column(table.column_names.index(name), name, pa.array(values))
     return table
 

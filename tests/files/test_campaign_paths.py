@@ -116,7 +116,7 @@ def test_no_path_no_rig_no_log(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"ename rig\.yml to rig\.yaml"):
         resolve([bare / "x.csv"])
     home = make(tmp_path / "b")
-    with pytest.raises(UsageError, match=r"rig\.yaml: is not a log"):
+    with pytest.raises(UsageError, match=r"rig\.yaml: is a rig file, not a log"):
         resolve([home / "rig.yaml"])
 
 
