@@ -255,37 +255,36 @@ home-unknown warns
   home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
   -> state the LCS origin at home, --home X,Y,Z, or --given LOG
 path-in-contact rejects
-  {subject}: the wrench reaches {size}, {time:.4g} s into the path, where a free one
-  stays below {limit:.3g}: it was in contact, or the calibration no longer holds
+  {subject}: the wrench reaches {size} at {time:.4g} s of the path, where {limit:.3g} is the
+  most without contact: something touched, or the calibration no longer holds
   -> drive it free, or see whether it holds: tdfscal validate
 moves-beyond rejects
-  {subject}: on the move the wrench reaches {size}, {time:.4g} s into the path,
-  where {limit:.3g} may stand on a free one: what moving adds is in no threshold, and
-  it would stop the machine
+  {subject}: while the path moves, the wrench reaches {size} (at {time:.4g} s) though nothing
+  touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
+  count what motion adds, so the machine would stop itself
   -> {unstated:state terminal.inertia, or |}drive slower
 threshold-unbounded rejects
-  {subject}: nothing bounds what stands on it without contact, for zeros, load or
-  their drift are unknown
+  {subject}: no threshold can be given, since zeros, load or their drift are unknown
   -> tare or weigh, and state it in the rig file
 covariance-in-part warns
-  {subject} has no joint covariance: angles, zeros and load count as independent,
-  which makes thresholds too high
+  {subject} has no joint covariance: angles, zeros and load are taken as independent, and the
+  thresholds come out too high
   -> calibrate anew
 zeros-aged warns
-  the zeros are {days:.3g} days old: their drift makes {number:.0%} of what stands
-  on the wrench
+  the zeros are {days:.3g} days old: their drift makes {number:.0%} of the uncertainty of the
+  wrench
   -> tare, or calibrate anew
 drift-undeclared warns
-  the zeros are {number:.3g} days old and the rig file declares no drift: but for
-  their 1/f noise they count as they were
+  the zeros are {number:.3g} days old and the rig file declares no drift, so that they count
+  as if they had not moved since
   -> tare, or declare drift in the rig file
 path-inertia-unknown notes
-  no inertia of the terminal is stated: what moving adds to the wrench is in no
-  threshold
+  the rig file states no inertia of the terminal: the thresholds do not count the wrench that
+  its motion adds
   -> state terminal.inertia, or watch for contact at rest only
 path-without-noise warns
-  {planned:a plan has no samples|the path shows no noise of samples}: without it these sizes are too
-  low for thresholds of a machine
+  {planned:a plan has no samples|the path shows no noise of samples}, so that these sizes are
+  too low for the thresholds of a machine
   -> take a recorded log of a free path
 contact-unseen rejects
   of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen

@@ -67,23 +67,19 @@ def sentence(life: Life, alarm: Alarm) -> str:
         )
     if alarm.sensor is None:
         return (
-            f"on {raised} the sensors together depart from all before, and the turn of no single "
+            f"on {raised} all sensors together depart from what they were, and no turn of a single "
             f"one explains it {tail}"
         )
     size, half = 1e3 * alarm.size, 1e3 * COVERAGE_FACTOR * alarm.size_std
     said = f"{size:.2f} ± {half:.2f} mrad (k = {COVERAGE_FACTOR:g})"
     name = life.supports[alarm.sensor]
-    axis = ", ".join(signed(1e3 * part, "+.2f") for part in alarm.turn)
+    turn = f"about the BCS axes ({', '.join(signed(1e3 * x, '+.2f') for x in alarm.turn)}) mrad"
     if alarm.kind == "creep":
         return (
-            f"{name} creeps by {said} a month since about {since}, about the BCS axes "
-            f"({axis}) mrad; raised on {raised} {tail}"
+            f"{name} creeps by {said} a month since about {since}, {turn}; seen on {raised} {tail}"
         )
-    late = "" if alarm.raised == alarm.onset else f"; raised on {raised}"
-    return (
-        f"{name} has turned by {said} {_since(life, alarm)}, about the BCS axes ({axis}) mrad"
-        f"{late} {tail}"
-    )
+    late = "" if alarm.raised == alarm.onset else f"; seen on {raised}"
+    return f"{name} has turned by {said} {_since(life, alarm)}, {turn}{late} {tail}"
 
 
 def _since(life: Life, alarm: Alarm) -> str:
@@ -149,20 +145,20 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
     """What the chart asks, how often it errs, and which step it sees."""
     *shorter, longest = map(str, WINDOWS)
     rule = (
-        f"of each sensor, by χ² of a turn of that one alone, whether the last {', '.join(shorter)} "
-        f"or {longest} checks show it turned against all before, beyond drift.angle; and whether "
-        f"all together depart. All tests of a check share its level, {life.level[-1]:.2g} of the "
-        f"last, so that an unchanged rig raises at most {life.rate:.2g} alarms a year, however "
-        "often it is checked" + FIXED
+        f"an alarm is raised where the last {', '.join(shorter)} or {longest} checks show a sensor "
+        "turned against all checks before, by more than drift.angle allows (χ² of a turn of that "
+        "one alone), or all sensors together changed. All tests of a check share its level "
+        f"({life.level[-1]:.2g} for the last), so that an unchanged rig raises at most "
+        f"{life.rate:.2g} false alarms a year, however often it is checked{FIXED}"
     )
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
     sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)
     step = (
-        f"a step just before the last check, of {day(life.month[-1])}, is seen by it alone with "
-        f"{DETECTION_POWER:.0%} probability from this size on, whatever the angle: "
-        f"{', '.join(sizes)}; smaller ones by luck, by other checks, or by several together"
+        f"had a sensor turned just before the last check ({day(life.month[-1])}), that check alone "
+        f"would have shown it with {DETECTION_POWER:.0%} probability from this size on: "
+        f"{', '.join(sizes)}"
     )
-    return ("Decision rule", rule), ("Smallest step sure to be seen", step)
+    return ("Decision rule", rule), ("Smallest step that is seen", step)
 
 
 def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:
@@ -185,22 +181,25 @@ def _facts(
     rows = [
         ("checks", f"{len(life.names)}{time}{beside}"),
         ("alarms", f"{len(alarms)}" + (" in the checks judged" if lost else "")),
-        ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
+        ("false alarms", f"at most {life.rate:.2g} a year while nothing changes"),
         ("random walk", _walk(life)),
         ("next calibration", due),
     ]
     if life.birge > 1.05:
-        rows.append(("Birge ratio", f"{life.birge:.2f}: all uncertainties were scaled by it"))
+        scatter = f"{life.birge:.2f} times what is stated; all uncertainties were scaled by it"
+        rows.append(("scatter of checks", scatter))
     return tuple(rows)
 
 
 def _walk(life: Life) -> str:
-    stated = f"declared {rounded(1e3 * life.declared)} mrad/√month"
+    stated = f"the rig file states {rounded(1e3 * life.declared)} mrad/√month"
     if life.walk is None:
-        return f"{stated}; too few checks, or days, to estimate it"
+        return f"{stated}; checks or days are too few to estimate it"
     low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
-    seen = f"{rounded(1e3 * life.walk.value)} mrad/√month" if life.walk.value > 0 else "none"
-    return f"{seen} by the history (95 %: {rounded(low)} to {rounded(high)} mrad/√month); {stated}"
+    return (
+        f"{rounded(1e3 * life.walk.value)} mrad/√month by the checks (95 %: {rounded(low)} to "
+        f"{rounded(high)}); {stated}"
+    )
 
 
 def _turned(alarms: Sequence[Alarm]) -> bool:
@@ -246,8 +245,8 @@ def _angles(life: Life) -> Table:
         for name, seen in zip(life.supports, life.known, strict=True)
         if not seen
     )
-    caption = "Angles at the last check, smoothed over all, and the last check less the first, as "
-    caption += f"each says by itself; mrad, expanded uncertainty, k = {COVERAGE_FACTOR:g}"
+    caption = "Angles now (smoothed over all checks), and the last check minus the first; mrad, "
+    caption += f"k = {COVERAGE_FACTOR:g}"
     return Table(caption, ("sensor", "angle", "now", "last − first"), rows, left=2)
 
 

@@ -28,23 +28,19 @@ UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 #: which on noise is explained; remedies that are told.
 _IDLE, _MOSTLY, _TOLD = 0.95, 0.5, 3
 _EXPANDED = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
-_NOT_ENOUGH = "not enough: squeeze harder, or tare and weigh better"
 _DO = {
     "tare": "tare each sensor before the run",
     "set-to-zero": "set the wrench to zero before the run, hanging free for 3 s",
     "weigh": "weigh the terminal, and find its barycentre, exactly",
-    "calibrate": "calibrate twice as well: four times the postures, or a harder squeeze",
+    "calibrate": "calibrate twice as well (four times the postures, or a harder squeeze)",
     "filter": "filter at {:.3g} Hz",
 }
 
 
 def _by_component(columns: Mapping[str, Sequence[str]]) -> Table:
     """Rows fx … mz with their units, and a column of text each."""
-    rows = tuple(
-        (axis, unit, *cells)
-        for axis, unit, *cells in zip(COMPONENTS, UNITS, *columns.values(), strict=True)
-    )
-    return Table("", ("", "", *columns), rows, left=2)
+    rows = zip(COMPONENTS, UNITS, *columns.values(), strict=True)
+    return Table("", ("", "", *columns), tuple(rows), left=2)
 
 
 def _place(point: Sequence[float]) -> str:
@@ -66,40 +62,48 @@ def wrench_report(summary: dict[str, Any]) -> Report:
         for name, of in columns.items()
         if of is not None
     }
-    way = "quasi-static" if summary["quasi_static"] else "with inertia"
+    way = "without inertia" if summary["quasi_static"] else "with inertia"
     about = _place(summary["about"])
+    largest = "The largest force is {force:.3g} N, the largest torque {torque:.3g} N·m."
+    said = [largest.format(**summary["largest"]), *_of_motion(summary), _of_noise(summary)]
     return Report(
         f"Contact wrench of {summary['rows']} samples",
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
         claim=_filter(summary["filter"]),
-        sections=(Section("", (_by_component(shown), *_about_samples(summary))),),
+        sections=(Section("", (_by_component(shown), " ".join(said), *_of_zeros(summary))),),
     )
 
 
-def _about_samples(summary: dict[str, Any]) -> Iterator[str]:
-    """What part of a free wrench is motion; where its uncertainty is from; the largest."""
+def _of_motion(summary: dict[str, Any]) -> Iterator[str]:
     if summary["stops"] is not None:
+        share = summary["stops"]["rows"] / summary["rows"]
         yield (
-            f"{summary['stops']['rows'] / summary['rows']:.0%} of the samples lie at stops (hinges "
-            "below 0.2 mm/s). Where nothing touches, what the wrench has more between them is the "
-            "motion's."
+            f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s); where nothing "
+            "touches, what is larger between the stops comes from the motion."
         )
+
+
+def _of_noise(summary: dict[str, Any]) -> str:
     noise = summary["noise"] or {"dwells": 0, "windows": 0}
-    measured = "as declared; the log shows none"
     if noise["dwells"]:
-        measured = f"measured in {noise['dwells']} static dwells of the log"
-    elif noise["windows"]:
-        measured = f"measured in {noise['windows']} short windows; slower noise is not in it"
-    yield f"noise of a sample: {measured}"
+        return f"The noise of a sample was measured in {noise['dwells']} static dwells of the log."
+    if noise["windows"]:
+        return (
+            f"The noise of a sample was measured in {noise['windows']} short windows, so that "
+            "slower noise is not in it."
+        )
+    return "The noise of a sample is as declared, for the log shows none."
+
+
+def _of_zeros(summary: dict[str, Any]) -> Iterator[str]:
     moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
-    if moved != 0.0:
-        size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
-        since = "are of unknown age, here as if the log followed the calibration's,"
-        if summary["zeros"]["age_known"]:
-            when = "before" if age >= 0 else "after"
-            since = f"held {abs(age) / 86400:.2g} days {when} the log began,"
-        yield f"the calibration's zeros {since} and may have moved {size} by its end"
-    yield "largest: force {force:.3g} N, torque {torque:.3g} N·m".format(**summary["largest"])
+    if moved == 0.0:
+        return
+    size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
+    since = "are of unknown age (taken as if the log followed the calibration's at once)"
+    if summary["zeros"]["age_known"]:
+        since = f"are {abs(age) / 86400:.2g} days {'older' if age >= 0 else 'younger'} than the log"
+    yield f"The calibration's zeros {since} and may have moved {size} by its end."
 
 
 def _filter(f: dict[str, Any] | None) -> str:
@@ -132,14 +136,15 @@ def capability_report(
     noise = _noise(found, request, inertia=not unstated)
     lowers = layout.listed("What lowers the smallest contact", better)
     blocks: tuple[Block, ...] = (_by_component(columns), *noise, *lowers)
+    apart = " (noise not counted)" if noiseless else ""
     return Report(
         "Contact that this rig sees",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
         verdict="NO THRESHOLDS FOR A MACHINE" if bad or noiseless else "",
         accepted=not (bad or noiseless),
-        claim=f"{'But for noise, at' if noiseless else 'At'} most {request.false_stops:g} false "
-        "stops an hour and axis; the smallest contact exceeds its threshold with "
-        f"{request.detect:.4g} probability.",
+        claim=f"A machine that stops at these thresholds stops falsely at most "
+        f"{request.false_stops:g} times an hour and axis{apart}. It then sees the smallest contact "
+        f"below with {request.detect:.4g} probability; the shares say what that size comes from.",
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
@@ -147,20 +152,19 @@ def capability_report(
 
 
 def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[str]:
-    """What noise is, where it stands most against a contact; inertia : stated, or of no matter."""
+    """What noise is, where it counts most; inertia : stated, or of no matter."""
     worst = [c for c in found.worst if found.shares["noise"][c] > _MOSTLY]
     sizes = ", ".join(f"{found.noise[c].std:.3g} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
     if worst and not any(found.noise[c].std for c in worst):
-        yield "The noise is what is declared of a posture (uncertainty.force_noise)."
+        yield "The noise is what the rig file declares of a posture (uncertainty.force_noise)."
     elif worst:
         plain = request.cutoff is None
-        scatter = "of single samples" if plain else "behind the filter"
-        less = "a filter (--filter HZ)" if plain else "a lower filter"
-        seen = "the stops of the path show"
+        of = "of single samples" if plain else "behind the filter"
+        where = "at the stops of the path" if found.resting else "along the path, motion included"
+        less = ["a filter (--filter HZ)" if plain else "a lower filter"]
         if not found.resting:
-            seen = "the moving path shows, with what moving adds"
-            less += f"{'' if inertia else ', with an inertia that is stated'}, or on a path at rest"
-        yield f"The noise is the scatter {scatter} that {seen} ({sizes}): less with {less}."
+            less += ["an inertia that is stated"] * (not inertia) + ["a path at rest"]
+        yield f"Noise is the scatter {of} {where}: {sizes}. Less with {' or '.join(less)}."
 
 
 def _remedy(remedy: Remedy, found: Capability) -> str:
@@ -184,66 +188,56 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
     )
     caption = "Standard uncertainty to expect of the installation angles, mrad"
     table = Table(caption, ("sensor", *ANGLES), rows)
-    return _motion(plan, table) if isinstance(plan, MovingPlan) else _postures(plan, table)
+    told = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
+    title, drive, contact, used = told
+    mean = f"On average {1e3 * plan.expected.mean:.3g} mrad."
+    blocks = (table, *contact, f"{mean} {used}")
+    return Report(title, drive, sections=(Section("What to expect", blocks),))
 
 
-def _expected(title: str, subtitle: str, *blocks: Block) -> Report:
-    return Report(title, subtitle, sections=(Section("What to expect", blocks),))
-
-
-def _postures(plan: Plan, table: Table) -> Report:
-    limits, request, expected = plan.request.limits, plan.request, plan.expected
-    more = f", on top of {plan.given} postures recorded before" if plan.given else ""
-    before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
+def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
+    limits, request = plan.request.limits, plan.request
+    more = f", after {plan.given} recorded before" if plan.given else ""
+    before = "" if plan.before is None else f"Before the plan: {1e3 * plan.before.mean:.3g} mrad. "
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
-    return _expected(
+    return (
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
-        f"{limits.squeeze:g} N, {request.noise:.3g} N noise per axis and posture beside the rig "
-        f"file's; home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
+        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N; {request.noise:.3g} N noise per axis and posture "
+        f"beside the rig file's; home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
-        table,
-        *_contact(plan),
-        f"Mean {1e3 * expected.mean:.3g} mrad{before}. Travel used about the middle: "
-        f"{', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
+        tuple(_contact(plan)),
+        f"{before}Travel: {', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
     )
 
 
 def _contact(plan: Plan) -> Iterator[Block]:
-    """What the plan makes of the contact wrench, and of its limits."""
+    """What the plan makes of the contact wrench, where the rig file limits it."""
     from tdfscal.planning.predicted_information import contact_excess, contact_expanded
 
-    stated, stds = plan.rig.acceptance, (plan.expected.contact_force, plan.expected.contact_torque)
-    if (sizes := contact_expanded(plan.expected)) is None:
+    sizes = contact_expanded(plan.expected)
+    limits = plan.rig.acceptance.contact_limits
+    if sizes is None or all(limit is None for *_, limit in limits):
         return
-    rows = tuple(
-        (name, *(f"{v:.3f}" for v in np.array(std)))
-        for name, std in zip(("force, N", "torque, N·m"), stds, strict=True)
-    )
-    at = ", ".join(f"{v:g}" for v in stated.contact_rpy)
-    caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
-    yield Table(caption, ("", "x", "y", "z"), rows)
     parts = [
         f"{name} {size:.3g} {unit} of {limit:g}"
-        for (name, unit, _, limit), size in zip(stated.contact_limits, sizes, strict=True)
+        for (name, unit, _, limit), size in zip(limits, sizes, strict=True)
         if limit is not None
     ]
-    end = "enough" if contact_excess(plan.rig, plan.expected) <= 1.0 else _NOT_ENOUGH
-    if parts:
-        yield f"Contact wrench, {_EXPANDED} against its limit: {', '.join(parts)}: {end}."
+    end = "enough"
+    if contact_excess(plan.rig, plan.expected) > 1.0:
+        end = "not enough: squeeze harder, or tare and weigh better"
+    yield f"Contact wrench, {_EXPANDED} against its limit: {', '.join(parts)}: {end}."
 
 
-def _motion(plan: MovingPlan, table: Table) -> Report:
+def _motion(plan: MovingPlan) -> tuple[str, str, Sequence[Block], str]:
     request, limits, used = plan.request, plan.request.limits, plan.used
-    return _expected(
+    return (
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
-        f"squeeze up to {limits.squeeze:g} N, noise of {request.noise:g} N in a force's mean over "
-        "a second",
-        table,
-        f"Mean {1e3 * plan.expected.mean:.3g} mrad.",
-        f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
-        f"{1e3 * used['speed']:.1f} mm/s, way of a hinge "
+        f"squeeze up to {limits.squeeze:g} N; {request.noise:g} N noise in the mean force of a "
+        "second",
+        (),
+        f"Used: tilt {np.rad2deg(used['tilt']):.2f}°, speed {1e3 * used['speed']:.1f} mm/s, travel "
         f"{', '.join(f'±{v:.3f}' for v in used['travel'])} m along x, y, z, internal force "
         f"{used['squeeze']:.0f} N, force in all {used['force']:.0f} N.",
     )
