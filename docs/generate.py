@@ -113,8 +113,7 @@ def _codes(severity: Severity) -> Iterator[str]:
 
 
 def _beginning(text: str) -> str:
-    for head in ("residuals say", "distances between hinges say"):
-        text = text.removeprefix(f"the {head} about as well that ")
+    text = text.rpartition("say about as well that ")[2]
     words = re.split("[:;]| \\(|, (?:which|and|or|as if|by) ", text)[0].split()
     return " ".join(words[:_GLOSS]) + (" …" if len(words) > _GLOSS else "")
 

@@ -70,30 +70,17 @@ positioner-noise-suspected warns
   the NCPs repeat {stated} m per axis worse than stated
   -> see what is loose, or write `uncertainty.positioner: {stated}` in rig.yaml (m)
 zero-drift warns
-  the zero of {subject} drifts over the campaign
-  -> warm up and tare again, or write `drift.time: .inf` in rig.yaml
-zeros-drift warns
-  the zeros of all sensors drift over the campaign
+  {subject:the zero of ~ drifts|the zeros of all sensors drift} over the campaign
   -> warm up and tare again, or write `drift.time: .inf` in rig.yaml
 zero-temperature warns
-  the zero of {subject} follows the temperature
-  -> write `drift.temperature: .inf` in rig.yaml
-zeros-temperature warns
-  the zeros of all follow the temperature
+  {subject:the zero of ~ follows|the zeros of all sensors follow} the temperature
   -> write `drift.temperature: .inf` in rig.yaml
 zero-walk warns
-  the zero of {subject} wanders at random
-  -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
-    rig.yaml (N/√h)
-zeros-walk warns
-  the zeros of all sensors wander at random
+  {subject:the zero of ~ wanders|the zeros of all sensors wander} at random
   -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
     rig.yaml (N/√h)
 zero-parabola warns
-  the zero of {subject} drifts other than along a line
-  -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
-zeros-parabola warns
-  the zeros of all sensors drift other than along a line
+  {subject:the zero of ~ drifts|the zeros of all sensors drift} other than along a line
   -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z

@@ -52,13 +52,13 @@ CODES = {
     "sensor noise": ("sensor-noise-suspected", "N", True),
     "position noise": ("positioner-noise-suspected", "m", False),
     "drift": ("zero-drift", "N", True),
-    "all drift": ("zeros-drift", "N", False),
+    "all drift": ("zero-drift", "N", False),
     "temperature": ("zero-temperature", "N", True),
-    "all temperature": ("zeros-temperature", "N", False),
+    "all temperature": ("zero-temperature", "N", False),
     "parabola": ("zero-parabola", "N/√h", True),
-    "all parabola": ("zeros-parabola", "N/√h", False),
+    "all parabola": ("zero-parabola", "N/√h", False),
     "walk": ("zero-walk", "N/√h", True),
-    "all walk": ("zeros-walk", "N/√h", False),
+    "all walk": ("zero-walk", "N/√h", False),
 }
 #: Zeros that drift other than along a line, of one sensor or of all.
 PARABOLAS = ("parabola", "all parabola")

@@ -21,7 +21,7 @@ from tdfscal.reporting import layout
 from tdfscal.reporting.figures import angles, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
-from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table
+from tdfscal.reporting.layout import Facts, Items, Report, Section, Table
 from tdfscal.reporting.traceability import Making
 from tdfscal.selfcal.result import Undetermined
 
@@ -85,16 +85,17 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
     error, seen, rig = attempt.error, attempt.seen, attempt.rig
     moving = isinstance(seen, UndeterminedMotion)
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
+    limit = 1e3 * rig.rig.acceptance.identifiable
+    making = Making(attempt.command, attempt.inputs)
     blocks = {
         "determined": _turns(seen) if seen is not None else (),
         "forces" if moving else "timeline": layout.listed("Left out", _left_out(attempt)),
     }
-    limit = 1e3 * rig.rig.acceptance.identifiable
-    making = Making(attempt.command, attempt.inputs)
     origin = making.section(
         ("Rig file", f"{rig.path}, SHA-256 {rig.sha256}"),
-        ("Decision rule", f"determined where a turn's standard uncertainty is below {limit:.3g} "
-         "mrad (acceptance.identifiable) and at most half of what was stated before"),
+        ("Decision rule", "an angle is determined where the standard uncertainty of its turn is "
+         f"below {limit:.3g} mrad (acceptance.identifiable) and at most half of what was stated "
+         "before"),
     )  # fmt: skip
     return Report(
         title=rig.rig.name,
@@ -104,7 +105,6 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         accepted=False,
         claim="No angle is given, and no calibration file was written.",
         reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
-        tiles=_tiles(seen) if seen is not None else (),
         sections=(
             *layout.illustrated(drawings, blocks),
             Section("Statistics", (Facts(_statistics(seen)),) if seen is not None else ()),
@@ -118,39 +118,18 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
 
 def _advice(attempt: Attempt) -> Iterator[str]:
     """The error's own first, then what each other weak turn asks for, then which way to find it."""
-    told, seen = attempt.error.hint or "", attempt.seen
-    open_turns = () if seen is None else seen.observability.weak
-    # One cure for several turns differs by its numbers only.
-    cures = {weakness.finding.code: cure(weakness.finding) for weakness in open_turns}
-    if open_turns and cure(open_turns[0].finding) == told:
-        del cures[open_turns[0].finding.code]
-    yield from (begun(text, ".") for text in (told, *cures.values()) if text)
-    if open_turns:
+    seen = attempt.seen
+    weak = [] if seen is None else [weakness.finding for weakness in seen.observability.weak]
+    # One cure for several turns differs by its numbers only: of each code the first.
+    cures = {finding.code: cure(finding) for finding in reversed(weak)}
+    told = dict.fromkeys((attempt.error.hint or "", *reversed(cures.values())))
+    yield from (begun(text, ".") for text in told if text)
+    if weak:
         given = " --given LOG" if isinstance(seen, Undetermined) else " --motion"
         yield (
             f"`tdfscal plan RIG{given} -o plan.csv` chooses what to drive next, so that every turn "
             "is determined."
         )
-
-
-def _tiles(seen: Seen) -> tuple[Row, ...]:
-    turns, limit = seen.observability.angles, seen.rig.acceptance.identifiable
-    worst = max(turn.std for turn in turns)
-    known = sum(turn.identified for turn in turns)
-    tiles = [
-        ("turns determined", f"{known} of {len(turns)}", "by the data"),
-        ("weakest turn", angles.words(worst),
-         f"limit {1e3 * limit:.3g} mrad"),
-    ]  # fmt: skip
-    if isinstance(seen, Undetermined):
-        total = len(seen.dwells)
-        tiles.append(("postures", f"{total - len(seen.rejected)} of {total}", "in the fit"))
-    else:
-        tiles.append(("in motion", f"{seen.keep.sum() * seen.slow.step:.0f} s", "of the log used"))
-    if seen.quality.dof > 0:
-        said = f"limit {seen.rig.acceptance.birge_max:.2g}"
-        tiles.append(("scatter against stated", f"{seen.quality.birge:.2f}", said))
-    return tuple(tiles)
 
 
 def _turns(seen: Seen) -> tuple[Table | Items, ...]:
@@ -169,25 +148,21 @@ def _turns(seen: Seen) -> tuple[Table | Items, ...]:
 
 def _left_out(attempt: Attempt) -> tuple[str, ...]:
     seen = attempt.seen
-    if isinstance(seen, UndeterminedMotion):
-        return layout.stretches(seen.rejected)
     if seen is None:
         return ()
+    if isinstance(seen, UndeterminedMotion):
+        return layout.stretches(seen.rejected)
     log = attempt.log(seen)
     pieces = log.postures.left_out or ()
-    return (
-        *layout.postures(log.rejected, log.clock),
-        *layout.rests(pieces, log.clock),
-    )
+    return (*layout.postures(log.rejected, log.clock), *layout.rests(pieces, log.clock))
 
 
 def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     q = seen.quality
-    fit = layout.chi_squared(q.chi2, q.dof, q.p_value if isinstance(seen, Undetermined) else None)
-    facts = [("Fit", fit if q.dof > 0 else "no residual is left to judge it by")]
     if isinstance(seen, Undetermined):
-        facts.append(("Settled", "yes" if seen.fit.converged else "no"))
-    close = [f"{c.a} and {c.b} {c.value:+.2f}" for c in seen.observability.correlations[:3]]
-    if close:
-        facts.append(("Correlation", "; ".join(close)))
-    return tuple(facts)
+        total = len(seen.dwells)
+        used = ("Postures", f"{total - len(seen.rejected)} of {total} in the fit")
+    else:
+        used = ("Motion", f"{seen.keep.sum() * seen.slow.step:.0f} s of the log used")
+    fit = layout.chi_squared(q.chi2, q.dof, q.p_value if isinstance(seen, Undetermined) else None)
+    return used, ("Fit", fit if q.dof > 0 else "no residual is left to judge it by")
