@@ -202,8 +202,9 @@ def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
     return (
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N; {request.noise:.3g} N noise per axis and posture "
-        f"beside the rig file's; home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
+        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N; "
+        f"{request.noise:.3g} N noise per axis and posture beside the rig file's; "
+        f"home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         tuple(_contact(plan)),
         f"{before}Travel: {', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
