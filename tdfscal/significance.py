@@ -49,7 +49,8 @@ FRAME_MISFIT: Final = 0.025 * QUESTIONED
 MISFIT: Final = 0.075 * QUESTIONED
 #: That the campaign is weighted by unequal noise of its channels, which costs it little.
 UNEQUAL_NOISE: Final = 0.075 * QUESTIONED
-#: That the halves of a log in motion are said to disagree in the angles, or in the delay.
+#: That in a log in motion a sensor is said to have turned, a zero to have jumped, or the delay to
+#: have changed.
 CHANGED_RIG: Final = 0.025 * QUESTIONED
 #: Beyond both of these a channel is not weighted as a noisy one, but rejected. A transducer and its
 #: amplifier that work keep within a thousandth of their load (class 0.1), whatever was stated, and

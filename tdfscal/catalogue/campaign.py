@@ -84,12 +84,12 @@ zero-parabola warns
   -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
-  of the BCS before posture {posture}{between:time}
+  of the BCS{posture: before posture ~|}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
     {campaign:~|the campaign} again
 zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
-  sensor before posture {posture}{between:time}
+  sensor{posture: before posture ~|}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
     {campaign:~|the campaign} again
 contact-stays warns
@@ -160,12 +160,6 @@ moments-unlike-noise rejects
   {declared:m} is stated and the distances of the hinges show {shown:m}
   -> look for what the motion has and the model lacks: inertia about another point,
     hinges elsewhere, contact, cables; calibrate from dwells until then
-halves-disagree rejects
-  the two halves of the log disagree ({p}), most about the {axis} axis of {subject}:
-  {size} ± {std:rad}
-  ? alone ; its turn alone explains them
-  -> {alone:fasten that sensor, and |}see what changed while it moved (a screw, a hinge, a warming
-    sensor: declare drift.time), and calibrate the two halves of the log apart
 methods-disagree rejects
   self-calibration and tracker differ beyond their uncertainties (joint {p}), in
   {above} of {of} angles by themselves (worst: {angle} of {support}:
@@ -217,9 +211,9 @@ stretch-over-capacity warns
   -> squeeze less, or carry less
 stretch-touched warns
   a wrench of {size} and {moment:N·m} about the barycentre that the model does not
-  know: {slip:most likely the sensor of ~ that turned|contact, or a motion too fast for it}
+  know: contact, or a motion too fast for it
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> {slip:fasten the sensor of ~|find what touched the terminal, or move more slowly}
+  -> find what touched the terminal, or move more slowly
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out

@@ -27,6 +27,8 @@ _UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 #: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
 _WALL_CLOCK = (631152000.0, 4102444800.0)
+#: Times so close, s, are told to a tenth.
+_CLOSE = 10.0
 _EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
@@ -111,8 +113,11 @@ class _Words(Formatter):
                 said = without_exponent(said)
             return format_spec.split("|")[0 if value else 1].replace("~", visible(said))
         if format_spec == "time":
-            first, last = map(when, map(round, value or (0, 0)))
-            return f", between {first} and {last}" if value else ""
+            if not value:
+                return ""
+            digits = 0 if value[1] - value[0] > _CLOSE else 1
+            first, last = (when(round(each, digits)) for each in value)
+            return f", between {first} and {last}"
         if value is None:
             return "–"
         if format_spec == "when":

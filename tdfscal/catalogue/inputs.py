@@ -185,7 +185,7 @@ uncertainty-from-file notes
   the uncertainties stated in the file stand in place of the instrument's
 scale-fits-better warns
   a scale of {ppm:+.0f} ± {ppm_std:.0f} ppm fits significantly better
-  -> check temperature and units, or let --scale estimate it
+  -> check temperature and units
 points-coplanar warns
   the points lie in one plane within their uncertainty: a mirrored frame would not
   be noticed

@@ -249,9 +249,8 @@ axes-leave-nothing refuses
   -> measure more axes: a rigid terminal needs some beyond six that are missing
 delay-changed refuses
   the delay between forces and positions changes within the log, by {ms:.3g} ±
-  {ms_std:.2g} ms from its first to its second half: a clock was set anew, or
-  samples are missing in one stream
-  -> calibrate each half alone, and check the recorder's clocks
+  {ms_std:.2g} ms: a clock was set anew, or samples are missing in one stream
+  -> calibrate each part alone, and check the recorder's clocks
   @ log
 dwells-unusable refuses
   no dwell can be used
@@ -323,11 +322,6 @@ groups-fit-alone refuses
   each of the groups {subject} fits by itself
   -> each of the groups {subject} fits by itself: register one at a time, or
     calibrate sensors with targets by --method tracker
-scale-open refuses
-  the points do not determine a scale
-  -> measure more
-scale-unsettled refuses
-  the scale found no minimum
 targets-few refuses
   {number:.0f} target(s) of {subject} have both a nominal and a measured
   position{alone: (~ in one of the two files only)|}; three are the least

@@ -93,7 +93,6 @@ def register(
         float | None,
         Option("instrument: standard uncertainty of its angles, arcsec", metavar="A", least=0.0),
     ] = None,
-    scale: Annotated[bool, Option("estimate a scale of the reference too")] = False,
     progress: options.Telling = SILENT,
 ) -> RegisterResult:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty.
@@ -110,7 +109,7 @@ def register(
     first = read_point_file(as_path(measured), length_unit=unit)
     second = read_point_file(as_path(reference), length_unit=unit)
     fit = trackercal.register(
-        first.points, second.points, instrument=instrument, match=match, groups=pairs, scale=scale
+        first.points, second.points, instrument=instrument, match=match, groups=pairs
     )
     return RegisterResult(fit, (*first.findings, *second.findings))
 

@@ -107,17 +107,8 @@ def block_design(
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
-    centre, rows = state.barycentre, block.index
-    course, after = _course(slow, rows), _after(slow, rows)
-    lag = moving.lag(after)
-    position = course(lag) if lag.any() else slow.position[rows]
-    observed = instants(rig, slow, position, rows)
-    if not rig.axes.all():
-        R = rotations(state.hinge, position - state.datum)
-        driven = inertia_wrench(R, position - state.datum, block.step, state, moving)
-        observed = filled(observed, driven, state, rig.gravity)
-    at = statics.balance(observed, state, centre, rig.gravity)
-    seen = across(block, at, rig.axes)
+    rows, lag = block.index, moving.lag(_after(slow, block.index))
+    at, seen, position = block_balance(rig, slow, block, state, moving)
     moved = _moving_columns(seen, at.rotation, position, state)
     F = statics.forces(state, at.seen.force)
     some = slice(None, None, _EVERY)
@@ -128,7 +119,8 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    delayed = _delayed(seen, F, lambda h: course(lag + h), after, state, moving)
+    course = _course(slow, rows)
+    delayed = _delayed(seen, F, lambda h: course(lag + h), _after(slow, rows), state, moving)
     columns = [seen.transform(at.design), moved, delayed]
     suspects = suspected(rig, slow)
     if suspects is not None:
@@ -148,7 +140,25 @@ def block_design(
         rests=seen.transform(_turns(rig, at, near, resting)),
         place=place,
     )
-    return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
+    return result, statics.balance(at.seen.subset(slice(0, 1)), state, at.centre, rig.gravity)
+
+
+def block_balance(
+    rig: Rig, slow: Slow, block: Block, state: State, moving: Moving
+) -> tuple[Balance, Across, FloatArray]:
+    """The static balance of a block's instants, and what of it no unmeasured force reaches.
+
+    Last, the servo positions (N, n, 3) where the forces were felt.
+    """
+    position = shifted(slow, block.index, moving)
+    observed = instants(rig, slow, position, block.index)
+    if not rig.axes.all():
+        place = position - state.datum
+        R = rotations(state.hinge, place)
+        driven = inertia_wrench(R, place, block.step, state, moving)
+        observed = filled(observed, driven, state, rig.gravity)
+    at = statics.balance(observed, state, state.barycentre, rig.gravity)
+    return at, across(block, at, rig.axes), position
 
 
 def _independent(

@@ -1,4 +1,4 @@
-"""What speaks for a result: do halves agree, does it hold on stretches held out, what is left."""
+"""What speaks for a result: does it hold on stretches held out, and what is left over time."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.frozen import record, replace
-from tdfscal.model import dynamics, statics
+from tdfscal.frozen import record
+from tdfscal.model import statics
 from tdfscal.model.parameters import State, gravity, sensing
 from tdfscal.model.postures import forces
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
 from tdfscal.motioncal.design import inertia_wrench, shifted
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
 from tdfscal.motioncal.rows import rms, rows_of
-from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import free_values, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.wrench.kinematics import rotations
@@ -28,27 +27,6 @@ _MEAN, _MEANS = 1.0, 600
 
 
 @record
-class Halves:
-    """Do the two halves of a log give the same rotations?
-
-    turn, std : (n, 3), rad, from the first half to the second, BCS, of each sensor if it alone
-    turned; support : whose turn explains most, and rest_p_value : that chance leaves what it does
-    not. p_value : that chance alone gives more; 1 where a half is too short to tell. weight : how
-    likely that they differ, as of a suspicion. delay, delay_std : s, change of the delay between
-    forces and positions beyond what clocks that run apart make of it.
-    """
-
-    turn: FloatArray
-    std: FloatArray
-    p_value: float
-    weight: float = -np.inf
-    support: int = 0
-    rest_p_value: float = 1.0
-    delay: float = 0.0
-    delay_std: float = np.inf
-
-
-@record
 class HeldOut:
     """Residual wrench in the band of K stretches held out in turn, quadratic means over time.
 
@@ -58,48 +36,6 @@ class HeldOut:
 
     before: FloatArray
     after: FloatArray
-
-
-def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Halves:
-    """Estimate the turn of every sensor between the halves, all else common to both.
-
-    determined : (n,), sensors whose turns the data show; the others are taken to stand.
-    """
-    n, free = fit.rig.n, np.flatnonzero(np.repeat(determined, 3))
-    none = Halves(np.zeros((n, 3)), np.full((n, 3), np.inf), 1.0)
-    both = _parted(fit, keep, 2)
-    if both is None:
-        return none
-    at, (first, second) = both
-    r1, j1 = _factor(at, first)
-    r2, j2 = _factor(at, second)
-    delay = np.arange(len(at.active)) == len(at.active) - dynamics.PARAMETERS + dynamics.DELAY
-    timed = j2[:, : int(at.active.sum())][:, delay[at.active]]
-    extra = np.concatenate([timed, j2[:, free]], axis=1)
-    blank = np.zeros((len(j1), extra.shape[1]))
-    priors = np.pad(at.prior_jacobian, ((0, 0), (0, extra.shape[1])))
-    parts = spectrum(np.concatenate([np.block([[j1, blank], [j2, extra]]), priors]))
-    change = parts.solve(np.concatenate([r1, r2, at.prior_residual]))
-    cov = (parts.root @ parts.root.T)[-len(free) :, -len(free) :]
-    if np.abs(parts.null[:, -len(free) :]).max(initial=0.0) > 1e-6:
-        return none
-    column = -len(free) - 1
-    known = np.linalg.inv(cov)
-    score = known @ change[-len(free) :]
-    fall = float(score @ cov @ score)
-    turn, std, alone = none.turn, none.std, np.zeros(n)
-    for i, own in zip(np.flatnonzero(determined), score.reshape(-1, 3), strict=True):
-        at_own = np.flatnonzero(free // 3 == i)
-        spread = np.linalg.inv(known[np.ix_(at_own, at_own)])
-        turn[i], std[i], alone[i] = spread @ own, np.sqrt(np.diag(spread)), own @ spread @ own
-    best = int(np.argmax(alone))
-    p, weight = float(chi2_sf(fall, len(free))), fall - len(free) * np.log(fit.rows)
-    rest = float(chi2_sf(max(0.0, fall - alone[best]), max(1, len(free) - 3)))
-    turns = Halves(turn, std, p, weight, best, rest)
-    if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
-        return turns
-    late = float(np.sqrt(parts.root[column] @ parts.root[column]))
-    return replace(turns, delay=float(change[column]), delay_std=late)
 
 
 def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:

@@ -13,7 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.estimation import observability
 from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.observability import Observability
-from tdfscal.estimation.score_tests import Suspicion
+from tdfscal.estimation.score_tests import Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record, replace
@@ -23,6 +23,7 @@ from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.blocks import Stretch, stretches
+from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
@@ -31,23 +32,22 @@ from tdfscal.motioncal.estimator import (
     moved_to,
 )
 from tdfscal.motioncal.evidence import (
-    Halves,
     HeldOut,
     ResidualWrench,
-    compare_halves,
     hold_out,
     residual_wrench,
 )
 from tdfscal.motioncal.noise import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, undeclared
+from tdfscal.motioncal.slip import Step, likeliest_step, suspicion_of
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, estimate, simulate
-from tdfscal.motioncal.usable import Usable, gaps, usable_samples, without_contacts
-from tdfscal.numerics.distributions import MonteCarlo, normal_quantile
+from tdfscal.motioncal.usable import Usable, gaps, usable_samples
+from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
-from tdfscal.significance import CHANGED_RIG, MOST_POSE_NOISE, MOST_REJECTED
+from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each
 #: other, so that more of them would not know more; nor do any number of them average these out.
@@ -72,7 +72,6 @@ class MotionCalibration(Estimated[MovingFit]):
     rig: Rig
     estimate: MovingEstimate
     observability: Observability
-    halves: Halves
     suspicions: tuple[Suspicion, ...]
     conformity: Conformity | None
     validation: HeldOut | None
@@ -182,17 +181,14 @@ def _judged(
     observability.require_angles(verdict, fit.converged, fit.iterations, seen, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))
-    progress("checking the halves of the log against each other")
-    halves = compare_halves(fit, keep, verdict.determined)
-    _one_delay(halves)
-    if _slipped(halves):
-        name = rig.supports[halves.support]
-        rejected = tuple(_of_the_slip(stretch, name) for stretch in rejected)
-    # With hinges elsewhere than stated, or a sensor that turned on the way and says more, whatever
-    # else the residuals ask for is an echo.
+    progress("looking for what changed on the way")
+    step = likeliest_step(fit, verdict.determined)
+    if step is not None and step.group == "delay":
+        raise DataError(_delay_changed(step))
+    # With hinges elsewhere than stated whatever else the residuals ask for is an echo.
     if not any(doubt.spoils_motion for doubt in placed):
-        turned = halves.weight if halves.p_value < CHANGED_RIG else -np.inf
-        doubts = tuple(doubt for doubt in suspicions(known) if doubt.weight > turned)
+        changed = () if step is None else (suspicion_of(step, known),)
+        doubts = likeliest([*suspicions(known), *changed])
     held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
     doubts = (*placed, *doubts)
     if held:
@@ -207,7 +203,6 @@ def _judged(
         rig=rig,
         estimate=known,
         observability=verdict,
-        halves=halves,
         suspicions=doubts,
         conformity=None,
         validation=hold_out(fit, keep, start),
@@ -237,16 +232,16 @@ def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
     return examine(fit.rig, seen.position[some], variance, force, common=own)
 
 
-def _one_delay(halves: Halves) -> None:
-    """Raise where the halves of a log have different delays."""
-    if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
-        values = {"ms": 1e3 * halves.delay, "ms_std": 1e3 * halves.delay_std}
-        raise DataError(Finding("delay-changed", (), halves.delay, "s", values=values))
+def _delay_changed(step: Step) -> Finding:
+    """That forces and positions do not keep one delay."""
+    change, std = float(step.amount[0]), float(step.std[0])
+    values: dict[str, Value] = {"ms": 1e3 * change, "ms_std": 1e3 * std}
+    return Finding("delay-changed", (), change, "s", values=values)
 
 
 def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[Finding, ...]:
     """Why the gate rejects."""
-    rig, halves, rejected = result.rig, result.halves, result.rejected
+    rig, rejected = result.rig, result.rejected
     suspected = [
         finding
         for doubt in result.suspicions
@@ -265,8 +260,6 @@ def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[
     if lost > MOST_REJECTED * (lost + result.seconds):
         values: dict[str, Value] = {"seconds": lost + result.seconds, "limit": MOST_REJECTED}
         reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)
-    if halves.p_value < CHANGED_RIG:
-        reasons += (_disagreeing(halves, rig),)
     return reasons + _unlike_noise(result.fit)
 
 
@@ -286,34 +279,6 @@ def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
         return ()
     values: dict[str, Value] = {"declared": stated, "shown": shown}
     return (Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True),)
-
-
-def _slipped(halves: Halves) -> bool:
-    """Whether the halves disagree, and one sensor's turn explains all of it."""
-    return halves.p_value < CHANGED_RIG <= halves.rest_p_value
-
-
-def _of_the_slip(stretch: Stretch, name: str) -> Stretch:
-    """What the model does not know there is likelier that turn than contact."""
-    if stretch.reason.code != "stretch-touched":
-        return stretch
-    values = {**stretch.reason.values, "slip": name}
-    return replace(stretch, reason=replace(stretch.reason, values=values))
-
-
-def _disagreeing(halves: Halves, rig: Rig) -> Finding:
-    """That the halves of a log do not agree, by the sensor whose own turn explains most."""
-    i = halves.support
-    j = int(np.argmax(np.abs(halves.turn[i] / halves.std[i])))
-    return Finding(
-        "halves-disagree",
-        (rig.supports[i],),
-        float(halves.turn[i, j]),
-        "rad",
-        halves.p_value,
-        values={"axis": "xyz"[j], "std": float(halves.std[i, j]), "alone": _slipped(halves)},
-        rejects=True,
-    )
 
 
 def _residual_power(

@@ -71,15 +71,15 @@ def rows_of(item: BlockDesign, all_rests: int) -> Rows:
     """Rows (r F) of one block, none of them joined; all_rests : turns at all rests of the log."""
     cut, size = item.design.shape[2], len(item.bins.count)
     design = np.zeros((2, size, cut + all_rests))
-    design[:, :, :cut] = _mixed(item.mix, item.design)
-    design[:, :, cut:][:, :, item.place] = _mixed(item.mix, item.rests)
+    design[:, :, :cut] = mixed(item.mix, item.design)
+    design[:, :, cut:][:, :, item.place] = mixed(item.mix, item.rests)
     return Rows(design.reshape(2 * size, -1), item.bins)
 
 
-def _mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
+def mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
     """Real and imaginary parts (2, r F, c) of columns (F, 6, c) in other components."""
     F, _, c = columns.shape
-    both = (mix @ columns.view(np.float64)).reshape(len(mix) * F, c, 2)
+    both = (mix @ np.ascontiguousarray(columns).view(np.float64)).reshape(len(mix) * F, c, 2)
     return np.moveaxis(both, 2, 0)
 
 

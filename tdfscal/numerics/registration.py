@@ -174,14 +174,10 @@ def _jacobian(
 
 @record
 class Extension:
-    """Further parameters of a registration: value (q,), covariance (q, q).
-
-    rigid_covariance : of the registration's own parameters beside them, as `Registration` has it.
-    """
+    """Further parameters of a registration: value (q,), covariance (q, q)."""
 
     value: FloatArray
     covariance: FloatArray
-    rigid_covariance: FloatArray
 
 
 def extend(fit: Registration, columns: FloatArray) -> Extension | None:
@@ -199,10 +195,7 @@ def extend(fit: Registration, columns: FloatArray) -> Extension | None:
     covariance = _inv(information)
     # The residual is orthogonal to the rigid parameters at the minimum.
     score = np.einsum("niq,ni->q", WB, fit.residual)
-    value = covariance @ score
-    carried = fit.covariance @ JB
-    rigid = fit.covariance + carried @ covariance @ carried.T
-    return Extension(value, covariance, rigid)
+    return Extension(covariance @ score, covariance)
 
 
 def _inv(m: FloatArray) -> FloatArray:

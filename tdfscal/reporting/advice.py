@@ -207,10 +207,9 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
                 "a stop), free it, and record again"
             )
         return
-    halves = c.found("halves-disagree")
     if c.found("motion-left-out"):
         contact = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
-        if contact and not halves:
+        if contact:
             yield (
                 "find what touched the terminal in the stretches left out (cables, a hand, a "
                 "stop), and free it; where nothing did, move more slowly, or hold eight or more "
@@ -218,7 +217,6 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
             )
         spoilt = c.found("stretch-frozen", "stretch-standing", "stretch-over-capacity")
         yield from dict.fromkeys(found.cure or "" for found in spoilt)
-    yield from (found.cure or "" for found in halves)
 
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:

@@ -9,7 +9,7 @@ from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
-from tdfscal.numerics.distributions import p_text, student_dof
+from tdfscal.numerics.distributions import student_dof
 from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
@@ -264,5 +264,4 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         *clocks,
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-        ("Halves", f"of the log compared: {p_text(m.halves_p_value)}"),
     ]

@@ -10,6 +10,7 @@ from tdfscal.catalogue.entry import upwards
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence import LeftOutStretch
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.records import FloatArray
 from tdfscal.reporting.assumptions import assumption_sentences
@@ -17,6 +18,11 @@ from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
 
 #: Postures named at most.
 _NAMED = 8
+_LEFT_OUT = {
+    "stretch-frozen": "a frozen channel",
+    "stretch-standing": "a frozen position",
+    "stretch-over-capacity": "a sensor at its capacity",
+}
 #: Why a sensor itself spoils a posture, and does not show that something touched.
 SPOILT = {
     **dict.fromkeys(("posture-over-capacity", "posture-saturated"), "a saturated axis"),
@@ -88,7 +94,7 @@ def _rests_on(c: Calibration) -> str:
     """How much went in, how it fits, and what limits the least known angle, in sentences."""
     parts = []
     if c.motion is not None:
-        parts.append(f"{c.motion.seconds:.0f} s of motion")
+        parts.append(f"{c.motion.seconds:.0f} s of motion{_without(c.motion.rejected)}")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{c.fit.postures} postures{_besides(c.fit.rejected)}")
     contact = bool(parts)
@@ -111,6 +117,16 @@ def _rests_on(c: Calibration) -> str:
     source, _ = source_words(name)
     of = f"{share.max():.0%} of the variance of {angle.support}'s {angle.angle}"
     return f"{said}. The largest part of the uncertainty is from {source} ({of})."
+
+
+def _without(rejected: Sequence[LeftOutStretch]) -> str:
+    """How much of a motion was left out, and why, in brackets."""
+    by: dict[str, float] = {}
+    for r in rejected:
+        why = _LEFT_OUT.get(r.code or "", "contact")
+        by[why] = by.get(why, 0.0) + r.end - r.begin
+    said = "; ".join(f"{seconds:.1f} s left out: {why}" for why, seconds in by.items())
+    return f" ({said})" if said else ""
 
 
 def _besides(rejected: Sequence[RejectedPosture]) -> str:

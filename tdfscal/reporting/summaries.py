@@ -297,15 +297,14 @@ def registration_report(r: PointRegistration) -> Report:
         for name, d in zip(r.names, r.residual, strict=True)
     )
     rotation = tuple(tuple(f"{v:+.12f}" for v in row) for row in r.rotation)
-    applied = "" if r.scaled else " (not applied)"
-    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm{applied}"
+    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm (not applied)"
     if r.chi2 is None or r.p_value is None:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
         fit = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
     else:
         fit = ("Fit", layout.chi_squared(r.chi2, r.dof, r.p_value))
     blocks = (
-        Table(f"{_convention(r)}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+        Table(f"{_CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
               ("", "value", "std. unc.", "unit"), values),
         Table("Rotation, by rows", ("", "", ""), rotation, left=0),
         Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
@@ -318,8 +317,7 @@ def registration_report(r: PointRegistration) -> Report:
     )
 
 
-def _convention(r: PointRegistration) -> str:
-    return f"measured = {'scale · ' * r.scaled}rotation · reference + translation"
+_CONVENTION = "measured = rotation · reference + translation"
 
 
 def registration_document(r: PointRegistration) -> dict[str, Any]:
@@ -327,8 +325,8 @@ def registration_document(r: PointRegistration) -> dict[str, Any]:
     return layout.document(
         r,
         "rotation rpy rpy_std translation translation_std rms chi2 dof p_value sigma scale "
-        "scale_std scale_estimated=scaled coplanar missing extra",
-        convention=_convention(r),
+        "scale_std coplanar missing extra",
+        convention=_CONVENTION,
         covariance={
             "definition": "of (d, t) with R_true = exp([d]x) · rotation, d in the measured frame; "
             "rad, m",

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError
+from tdfscal.errors import TdfscalError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.registration import Extension, extend
+from tdfscal.numerics.registration import Registration, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
@@ -25,7 +25,6 @@ from tdfscal.trackercal.point_matching import (
     unmatched,
 )
 
-_SCALE_STEPS = 30
 #: By so much the residuals must shrink before another model is worth a word. Three further
 #: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
 _BETTER = 3.0
@@ -36,14 +35,13 @@ _LEAST_DOF = 6
 
 @record
 class PointRegistration:
-    """measured = rotation · reference + translation; or, `scaled`, scale · rotation · reference …
+    """measured = rotation · reference + translation.
 
     rotation : (3, 3), det = +1. rpy, rpy_std : (3,), rad. translation, translation_std : (3,), m.
     covariance : (6, 6) of (d, t), R_true = exp([d]×) · rotation, d in the measured frame; rad, m.
     chi2, p_value : None where no uncertainty was stated; sigma : m per coordinate, estimated from
     the residuals then, else None. residual : (N, 3), m, of the points `names`.
-    scale : best scale of the reference with its standard uncertainty; applied where it was to be
-    estimated (`scaled`), else a check.
+    scale : that of the reference that would fit best, with its standard uncertainty; not applied.
     coplanar : handedness unchecked.
     """
 
@@ -62,7 +60,6 @@ class PointRegistration:
     rms: float
     scale: float
     scale_std: float
-    scaled: bool
     coplanar: bool
     rejected: tuple[RejectedPoint, ...]
     missing: tuple[str, ...]
@@ -77,13 +74,12 @@ def register(
     instrument: Instrument | None = None,
     match: Match = "name",
     groups: Mapping[str, str] | None = None,
-    scale: bool = False,
 ) -> PointRegistration:
     """Register the points that two sets have in common, reference → measured.
 
     instrument : of the measured points, which are in its frame then. Without it, and without
     uncertainties in the files, the noise is estimated from the residuals. match, groups : as
-    `match_points`. scale : estimate a scale of the reference too.
+    `match_points`.
 
     Raises
     ------
@@ -92,18 +88,11 @@ def register(
     """
     matched = match_points(measured, reference, match, groups)
     noise = point_noise(matched, instrument, {})
-    applied, survey = _scaled(matched, noise) if scale else (1.0, _together(matched, noise))
-    fit, beside = survey.fit, _scale_beside(survey)
-    covariance, ratio, ratio_std = fit.covariance, applied - 1, np.inf
-    fewer = 1.0
-    if beside is not None:
-        ratio += float(beside.value[0])
-        ratio_std = float(beside.covariance[0, 0] ** 0.5)
-        if scale:  # one parameter more, taken from the residuals where these tell the noise
-            fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
-            covariance, ratio_std = beside.rigid_covariance * fewer, ratio_std * fewer**0.5
+    survey = _together(matched, noise)
+    fit, covariance = survey.fit, survey.fit.covariance
+    ratio, ratio_std = _scale_beside(fit)
     beside_it = []
-    if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS and not scale:
+    if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
         beside_it.append(
             Finding(
                 "scale-fits-better",
@@ -123,14 +112,13 @@ def register(
         translation_std=np.sqrt(np.diag(covariance)[3:]),
         covariance=covariance,
         chi2=None if fit.sigma is not None else fit.chi2,
-        dof=fit.dof - scale,
-        p_value=None if fit.p_value is None else float(chi2_sf(fit.chi2, fit.dof - scale)),
-        sigma=None if fit.sigma is None else fit.sigma * fewer**0.5,
+        dof=fit.dof,
+        p_value=fit.p_value,
+        sigma=fit.sigma,
         residual=fit.residual,
         rms=float(np.sqrt(np.mean(np.sum(fit.residual**2, axis=1)))),
         scale=1 + ratio,
         scale_std=ratio_std,
-        scaled=scale,
         coplanar=not fit.handed,
         rejected=survey.rejected,
         missing=matched.missing,
@@ -157,28 +145,13 @@ def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator
         yield Finding("points-symmetric")
 
 
-def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:
-    """The scale of the reference that fits best, and the fit to the reference of that scale."""
-    scale = 1.0
-    for _ in range(_SCALE_STEPS):
-        reference = replace(points.reference, xyz=scale * points.reference.xyz)
-        larger = replace(points, reference=reference)
-        grown = {name: scale**2 * cov for name, cov in noise.reference.items()}
-        survey = _together(larger, Noise(noise.measured, grown))
-        step = _scale_beside(survey)
-        if step is None or survey.fit.dof < 2:
-            raise NotIdentifiableError(Finding("scale-open"), where=points.measured.source)
-        move = float(step.value[0])
-        if abs(move) <= 1e-6 * float(step.covariance[0, 0] ** 0.5):
-            return scale, survey
-        scale *= 1 + move
-    raise NotConvergedError(Finding("scale-unsettled"), where=points.measured.source)
-
-
-def _scale_beside(survey: SurveyFit) -> Extension | None:
-    fit = survey.fit
+def _scale_beside(fit: Registration) -> tuple[float, float]:
+    """Scale of the reference less 1 that the residuals ask for, and its standard uncertainty."""
     lever = (fit.adjusted - fit.adjusted.mean(axis=0)) @ fit.rotation.T
-    return extend(fit, lever[:, :, None])
+    beside = extend(fit, lever[:, :, None])
+    if beside is None:
+        return 0.0, np.inf
+    return float(beside.value[0]), float(beside.covariance[0, 0] ** 0.5)
 
 
 def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:

@@ -1,26 +1,20 @@
 """One registration of a survey: from matched points to a judged fit, outlying points taken out.
 
-Where nothing but the points themselves tells their noise, several outlying points hide one another
-in the residuals of all. The order in which they are suspected comes from a fit to the better half
-(least trimmed squares: Rousseeuw and Van Driessen 2006); how many of them are off from one test
-after the other (generalized ESD: Rosner 1983), each against what the remaining points leave. Noise
-is isotropic there, so that each fit is closed (Kabsch).
+The worst point goes first, then the worst of the others, as long as its misfit is no chance. Where
+nothing but the points themselves tells their noise several outlying points hide one another in the
+residuals of all: there some more are taken out on trial, and all up to the last one whose misfit is
+no chance beside those that remain are off (generalized ESD: Rosner 1983).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import combinations, product
-from math import comb
+from collections.abc import Sequence
 
 import numpy as np
-from scipy import special
 
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record
-from tdfscal.model.postures import register
-from tdfscal.numerics import so3
+from tdfscal.frozen import record, replace
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, IntArray
@@ -34,115 +28,9 @@ from tdfscal.trackercal.point_matching import (
     unit_mistake,
 )
 
-#: Triples of points from which the fit to the better half starts; C-steps that refine it.
-_STARTS, _STEPS = 1000, 20
-#: One point in so many may be off; of more not they are wrong, but what they are compared with.
-_ONE_IN = 4
-#: Points that a fit is left with at least: three have no residual that speaks of one of them.
-_FEWEST = 4
-#: Kept points that are tried in the place of those that are blamed.
-_EXCHANGED = 16
-
-
-def outlying_points(
-    measured: FloatArray, reference: FloatArray, least: float
-) -> tuple[tuple[int, float, float], ...]:
-    """Return the points (N, 3), m, that do not follow the rigid motion of the others, worst first.
-
-    Of each its index, how far it is from where the others put it, m, and that over what they allow.
-    least : m per coordinate; smaller residuals say nothing. Where another choice of points to
-    blame leaves about as little, none is named.
-    """
-    n = len(measured)
-    if n <= _FEWEST:
-        return ()
-    order, far = _suspected(measured, reference)
-    for count in range(min(n // _ONE_IN, far), 0, -1):
-        off, kept = order[:count], order[count:]
-        error = _left(measured, reference, kept)
-        dof = 3 * len(kept) - 6
-        variance = max(float(np.sum(error[kept] ** 2)) / dof, least**2)
-        turned = measured - error
-        statistic = np.array([_against(turned[kept], turned[j], error[j]) for j in off])
-        mildest = float(statistic.min()) / 3 / variance
-        p = special.fdtrc(3, dof, mildest) * (n - count + 1)
-        if p < OUTLYING_POINT and _alone(measured, reference, off, kept, variance):
-            worst = np.argsort(-statistic)
-            return tuple(
-                (
-                    int(off[k]),
-                    float(np.linalg.norm(error[off[k]])),
-                    float(np.sqrt(statistic[k] / 3 / variance)),
-                )
-                for k in worst
-            )
-    return ()
-
-
-def _suspected(y: FloatArray, x: FloatArray) -> tuple[IntArray, int]:
-    """Points (N,), the farthest first from the fit that leaves the better half least.
-
-    And how many are farther than twice the middle one, three standard deviations.
-    """
-    half = (len(y) + 4) // 2
-    best, least = np.arange(len(y)), np.inf
-    for start in np.array(list(_triples(len(y)))):
-        distance = np.sum(_left(y, x, start) ** 2, axis=1)
-        trimmed = float(np.partition(distance, half - 1)[:half].sum())
-        if trimmed < least:
-            best, least = np.argsort(distance), trimmed
-    for _ in range(_STEPS):
-        distance = np.linalg.norm(_left(y, x, best[:half]), axis=1)
-        order = np.argsort(distance, kind="stable")
-        if set(order[:half]) == set(best[:half]):
-            break
-        best = order
-    return np.asarray(order[::-1]), int(np.sum(distance > 2 * np.median(distance)))
-
-
-def _triples(n: int) -> Iterator[tuple[int, ...]]:
-    if comb(n, 3) <= _STARTS:
-        yield from combinations(range(n), 3)
-        return
-    rng = np.random.default_rng(0)
-    for _ in range(_STARTS):
-        yield tuple(rng.choice(n, 3, replace=False).tolist())
-
-
-def _left(y: FloatArray, x: FloatArray, some: IntArray) -> FloatArray:
-    """What the rigid motion that takes some of x (N, 3) to y with the least squares leaves of y."""
-    rotation, translation = register(x[some], y[None, some])
-    return np.asarray(y - x @ rotation[0].T - translation[0])
-
-
-def _against(kept: FloatArray, point: FloatArray, error: FloatArray) -> float:
-    """Squared error of a point that a fit to others predicts, over its own covariance, m².
-
-    All in the frame of the errors.
-    """
-    levers = kept - kept.mean(axis=0)
-    spread = np.sum(levers**2) * np.eye(3) - levers.T @ levers
-    turn = so3.hat(point - kept.mean(axis=0))
-    allowed = (1 + 1 / len(kept)) * np.eye(3) + turn @ np.linalg.pinv(spread) @ turn.T
-    return float(error @ np.linalg.solve(allowed, error))
-
-
-def _alone(y: FloatArray, x: FloatArray, off: IntArray, kept: IntArray, variance: float) -> bool:
-    """Whether each other choice, a blamed point exchanged for a kept one, leaves far more.
-
-    variance : m², of what the kept points leave; their worst are the ones to exchange.
-    """
-    dof = 3 * len(kept) - 6
-    left = np.sum(_left(y, x, kept)[kept] ** 2, axis=1)
-    for place, back in product(np.argsort(-left)[:_EXCHANGED], off):
-        others = kept.copy()
-        others[place] = back
-        square = float(np.sum(_left(y, x, others)[others] ** 2))
-        if dof * np.log(square / dof / variance) < POINTS_AS_LIKELY:
-            return False
-    return True
-
-
+#: Without any noise given one point in so many may be off; of more not they are wrong, but what
+#: they are compared with. Points taken out on trial beyond the last one that is off.
+_ONE_IN, _ON_TRIAL = 4, 8
 FEWEST_FOR_OWN_AXES = 6
 """Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
 
@@ -197,54 +85,74 @@ def fit_survey(
     DataError : names, units or handedness of the points are wrong.
     NotIdentifiableError, NotConvergedError : as `numerics.registration.register`.
     """
-    kept, rejected = np.arange(len(points)), list[RejectedPoint]()
     _refuse_wrong_names(points, noise, common_shift, what)
     stated = bool(noise.measured or noise.reference)
-    if common_shift and not stated:
-        kept, rejected = _without_outlying(points)
-    while True:
-        current, covs = points.take(kept), noise.take(kept)
-        place = {name: 0 if common_shift else k for k, name in enumerate(current.groups)}
-        index = np.array([place[name] for name in current.reference.group])
-        fit = _solve(current, covs, index, what)
-        p = _outlier_p(current, covs, index, fit, common_shift)
+    most = len(points) if stated else len(points) // _ONE_IN if common_shift else 0
+    kept, out, ratios = np.arange(len(points)), list[int](), list[float]()
+    whole = best = current = _survey(points, noise, kept, common_shift, what)
+    while len(out) < most and len(out) - len(best.rejected) < (1 if stated else _ON_TRIAL):
+        fit, index = current.fit, current.group
+        p = _outlier_p(current, common_shift)
         worst = int(np.argmin(p))
-        enough = np.sum(index == index[worst]) > least and fit.dof > 3
-        outlies = enough and p[worst] < OUTLYING_POINT / len(kept)
-        near = np.flatnonzero(fit.statistic > fit.statistic[worst] - POINTS_AS_LIKELY)
+        if np.sum(index == index[worst]) <= least or fit.dof <= 3:
+            break
+        near = np.flatnonzero(_likelier(fit, worst) < POINTS_AS_LIKELY)
         alike = common_shift and len(near) > 1
-        if outlies and alike and p[worst] < UNUSABLE_SURVEY:
-            names = tuple(current.names[k] for k in near)
+        outlies = p[worst] < OUTLYING_POINT / len(kept)
+        if stated and outlies and alike and p[worst] < UNUSABLE_SURVEY:
+            names = tuple(current.points.names[k] for k in near)
             off = Finding("points-alike-off", names, values={"what": what})
             raise DataError(off, where=points.measured.source)
-        if alike or not outlies or not stated:
-            return SurveyFit(current, covs, index, fit, tuple(rejected))
-        size = np.linalg.norm(fit.residual[worst])
-        ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
-        rejected.append(RejectedPoint(current.names[worst], float(size), float(ratio)))
+        if stated and (alike or not outlies):
+            break
+        ratios.append(float(np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))))
+        out.append(int(kept[worst]))
         kept = np.delete(kept, worst)
+        current = _survey(points, noise, kept, common_shift, what)
+        if not stated and current.points.groups != points.groups:
+            return whole  # a group that is lost whole has moved, and its points are sound
+        if outlies and not alike:
+            best = replace(current, rejected=_rejected(points, current, out, ratios, stated))
+    return best
 
 
-def _without_outlying(points: MatchedPoints) -> tuple[IntArray, list[RejectedPoint]]:
-    """Points to keep where no noise is stated, and those that are off; no group is lost whole."""
-    every = np.arange(len(points))
-    off = outlying_points(points.measured.xyz, points.reference.xyz, least_noise(points))
-    kept = np.setdiff1d(every, [k for k, _, _ in off])
-    if points.take(kept).groups != points.groups:  # it has moved, and its points are sound
-        return every, []
-    names = points.names
-    return kept, [RejectedPoint(names[k], away, ratio, stated=False) for k, away, ratio in off]
+def _survey(
+    points: MatchedPoints, noise: Noise, kept: IntArray, common_shift: bool, what: str
+) -> SurveyFit:
+    current, covs = points.take(kept), noise.take(kept)
+    place = {name: 0 if common_shift else k for k, name in enumerate(current.groups)}
+    index = np.array([place[name] for name in current.reference.group])
+    return SurveyFit(current, covs, index, _solve(current, covs, index, what), ())
 
 
-def _outlier_p(
-    points: MatchedPoints, noise: Noise, index: IntArray, fit: Registration, common_shift: bool
-) -> FloatArray:
+def _likelier(fit: Registration, worst: int) -> FloatArray:
+    """Twice the log-likelihood (N,) by which the worst point is likelier off than each."""
+    if fit.sigma is None:
+        return np.asarray(fit.statistic[worst] - fit.statistic)
+    left = np.maximum(fit.chi2 - fit.statistic, 1e-300)
+    return np.asarray((fit.dof - fit.redundancy[worst]) * np.log(left / left[worst]))
+
+
+def _rejected(
+    points: MatchedPoints, fit: SurveyFit, out: Sequence[int], ratios: Sequence[float], stated: bool
+) -> tuple[RejectedPoint, ...]:
+    """Points that are off, each with how far it is from where the others put it."""
+    y, x = (side.xyz[list(out)] for side in (points.measured, points.reference))
+    group = dict(zip(fit.points.reference.group, fit.group, strict=True))
+    shift = fit.fit.translation[[group.get(points.reference.group[k], 0) for k in out]]
+    away = np.linalg.norm(y - x @ fit.fit.rotation.T - shift, axis=1)
+    each = zip(out, away, ratios, strict=True)
+    return tuple(RejectedPoint(points.names[k], float(d), ratio, stated) for k, d, ratio in each)
+
+
+def _outlier_p(survey: SurveyFit, common_shift: bool) -> FloatArray:
     """Probability of each point's misfit by chance.
 
     A move is judged beside the other moves of its NCP, with axes of the NCP's own: what they
     explain is a fault of the axes and no outlying point.
     """
-    p = fit.outlier_p.copy()
+    points, noise, index = survey.points, survey.noise, survey.group
+    p = survey.fit.outlier_p.copy()
     if common_shift:
         return p
     for g in range(index.max() + 1):

@@ -17,6 +17,7 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
+from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
     MovingFit,
@@ -29,7 +30,7 @@ from tdfscal.motioncal.evidence import ResidualWrench, residual_wrench
 from tdfscal.motioncal.start import moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import posterior
-from tdfscal.motioncal.usable import gaps, usable_samples, without_contacts
+from tdfscal.motioncal.usable import gaps, usable_samples
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.findings import Finding
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
@@ -140,19 +141,39 @@ def test_moments_of_no_noise_are_told_from_positions_that_scatter() -> None:
     assert reason.size > 10 * campaign.rig.declared.positioner
 
 
-def test_a_sensor_that_turned_on_the_way_is_no_zero_that_drifts() -> None:
+def _times(finding: Finding) -> tuple[float, float]:
+    between = finding.values["between"]
+    assert isinstance(between, list)
+    return float(between[0]), float(between[1])
+
+
+@pytest.mark.parametrize("share", [0.27, 0.5, 0.8])
+@pytest.mark.parametrize("size", [2e-3, 6e-3])
+def test_a_sensor_that_turned_on_the_way_is_told_with_its_time(share: float, size: float) -> None:
     campaign, slow, _ = played(MINUTE, 5)
-    late = slow.time > np.median(slow.time)
-    turned, drifting = slow.force.copy(), slow.force.copy()
-    turned[late, 1] = turned[late, 1] @ so3.exp(np.array([6e-3, 0.0, 0.0])).T
-    drifting[:, 1, 1] += 10.0 * (slow.time - slow.time[0]) / np.ptp(slow.time)
+    first = int(share * len(slow.time))
+    turned = slow.force.copy()
+    turned[first:, 1] = turned[first:, 1] @ so3.exp(np.array([size, 0.0, 0.0])).T
     found = calibrate_moving(campaign.rig, replace(slow, force=turned), NOTHING)
-    assert [reason.code for reason in found.reasons] == ["halves-disagree"]
     (reason,) = found.reasons
-    assert reason.subject == ("ncp2",)
-    assert reason.values["axis"] == "x"
-    assert abs(reason.size or 0.0) == pytest.approx(6e-3, abs=3 * float(str(reason.values["std"])))
-    slips = [f.values.get("slip") for f in found.findings if f.code == "stretch-touched"]
-    assert set(slips) <= {"ncp2"}  # and no contact, which nothing shows
+    assert (reason.code, reason.subject) == ("sensor-slipped", ("ncp2",))
+    begin, end = _times(reason)
+    assert begin - 0.05 <= slow.time[first] <= end + 0.05
+    assert end - begin < 5.0
+    change = campaign.truth.rotation[1] @ [-size, 0.0, 0.0]
+    found_change, half = (np.array(reason.values[name]) for name in ("change", "change_95"))
+    assert np.all(np.abs(found_change - change) < 2.0 * half)
+
+
+def test_a_zero_that_jumped_is_told_from_one_that_drifts() -> None:
+    campaign, slow, _ = played(MINUTE, 6)
+    jumped, drifting = slow.force.copy(), slow.force.copy()
+    jumped[slow.time > 40.0, 2, 0] += 1.5
+    drifting[:, 1, 1] += 10.0 * (slow.time - slow.time[0]) / np.ptp(slow.time)
+    found = calibrate_moving(campaign.rig, replace(slow, force=jumped), NOTHING)
+    cause = found.suspicions[0].causes[0]
+    assert (cause.code, cause.subject) == ("zero-jumped", ("ncp3",))
+    begin, end = _times(cause)
+    assert begin <= 40.1 <= end + 0.1
     found = calibrate_moving(campaign.rig, replace(slow, force=drifting), NOTHING)
     assert found.reasons[0].code == "zero-drift"

@@ -141,25 +141,6 @@ def test_noise_is_never_below_the_last_digit() -> None:
     assert sharper.rpy_std == pytest.approx(result.rpy_std, rel=1e-5)
 
 
-@pytest.mark.parametrize("std", [True, False])
-def test_a_scale_is_estimated_on_request(std: bool) -> None:
-    total, scales, count = 0.0, 0.0, 15
-    for seed in range(count):
-        measured, reference, R, t = pair(seed, count=8, std=std)
-        reference = replace(reference, xyz=reference.xyz / 1.0002)
-        result = register(measured, reference, scale=True)
-        assert not any("ppm" in w for w in in_words(result.findings))
-        d = np.concatenate([error_vector(R, result.rotation), t - result.translation])
-        total += squared(d, result.covariance)
-        scales += ((result.scale - 1.0002) / result.scale_std) ** 2
-    low, high = chi2_bounds(6 * count)
-    bounds = chi2_bounds(count)
-    if not std:  # F(6, 17), F(1, 17) in place of χ²: mean 17/15, with a wider upper tail
-        high, bounds = 1.3 * high, (bounds[0], 1.3 * bounds[1])
-    assert low < total < high
-    assert bounds[0] < scales < bounds[1]
-
-
 def test_points_are_paired_as_asked() -> None:
     measured, reference, R, _ = pair(20)
     other = replace(measured, group=("station",) * 6)

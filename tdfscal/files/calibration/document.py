@@ -306,6 +306,7 @@ FORMER = (
     ("tracker", "coplanar_targets"),
     ("tracker", "rms_residual"),
     ("motion", "spectrum", "position_noise"),
+    ("motion", "halves_p_value"),
 )
 
 

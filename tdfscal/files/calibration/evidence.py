@@ -345,6 +345,5 @@ class MotionResult(Strict):
     rate: MotionValue | None = key("growth of that delay, where the log says it", None)
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
-    halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
     spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
     residual: MotionResidual | None = key("of the wrench, over time", None)

@@ -226,7 +226,6 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
-        "halves_p_value": result.halves.p_value,
         "spectrum": _spectrum(result),
         "residual": {
             "time": residual.time,
