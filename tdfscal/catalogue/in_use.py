@@ -206,7 +206,8 @@ samples-uncovered notes
 samples-unreadable notes
   {number:.0f} samples hold no number and are left out
 wrench-in-part notes
-  {components}
+  axes that no sensor measures leave {subject} of the contact wrench unknown: no uncertainty stands
+  there (empty)
 wrench-rewired warns
   the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times
   smaller with {other:~|log.force_on set to the other value}

@@ -34,9 +34,7 @@ from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, Walk, filter_for, filtered
 from tdfscal.wrench.kinematics import Standstill
 from tdfscal.wrench.sample_noise import (
-    ColouredNoise,
     SampleNoise,
-    coloured_noise,
     with_sample_noise,
 )
 from tdfscal.wrench.zero_wander import ZeroVariance
@@ -143,13 +141,10 @@ def apply(
     head, samples = log.read()
     effect = None
     if walk is not None and head is not None:
-        noise = coloured_noise(head, log.rig.axes)
         with np.errstate(all="ignore"):
-            model = filter_for(filter, walk, head.samples, noise)
-        samples, effect = (
-            filtered(samples, filter, model),
-            filter_effect(filter, walk, model, noise),
-        )
+            model = filter_for(walk, head.samples)
+        samples = filtered(samples, filter, model)
+        effect = filter_effect(filter, walk, model)
     wrenches = log.wrenches(totals.standstill.watch(samples))
     age, moved, scatter = ZeroAge(), None, use.posture_std
     if head is not None:
@@ -222,18 +217,15 @@ class Totals:
             yield piece
 
 
-def filter_effect(
-    kind: str, walk: float, model: Walk, noise: ColouredNoise | None
-) -> dict[str, Any]:
+def filter_effect(kind: str, walk: float, model: Walk) -> dict[str, Any]:
     """What the filter does, SI units; noise_left as a share, None where there is no noise."""
-    smooth, noise = kind == "smooth", noise or ColouredNoise(np.array([model.r]))
-    rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
+    smooth = kind == "smooth"
     return {
         "kind": kind,
         "walk": walk,
         "gain": model.gain,
-        "noise": noise.std,
-        "noise_left": rest / noise.std if noise.std > 0 else None,
+        "noise": float(np.sqrt(model.r)),
+        "noise_left": model.noise_left(smooth=smooth) if model.r > 0 else None,
         "delay": 0.0 if smooth else model.delay,
     }
 

@@ -24,13 +24,17 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import CampaignInfo, FloatArray, Rig
-from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
-from tdfscal.wrench.observable import observable_text
+from tdfscal.wrench.contact_wrench import (
+    Wrenches,
+    at_rest,
+    in_motion,
+    unknown_components,
+)
 from tdfscal.wrench.resampling import Samples, Tally, aligned
 from tdfscal.wrench.sample_noise import LogHead, take_head
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
@@ -251,8 +255,7 @@ class WrenchPass(LogPass):
         if self.tally.unreadable:
             found.append(Finding("samples-unreadable", size=self.tally.unreadable))
         if not self.use.given.rig.axes.all():
-            values: dict[str, Value] = {"components": observable_text(self.use.given)}
-            found.append(Finding("wrench-in-part", values=values))
+            found.append(Finding("wrench-in-part", unknown_components(self.use.given)))
         if self.use.given.open.any():
             found.append(Finding("calibration-open"))
         return found

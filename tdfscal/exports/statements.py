@@ -6,13 +6,15 @@ from math import degrees, isnan
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.findings import Finding
 from tdfscal.logs.request import signal_of
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.traceability import doubts, measured_on, report_digest
-from tdfscal.wrench.observable import observable_text
+from tdfscal.wrench.contact_wrench import unknown_components
 
 
 def origin(c: Calibration) -> list[str]:
@@ -42,7 +44,7 @@ def cautions(c: Calibration) -> list[str]:
     if c.undetermined:
         said.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
     if not given.rig.axes.all():
-        said.append(observable_text(given))
+        said.append(sentence(Finding("wrench-in-part", unknown_components(given))))
     turned: dict[str, list[str]] = {}
     for name, factors in zip(c.support_names, driver_factors(c).tolist(), strict=True):
         if factors != [1.0] * 3:

@@ -199,6 +199,15 @@ def measured(given: Calibrated, force: FloatArray) -> FloatArray:
     return np.where(given.rig.axes, force, given.state.zero)
 
 
+def unknown_components(given: Calibrated) -> tuple[str, ...]:
+    """Components that axes without a sensor leave unknown, the terminal level and at rest."""
+    state = given.state
+    share = np.array([0.0, 0.0, given.rig.gravity * float(state.mass) / given.rig.n])
+    reading = np.einsum("nba,b->na", state.rotation, share) + state.zero
+    at = linearised(given, (state.hinge + state.datum)[None], reading[None])
+    return tuple(name for name, open_ in zip(COMPONENTS, at.open[0], strict=True) if open_)
+
+
 def wrenches(
     given: Calibrated,
     time: FloatArray,

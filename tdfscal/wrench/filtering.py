@@ -17,7 +17,6 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.sample_noise import ColouredNoise
 
 #: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
 WALK = 15.0
@@ -53,11 +52,6 @@ class Walk:
         """Walk : N in a second. noise : N, standard deviation of a sample. Raises UsageError."""
         return cls(walk**2 * interval, noise**2, interval)
 
-    @classmethod
-    def with_gain(cls, q: float, gain: float, interval: float) -> Walk:
-        """Walk and white noise whose filter has this gain: r = q (1 − g) / g²."""
-        return cls(q, q * (1.0 - gain) / gain**2, interval)
-
     @property
     def gain(self) -> float:
         """Steady-state gain, 0 < g ≤ 1."""
@@ -68,6 +62,15 @@ class Walk:
     def delay(self) -> float:
         """Time by which the causal filter is late on a slow signal, s: (1 − g) / g samples."""
         return (1.0 - self.gain) / self.gain * self.interval
+
+    def noise_left(self, *, smooth: bool) -> float:
+        """Share that the filter, or the smoother, leaves of the white noise's standard deviation.
+
+        √Σ h_k² with h_k = g a^k, a = 1 − g; the smoother's h_k = g / (1 + a) a^|k|.
+        """
+        g, a = self.gain, 1.0 - self.gain
+        both = (1.0 + a**2) / (1.0 + a) ** 2 if smooth else 1.0
+        return float(g * np.sqrt(both / (1.0 - a**2)))
 
 
 def measured_noise(signal: FloatArray) -> float:
@@ -154,22 +157,17 @@ class Smoother:
         return _follow(self._gain, held[::-1], held[-1])[::-1]
 
 
-def filter_for(kind: Kind, walk: float, head: Samples, noise: ColouredNoise | None) -> Walk:
-    """Filter of a log by its first samples: for noise that is not white, with the best gain.
+def filter_for(walk: float, head: Samples) -> Walk:
+    """Filter of a log by its first samples, whose noise is taken as white.
 
-    walk : N in a second. noise : of the forces at rest; without it, it is taken as white and
-    measured from the first 20 000 samples.
+    walk : N in a second.
 
     Raises UsageError and DataError where no filter can be made.
     """
     if len(head.time) < _FEWEST:
         raise _too_few(len(head.time))
-    interval = float(np.median(np.diff(head.time)))
-    if noise is None:
-        white = measured_noise(head.force.reshape(len(head.time), -1)[:_MEASURED])
-        return Walk.of(walk, white, interval)
-    q = walk**2 * interval
-    return Walk.with_gain(q, noise.best_gain(q, smooth=kind == "smooth"), interval)
+    white = measured_noise(head.force.reshape(len(head.time), -1)[:_MEASURED])
+    return Walk.of(walk, white, float(np.median(np.diff(head.time))))
 
 
 def filtered(samples: Iterable[Samples], kind: Kind, model: Walk) -> Iterator[Samples]:

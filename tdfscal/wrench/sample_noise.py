@@ -20,7 +20,7 @@ from tdfscal.errors import TdfscalError
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import wrench
-from tdfscal.records import BoolArray, FloatArray, Log, Series
+from tdfscal.records import FloatArray, Log, Series
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples
 
@@ -28,10 +28,6 @@ from tdfscal.wrench.resampling import Samples
 _WINDOW, _FEWEST = 0.5, 32
 #: Samples that the noise is measured on.
 HEAD = 65_536
-#: Lags of the noise's autocovariance at most.
-_LAGS = 4096
-#: Gains that are compared, over how many decades below the filter for white noise.
-_GAINS, _DECADES = 800, 3.0
 
 
 @record
@@ -54,51 +50,6 @@ class LogHead:
             first, last = np.searchsorted(time, [a, b])
             if last - first > 1:
                 yield slice(int(first), int(last))
-
-
-@record
-class ColouredNoise:
-    """Noise of a force sample of whatever spectrum, mean over the channels.
-
-    autocovariance : (L,), N², at lags of 0, 1, … samples.
-    """
-
-    autocovariance: FloatArray
-
-    @property
-    def std(self) -> float:
-        """Standard deviation of a sample, N."""
-        return float(np.sqrt(self.autocovariance[0]))
-
-    def remaining(self, gain: FloatArray, *, smooth: bool) -> FloatArray:
-        """Variance (G,), N², that exponential filters of gains (G,) leave of it.
-
-        Σ_jk h_j h_k γ(j − k) with h_k = g a^k, a = 1 − g; the smoother's h_k = g / (1 + a) a^|k|.
-        """
-        lag = np.arange(len(self.autocovariance))
-        a = 1.0 - gain[:, None]
-        weight = a**lag
-        if smooth:
-            weight = weight * ((1.0 + a**2) / (1.0 - a**2) + lag) / (1.0 + a) ** 2
-        else:
-            weight = weight / ((1.0 - a) * (1.0 + a))
-        twice = np.where(lag == 0, 1.0, 2.0)
-        return np.asarray(gain**2 * np.maximum(weight @ (twice * self.autocovariance), 0.0))
-
-    def best_gain(self, q: float, *, smooth: bool) -> float:
-        """Gain with the least error for a force that walks by variance q per sample, N².
-
-        An exponential filter lags a random walk by (1 − g) (e + w) per sample; in the steady
-        state that is a² q / (1 − a²), and 2 a² q / ((1 + a)² (1 − a²)) for the smoother.
-        For white noise the best one is the Kalman filter.
-        """
-        white = np.sqrt(q / (q + self.autocovariance[0]))
-        gain = np.geomspace(white * 10.0**-_DECADES, 1.0, _GAINS)
-        a = 1.0 - gain
-        with np.errstate(divide="ignore", invalid="ignore"):
-            late = a**2 * q / (1.0 - a**2) * (2.0 / (1.0 + a) ** 2 if smooth else 1.0)
-        error = late + self.remaining(gain, smooth=smooth)
-        return float(gain[int(np.argmin(error))])
 
 
 def take_head(
@@ -134,28 +85,6 @@ def _searched(head: Samples, supports: tuple[str, ...], *, averaged: bool) -> Lo
         return none
     variance = np.diagonal(found.force_cov, axis1=2, axis2=3)
     return LogHead(head, found.start, found.end, float(variance.mean()), averaged)
-
-
-def coloured_noise(head: LogHead, axes: BoolArray) -> ColouredNoise | None:
-    """Noise of the forces in the dwells; None where there is none.
-
-    axes : (n, 3), which components are measured. What the mean of a dwell takes away is put back.
-    """
-    rows = list(head.dwells(head.samples.time))
-    if not rows:
-        return None
-    lags = min(max(row.stop - row.start for row in rows) // 2 + 1, _LAGS)
-    total, count = np.zeros(lags), np.zeros(lags)
-    for row in rows:
-        part = head.samples.force[row][:, axes]
-        part = part - part.mean(axis=0)
-        N = len(part)
-        size = 1 << (2 * N - 1).bit_length()
-        power = np.abs(np.fft.rfft(part, size, axis=0)) ** 2
-        reach = min(lags, N)
-        total[:reach] += np.fft.irfft(power.sum(axis=1), size)[:reach]
-        count[:reach] += part.shape[1] * (N - np.arange(reach))
-    return ColouredNoise(total / count + head.mean_variance)
 
 
 @record

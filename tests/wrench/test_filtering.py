@@ -11,7 +11,6 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
 from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered, measured_noise
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.sample_noise import ColouredNoise
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
 each = pytest.mark.parametrize("walk", WALKS)
@@ -40,8 +39,7 @@ def test_delay_is_that_of_a_ramp(walk: Walk) -> None:
 @each
 def test_noise_that_is_left(walk: Walk) -> None:
     noise = np.random.default_rng(0).standard_normal((400_000, 1))
-    white, gain = ColouredNoise(np.array([1.0])), np.array([walk.gain])
-    left, smooth = (np.sqrt(white.remaining(gain, smooth=s)[0]) for s in (False, True))
+    left, smooth = (walk.noise_left(smooth=s) for s in (False, True))
     assert Causal(walk)(noise)[100:].std() == pytest.approx(left, rel=0.015)
     assert Smoother(walk)(noise)[100:].std() == pytest.approx(smooth, rel=0.015)
 
@@ -70,7 +68,7 @@ def log(noise: float = 2.0) -> Samples:
 
 
 def run(samples: Samples, kind: str, cuts: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    model = filter_for(kind, 15.0, samples, None)  # type: ignore[arg-type]
+    model = filter_for(15.0, samples)
     assert model.r == pytest.approx(4.0, rel=0.05)
     assert model.interval == pytest.approx(5e-3)
     pieces = (samples.rows(slice(a, b)) for a, b in pairwise(cuts))
@@ -104,7 +102,7 @@ def test_bad_input() -> None:
     with pytest.raises(DataError, match="16"):
         measured_noise(np.zeros((3, 1)))
     with pytest.raises(DataError):
-        filter_for("kalman", 15.0, log().rows(slice(0, 9)), None)
+        filter_for(15.0, log().rows(slice(0, 9)))
     with pytest.raises(UsageError, match="walk above zero"):
         Walk(0.0, 1.0, 1.0)
     assert list(filtered([], "smooth", Walk(1.0, 1.0, 1.0))) == []

@@ -12,12 +12,10 @@ from tdfscal.model.calibrated import about_point
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
-from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered
+from tdfscal.wrench.filtering import filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import (
-    ColouredNoise,
     SampleNoise,
-    coloured_noise,
     take_head,
     with_sample_noise,
 )
@@ -29,48 +27,6 @@ GIVEN = WORLD.given[0]
 RATE, POSTURES = 100.0, 12
 FORCE = (40.0, -25.0, 60.0)
 PHI = 0.95
-
-
-def coloured(phi: float, count: int = 2000) -> ColouredNoise:
-    return ColouredNoise(np.array([4.0 * phi**k for k in range(count)]))
-
-
-@pytest.mark.parametrize("phi", [0.0, 0.5, 0.95])
-@pytest.mark.parametrize("gain", [0.02, 0.3, 1.0])
-def test_what_a_filter_leaves_of_an_autoregression(phi: float, gain: float) -> None:
-    a = 1.0 - gain
-    # Σ_jk h_j h_k φ^|j−k| of h_k = g a^k, summed by hand.
-    exact = 4.0 * gain / (2.0 - gain) * (1.0 + a * phi) / (1.0 - a * phi)
-    found = coloured(phi).remaining(np.array([gain]), smooth=False)[0]
-    assert found == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_the_best_gain_of_white_noise_is_kalmans(smooth: bool) -> None:
-    for walk in (1.0, 15.0, 200.0):
-        model = Walk.of(walk, 2.0, 1e-2)
-        gain = coloured(0.0).best_gain(model.q, smooth=smooth)
-        # The least error is flat: a grid of 0.9 % meets it to a few of its steps.
-        assert gain == pytest.approx(model.gain, rel=0.03)
-        assert Walk.with_gain(model.q, gain, 1e-2).gain == pytest.approx(gain, rel=1e-9)
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_the_best_gain_of_slow_noise_leaves_least_error(smooth: bool) -> None:
-    """Against the filters themselves, run on a walk under an autoregression."""
-    rng, N = np.random.default_rng(1), 200_000
-    noise = 2.0 * lfilter([1.0], [1.0, -PHI], np.sqrt(1 - PHI**2) * rng.standard_normal(N))
-    truth = np.cumsum(0.3 * rng.standard_normal(N))
-    kind = Smoother if smooth else Causal
-
-    def error(gain: float) -> float:
-        run = kind(Walk.with_gain(0.09, gain, 1e-2))
-        out = np.concatenate([run((truth + noise)[:, None]), run.rest().reshape(-1, 1)])
-        return float(np.mean((out[:, 0] - truth)[1000:] ** 2))
-
-    best = coloured(PHI).best_gain(0.09, smooth=smooth)
-    for other in (0.5 * best, min(2.0 * best, 1.0)):
-        assert error(best) <= 1.02 * error(other)
 
 
 def noise(kind: str, rng: np.random.Generator, count: int) -> FloatArray:
@@ -111,9 +67,7 @@ def errors(kind: str, seed: int, smoothed: bool = False) -> tuple[FloatArray, Sa
     head, samples = take_head(aligned([recorded], Tally()), RIG.supports, averaged=False)
     assert head is not None
     if smoothed:
-        colour = coloured_noise(head, RIG.axes)
-        model = filter_for("smooth", 15.0, head.samples, colour)
-        samples = filtered(samples, "smooth", model)
+        samples = filtered(samples, "smooth", filter_for(15.0, head.samples))
     told: list[SampleNoise] = []
     pieces = list(
         with_sample_noise(

@@ -210,7 +210,7 @@ def test_a_filter_starts_anew_after_three_missing_samples(gap: float) -> None:
     force[100:] = 1.0
     force += 0.05 * np.random.default_rng(0).normal(size=force.shape)
     samples = Samples(time, np.zeros((200, 3, 3)), force)
-    model = filter_for("kalman", 0.3, samples, None)
+    model = filter_for(0.3, samples)
     for pieces in ([samples], [samples.rows(slice(0, 100)), samples.rows(slice(100, 200))]):
         out = list(filtered(pieces, "kalman", model))
         value = np.concatenate([s.force for s in out])
