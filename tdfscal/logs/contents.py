@@ -6,15 +6,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray
-
-if TYPE_CHECKING:
-    from tdfscal.logs.table import Sampled
 
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
@@ -178,58 +175,20 @@ def numbered_axes(
     return found
 
 
+def named_axes(
+    names: Sequence[str], units: Mapping[str, str | None]
+) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find threes of columns that may be vectors, by letters, by indices, else by numbers."""
+    found = axes_of(names)
+    for more in (indexed_axes, lambda left: numbered_axes(left, units)):
+        taken = {name for _, three in found for name in three}
+        found += more([name for name in names if name not in taken])
+    return found
+
+
 def extremes(value: FloatArray) -> tuple[float | None, float | None]:
     """Smallest and largest finite value; None where there is none."""
     finite = value[np.isfinite(value)]
     if not finite.size:
         return None, None
     return float(finite.min()), float(finite.max())
-
-
-def table_contents(
-    path: Path,
-    form: Literal["csv", "parquet"],
-    rows: int,
-    columns: Sequence[tuple[str, str, str | None]],
-    numbers: Mapping[str, Sampled],
-    *,
-    decimal: Literal[".", ","] = ".",
-    problems: Sequence[str] = (),
-) -> Contents:
-    """Put together what a table holds.
-
-    columns : name, kind and stated unit of each. numbers : of those that hold numbers and whose
-    name is there once.
-    """
-    fields, times = [], []
-    for name, kind, unit in columns:
-        found = numbers.get(name)
-        fields.append(Field(name, kind, unit, *(extremes(found.value) if found else (None, None))))
-        if found and found.value.size > 1 and np.isfinite(found.value).all():
-            step = float(np.median(np.diff(found.first)))
-            if step > 0 and (np.diff(found.value) >= 0).all():
-                times.append(Column(name, unit, found.value, step))
-    stated = {name: unit for name, _, unit in columns}
-    vectors = []
-    by_letter = axes_of(list(numbers))
-    taken = {name for _, three in by_letter for name in three}
-    by_index = indexed_axes([name for name in numbers if name not in taken])
-    taken |= {name for _, three in by_index for name in three}
-    by_number = numbered_axes([name for name in numbers if name not in taken], stated)
-    for label, three in (*by_letter, *by_index, *by_number):
-        axes = [numbers[name] for name in three]
-        there = axes[0].row
-        for axis in axes[1:]:
-            there = np.intersect1d(there, axis.row)
-        values = [axis.value[np.searchsorted(axis.row, there)] for axis in axes]
-        vectors.append(Vector(three, label, "", stated[three[0]], there, np.column_stack(values)))
-    return Contents(
-        path,
-        form,
-        path.stat().st_size,
-        (Stream("table", "", rows, tuple(fields)),),
-        tuple(vectors),
-        tuple(times),
-        decimal=decimal,
-        problems=tuple(problems),
-    )

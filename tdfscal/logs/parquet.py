@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from os import SEEK_END
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -20,28 +21,21 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.hashing import printable
 from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
+from tdfscal.logs.contents import SAMPLES, Contents
+from tdfscal.logs.dates import DATES, first_date, has_zone, seconds_of_all
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
-    DATES,
+    DATED,
     TICKS,
-    Sampled,
+    TableLook,
     columns_of,
-    first_date,
-    has_zone,
     holes,
     is_number,
-    repeated,
-    sampled,
-    seconds_of_all,
     table_piece,
     takes_turns,
-    with_times,
 )
 from tdfscal.records import BoolArray, FloatArray
-
-if TYPE_CHECKING:
-    from tdfscal.logs.contents import Contents
 
 _MARK: Final = b"PAR1"
 """With which a file begins and ends."""
@@ -92,31 +86,23 @@ class ParquetLog(LogFile):
 
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""
-        from tdfscal.logs.contents import SAMPLES, table_contents
-
-        numbers: dict[str, Sampled] = {}
-        dated: set[str] = set()
         with _opened(self.path) as file:
             leaves = _leaves(file)
-            twice = repeated([leaf.path for leaf in leaves])
             plain = [f.path for f in leaves if _holds(f) in (None, "string")]
-            plain = [name for name in plain if name not in twice]
             rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
             groups = np.linspace(0, len(rows) - 1, min(len(rows), _GROUPS)).round().astype(int)
             size = max(_FEWEST, _LOOKED_AT // max(len(groups), 1))
-            most = -(-_GROUPS * SAMPLES // max(len(groups), 1))
-            for begin in range(0, len(plain), _TOGETHER):
-                names = plain[begin : begin + _TOGETHER]
-                read = [next(_tables(file, int(k), names, size), None) for k in groups]
-                parts = [(sum(rows[:k]), t) for k, t in zip(groups, read, strict=True) if t]
-                for name in names if parts else ():
-                    cells = [(row, with_times(table.column(name))) for row, table in parts]
-                    if pa.types.is_string(parts[0][1].schema.field(name).type):
-                        dated |= {name} if pa.types.is_timestamp(cells[0][1].type) else set()
-                    if (found := sampled(cells, most)) is not None:
-                        numbers[name] = found
-        columns = [(f.path, "date and time" if f.path in dated else _kind(f), None) for f in leaves]
-        return table_contents(self.path, "parquet", sum(rows), columns, numbers)
+            look = TableLook(-(-_GROUPS * SAMPLES // max(len(groups), 1)))
+            for group in groups.tolist():
+                for begin in range(0, len(plain), _TOGETHER):
+                    names = plain[begin : begin + _TOGETHER]
+                    for table in islice(_tables(file, group, names, size), 1):
+                        look.add(sum(rows[:group]), table)
+        columns = [
+            (name, name, DATED if look.kind(name) == DATED else _kind(leaf), None)
+            for leaf, name in ((leaf, leaf.path) for leaf in leaves)
+        ]
+        return look.contents(self.path, "parquet", sum(rows), columns)
 
 
 @contextmanager

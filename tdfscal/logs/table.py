@@ -1,111 +1,21 @@
-"""Tables, text or Parquet: the wanted columns as pieces, samples of all, dates as a clock.
-
-Days and months are not guessed apart: 11/12/2026 is refused. A time without a zone counts as UTC,
-so a column has zones in all cells or in none.
-"""
+"""Tables, text or Parquet: the wanted columns as pieces, and samples of all columns."""
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, Literal
 
 import numpy as np
 import pyarrow as pa
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.logs.contents import Column, Contents, Field, Stream, Vector, extremes, named_axes
+from tdfscal.logs.dates import with_times
 from tdfscal.logs.request import Block, Piece, Request, Signal, missing_fields
 from tdfscal.records import BoolArray, FloatArray, IntArray
-
-DATES: Final = (
-    "write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05; all rows with a zone, or none"
-)
-_ZONE: Final = r"(Z|UTC|[+-](?:0\d|1[0-4]):?[0-5]\d)?"
-_TIME: Final = r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,:](\d{1,9}))?)?\s*" + _ZONE
-_ISO: Final = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})[T_ ]\s*" + _TIME)
-_BASIC: Final = re.compile(
-    r"(\d{4})(\d{2})(\d{2})T(\d{2})(\d{2})(?:(\d{2})(?:[.,](\d{1,9}))?)?" + _ZONE
-)
-_GERMAN: Final = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T_ ,]\s*" + _TIME)
-_EPOCH: Final = np.datetime64("1970-01-01T00:00:00", "s")
-
-
-def is_date_time(cell: str) -> bool:
-    """Tell whether a cell is a date with a time of day."""
-    return _matched(cell) is not None
-
-
-def has_zone(cell: str) -> bool:
-    """Tell whether a cell is a date and time with a zone."""
-    parts = _matched(cell)
-    return parts is not None and bool(parts[-1])
-
-
-def seconds_of(cell: str, *, zoned: bool | None = None) -> float | None:
-    """Return s since 1970, UTC; None where the cell is no date and time.
-
-    zoned : whether it has to have a zone; None takes either.
-    """
-    if (parts := _matched(cell)) is None:
-        return None
-    year, month, day, hour, minute, second, fraction, zone = parts
-    if int(year) == 0 or zoned not in (None, bool(zone)):
-        return None
-    stamp = f"{year}-{int(month):02}-{int(day):02}T{int(hour):02}:{minute}:{second or '00'}"
-    try:
-        whole = int((np.datetime64(stamp, "s") - _EPOCH).astype(np.int64))
-    except ValueError:
-        return None
-    if zone and zone[0] in "+-":
-        offset = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
-        whole -= offset if zone[0] == "+" else -offset
-    return whole + int(fraction.ljust(9, "0")) * 1e-9 if fraction else float(whole)
-
-
-def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray:
-    """Return (N,) s since 1970 of a column of texts; NaN where one is empty, or no date and time.
-
-    zoned : whether all have zones, or none has.
-
-    ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
-    """
-    try:
-        ticks = cells.cast(pa.timestamp("ns", "UTC" if zoned else None)).cast(pa.int64())
-    except pa.ArrowInvalid:
-        found = [seconds_of(cell or "", zoned=zoned) for cell in cells.to_pylist()]
-        return np.array(found, dtype=np.float64)
-    seconds, nanoseconds = np.divmod(as_numpy(ticks.fill_null(0)), 1_000_000_000)
-    empty = as_numpy(cells.is_null().cast(pa.int8())) != 0
-    return np.where(empty, np.nan, seconds + nanoseconds * 1e-9)
-
-
-def first_date(column: Any) -> str | None:
-    """The first cell of a column of texts where that is a date and time; None of another."""
-    texts = pa.types.is_string(column.type) and len(column)
-    cell = (column[0].as_py() or "") if texts else ""
-    return cell if is_date_time(cell) else None
-
-
-def with_times(column: Any) -> Any:
-    """A column of texts that are dates and times as times of Arrow; any other as it is."""
-    if (first := first_date(column)) is None:
-        return column
-    seconds = seconds_of_all(column, zoned=has_zone(first))
-    ticks = np.rint(np.nan_to_num(seconds) * 1e9).astype(np.int64)
-    return as_arrow(ticks, np.isnan(seconds)).cast(pa.timestamp("ns"))
-
-
-def _matched(cell: str) -> tuple[Any, ...] | None:
-    text = cell.strip()
-    if (iso := _ISO.fullmatch(text) or _BASIC.fullmatch(text)) is not None:
-        return iso.groups()
-    if (german := _GERMAN.fullmatch(text)) is not None:
-        day, month, year, *time = german.groups()
-        return (year, month, day, *time)
-    return None
-
 
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks per second of the times that Arrow knows."""
@@ -187,32 +97,80 @@ def takes_turns(filled: IntArray) -> bool:
     return bool(np.any(alone & alone.T)) or often
 
 
-class Sampled(NamedTuple):
-    """Some numbers of a column, (N,), in which rows they are, and its first ones without a hole."""
-
-    row: FloatArray
-    value: FloatArray
-    first: FloatArray
+DATED: Final = "date and time"
+"""What a column of texts holds that are dates with times of day."""
 
 
-def sampled(parts: Sequence[tuple[int, Any]], most: int) -> Sampled | None:
-    """Take up to so many numbers of each part of a column; None where it does not hold numbers.
+class TableLook:
+    """Some rows of a table, the same of all columns, taken while it is looked through.
 
-    parts : the row with which each begins, and the cells.
+    most : rows of each part.
     """
-    rows, values = [], []
-    for begin, column in parts:
-        filled = np.flatnonzero(~holes(column))
-        chosen = np.linspace(0, len(filled) - 1, min(most, len(filled))).astype(np.int64)
-        numbers = _numbers(column.take(as_arrow(filled[chosen])))
-        if numbers is None:
-            return None
-        rows.append(begin + filled[chosen].astype(np.float64))
-        values.append(numbers)
-    if not parts:
-        return None
-    opening = _numbers(parts[0][1].drop_null().slice(0, _OPENING))
-    return Sampled(np.concatenate(rows), np.concatenate(values), np.asarray(opening))
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._rows: dict[int, FloatArray] = {}
+        self._values: dict[str, list[FloatArray]] = {}
+        self._steps: dict[str, float] = {}
+        self._kinds: dict[str, str] = {}
+
+    def add(self, begin: int, table: pa.Table) -> None:
+        """Take in a part of the table, or of its columns, from row `begin` on."""
+        chosen = np.linspace(0, table.num_rows - 1, min(self._most, table.num_rows))
+        chosen = chosen.astype(np.int64)
+        self._rows[begin] = begin + chosen.astype(np.float64)
+        for name, cells in zip(table.column_names, table.columns, strict=True):
+            column = with_times(cells)
+            numbers = _numbers(column.take(as_arrow(chosen)))
+            if numbers is None or self._kinds.get(name) == "text":
+                self._kinds[name] = "text"
+                continue
+            self._values.setdefault(name, []).append(numbers)
+            if name not in self._kinds:
+                first = _numbers(column.drop_null().slice(0, _OPENING))
+                steps = np.diff(first if first is not None else [])
+                self._steps[name] = float(np.median(steps)) if steps.size else 0.0
+                self._kinds[name] = DATED if pa.types.is_string(cells.type) else "number"
+
+    def kind(self, key: str) -> str:
+        """What a column holds: numbers, dates or texts; or it is empty."""
+        return self._kinds.get(key, "empty")
+
+    def contents(
+        self,
+        path: Path,
+        form: Literal["csv", "parquet"],
+        rows: int,
+        columns: Sequence[tuple[str, str, str, str | None]],
+        decimal: Literal[".", ","] = ".",
+    ) -> Contents:
+        """Put together what the table holds.
+
+        columns : as it was added under, name, kind and stated unit of each.
+        """
+        row = np.concatenate([np.empty(0), *self._rows.values()])
+        twice = repeated([name for _, name, _, _ in columns])
+        fields, times = [], []
+        numbers: dict[str, FloatArray] = {}
+        for key, name, kind, unit in columns:
+            value = np.concatenate([np.empty(0), *self._values.get(key, ())])
+            if self.kind(key) in ("text", "empty") or name in twice:
+                fields.append(Field(name, kind, unit))
+                continue
+            numbers[name] = value
+            fields.append(Field(name, kind, unit, *extremes(value)))
+            filled, step = value[~np.isnan(value)], self._steps[key]
+            if filled.size > 1 and step > 0 and (np.diff(filled) >= 0).all():
+                times.append(Column(name, unit, filled, step))
+        units = {name: unit for _, name, _, unit in columns}
+        vectors = []
+        for label, three in named_axes(list(numbers), units):
+            values = np.column_stack([numbers[name] for name in three])
+            there = ~np.isnan(values).any(axis=1)
+            vectors.append(Vector(three, label, "", units[three[0]], row[there], values[there]))
+        stream = Stream("table", "", rows, tuple(fields))
+        size = path.stat().st_size
+        return Contents(path, form, size, (stream,), tuple(vectors), tuple(times), decimal)
 
 
 def holes(column: Any) -> BoolArray:

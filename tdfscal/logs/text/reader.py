@@ -8,27 +8,20 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final, Literal
+from typing import Any, BinaryIO, Final, Literal
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import zstandard
 
 from tdfscal.errors import DataError
+from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, mapped
 from tdfscal.logs.request import Piece, Request
-from tdfscal.logs.table import (
-    repeated,
-    sampled,
-    table_piece,
-    with_times,
-)
+from tdfscal.logs.table import TableLook, table_piece
 from tdfscal.logs.text.header import SEARCHED, find_table, is_number, split_cells
 from tdfscal.logs.text.rows import RowParser, Rows, find_columns, number_in, single_spaces
 from tdfscal.records import Integrity
-
-if TYPE_CHECKING:
-    from tdfscal.logs.contents import Contents
 
 Decimal = Literal[".", ","]
 
@@ -89,8 +82,6 @@ class TextLog(LogFile):
 
     def look(self) -> Contents:
         """Its columns, and some rows of each block."""
-        from tdfscal.logs.contents import SAMPLES, table_contents
-
         with open_text(self.path) as file:
             lines = file.lines[: 2 * SEARCHED]
             table = find_table(lines)
@@ -98,24 +89,14 @@ class TextLog(LogFile):
             cells = (c for line in lines[table.lines :] for c in split_cells(line, table.separator))
             comma = table.separator != "," and any(map(_WITH_COMMA.fullmatch, cells))
             decimal: Decimal = "," if comma else "."
-            parts: list[tuple[int, pa.Table]] = []
-            count = 0
+            look, count = TableLook(SAMPLES), 0
             for block, _ in file.blocks(table.lines):
-                end = block.find(file.newline, _GLANCE) + 1 if parts else 0
-                part = _looked_at(block[: end or None], table.separator, table.width, decimal)
-                parts.append((count, part))
+                end = block.find(file.newline, _GLANCE) + 1 if count else 0
+                part = block[: end or None]
+                look.add(count, _looked_at(part, table.separator, table.width, decimal))
                 count += block.count(file.newline) + (not block.endswith(file.newline))
-        columns, numbers = [], {}
-        twice = repeated([name for name, _ in labels])
-        for k, (name, unit) in enumerate(labels):
-            cells_of = [(row, part.column(k)) for row, part in parts]
-            found = sampled(cells_of, SAMPLES)
-            dated = bool(parts) and pa.types.is_timestamp(cells_of[0][1].type)
-            kind = "date and time" if dated else "text" if found is None else "number"
-            columns.append((name, kind if parts else "empty", unit))
-            if found is not None and name not in twice:
-                numbers[name] = found
-        return table_contents(self.path, "csv", count, columns, numbers, decimal=decimal)
+        columns = [(str(k), name, look.kind(str(k)), unit) for k, (name, unit) in enumerate(labels)]
+        return look.contents(self.path, "csv", count, columns, decimal)
 
 
 def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa.Table:
@@ -140,8 +121,6 @@ def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa
         if is_number(first):  # a spoilt cell is a hole; the reading names it
             numbers = [_number(cell, decimal) for cell in column.to_pylist()]
             table = table.set_column(k, str(k), pa.array(numbers, pa.float64()))
-        else:
-            table = table.set_column(k, str(k), with_times(column))
     return table
 
 
