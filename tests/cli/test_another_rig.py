@@ -3,39 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from shutil import copytree
 
 import pytest
 import yaml
 
 import tdfscal
 from tests.cli.running import SAMPLES, run
-
-
-def renamed(folder: Path, name: str) -> Path:
-    """The sample's campaign as of a rig of another name."""
-    other = Path(copytree(SAMPLES / "parquet", folder / name))
-    rig = yaml.safe_load((other / "rig.yaml").read_text(encoding="utf-8"))
-    rig["name"] = name
-    (other / "rig.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
-    return other
-
-
-def test_apply_and_compare_say_that_a_rig_has_another_name(
-    sample: tdfscal.Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    first, other = tmp_path / "first.yaml", tmp_path / "other.yaml"
-    sample.save(first)
-    stand = renamed(tmp_path, "Stand B")
-    part = ("-o", tmp_path / "w.csv", "--to", "+2", "-q")
-    done = run(capsys, "apply", first, stand, *part)
-    assert done.status == 0
-    assert "Stand B" in done.err
-    assert "Stand B" not in run(capsys, "apply", first, SAMPLES / "parquet", *part).err
-    tdfscal.calibrate(stand, trials=0, output=other)
-    seen = run(capsys, "compare", first, other, "-q")
-    assert seen.status == 1  # of one log, and so no two results
-    assert "Stand B" in seen.out
 
 
 def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(

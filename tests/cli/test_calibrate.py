@@ -51,7 +51,9 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     assert "ACCEPTED" in text.out
     lines = text.out.splitlines()
     assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
-    assert cli.json("report", target) == {"calibrations": [printed], "comparison": None}
+    said = cli.json("report", target)
+    assert (said["calibrations"], said["comparison"]) == ([printed], None)
+    assert list(said)[:2] == ["command", "findings"]
 
 
 @pytest.mark.parametrize("trials", [2, 999])

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import pytest
 import yaml
 
-from tests.cli.running import Cli, rows
+from tests.cli.running import Cli
 
 
 def near_truth(content: dict[str, Any], campaign: Path) -> None:
@@ -62,33 +60,6 @@ def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> 
     assert "ncp3" in done.out
 
 
-def test_a_channel_that_dies_on_the_way(tmp_path: Path, cli: Cli) -> None:
-    """Since when is told, and each way out leads to angles."""
-    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    cli("simulate", campaign, "--scenario", "dead-axis", "--postures", 20, "--seed", 5, "-q")
-    x = np.array([float(row["TDFS3_Fx"]) for row in rows(campaign / "log.csv")])
-    said = " ".join(cli(*calibrate, ends=3).err.split())
-    assert "frozen" in said
-    since = re.search(r"since ([\d.]+) s", said)
-    assert since is not None, said
-    assert float(since[1]) == pytest.approx(0.01 * np.flatnonzero(x != x[-1])[-1], abs=0.05)
-    cli(*calibrate, "--to", since[1], ends=0)
-    near_truth(json.loads(found.read_text()), campaign)
-    line = re.search(r"`axes: (\[[xyz, ]*\])` for (\w+) in rig.yaml, and none", said)
-    assert line is not None, said
-    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
-    (support,) = [s for s in rig["supports"] if s["name"] == line[2]]
-    support["axes"] = yaml.safe_load(line[1])
-    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
-    # The half of the cure is answered with its other half.
-    assert "write none in place of its field" in " ".join(cli(*calibrate, ends=3).err.split())
-    rig["log"]["supports"][line[2]]["force"][0] = "none"
-    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
-    cli(*calibrate, ends=0)
-    near_truth(json.loads(found.read_text()), campaign)
-
-
 def test_a_zero_that_jumped_is_given_up_for_the_part_behind(tmp_path: Path, cli: Cli) -> None:
     campaign, found = tmp_path / "campaign", tmp_path / "found.json"
     calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
@@ -105,34 +76,3 @@ def test_a_zero_that_jumped_is_given_up_for_the_part_behind(tmp_path: Path, cli:
     (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
     cli(*calibrate, "--from", between, ends=0)
     near_truth(json.loads(found.read_text()), campaign)
-
-
-@pytest.mark.parametrize("axes", ["x", "xyz"])
-def test_a_sensor_that_freezes_in_motion(axes: str, tmp_path: Path, cli: Cli) -> None:
-    """It is said once, and each way out that is printed leads to angles."""
-    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
-    cli("simulate", campaign, "--scenario", "motion", "--rate", 20, "--seed", 3, "-q")
-    log = pd.read_csv(campaign / "log.csv")
-    half = len(log) // 2
-    for axis in axes:
-        log.loc[half:, f"TDFS2_F{axis}"] = log[f"TDFS2_F{axis}"][half]
-    log.to_csv(campaign / "log.csv", index=False)
-    done = cli(*calibrate, ends=1)
-    said = " ".join(done.err.split())
-    assert said.count("frozen") == 1
-    assert "squeeze less" not in " ".join(done.out.split()).lower()
-    assert re.findall(r"- (\d+) of (\d+) s", done.out) == [("30", "60")]
-    cli(*calibrate, "--to", re.findall(r"with --to ([\d.]+)", said)[0], ends=0)
-    near_truth(json.loads(found.read_text()), campaign)
-    (line,) = re.findall(r"`axes: (\[[xyz, ]*\])` for (\w+) in rig.yaml, and none", said)
-    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
-    (support,) = [s for s in rig["supports"] if s["name"] == line[1]]
-    support["axes"] = yaml.safe_load(line[0])
-    fields = rig["log"]["supports"][line[1]]["force"]
-    fields[: len(axes)] = ["none"] * len(axes)
-    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
-    cli(*calibrate, ends=0)
-    content = json.loads(found.read_text())
-    near_truth(content, campaign)
-    assert sum(None in s["rpy"] for s in content["supports"]) == (axes == "xyz")

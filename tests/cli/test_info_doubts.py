@@ -18,8 +18,6 @@ from mcap.records import Channel, Message, Schema
 from mcap.writer import Writer
 
 import tdfscal
-from tdfscal.errors import DataError
-from tdfscal.logs.describe import describe_logs
 from tests.cli.running import SAMPLES, Cli
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
@@ -165,84 +163,6 @@ def test_header_times_that_cannot_be_used(
     assert why in note
     assert "/tdfs2/wrench" in note
     assert found["dwells"]["count"] == 16
-
-
-def test_header_times_off_by_a_constant_are_used(cli: Cli, tmp_path: Path) -> None:
-    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", lambda k, t: t + 5_000_000)
-    assert told(cli, path)["mapping"]["log"]["time"] == {"source": "header"}
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (np.random.default_rng(1).bytes(30_000), "the file is not text"),
-        (b"t,a,b\n" + 9 * b"1,2,3,4\n", "line 2: the line has 4 cells, the header 3"),
-    ],
-)
-def test_what_is_no_table(cli: Cli, tmp_path: Path, content: bytes, said: str) -> None:
-    path = tmp_path / "log.csv"
-    path.write_bytes(content)
-    result = cli("info", path, ends=3)
-    assert said in result.err
-    assert "log.csv" in result.err
-    assert len(result.err) < 400
-    assert "\0" not in result.err
-
-
-@pytest.mark.parametrize(
-    ("name", "said"), [("NCP1_ActPosX", "is there 2 times"), ("extra", "are there more than once")]
-)
-def test_a_name_that_the_header_repeats_is_said_once(tmp_path: Path, name: str, said: str) -> None:
-    rows = np.hstack([ROWS, ROWS[:, 1:2], ROWS[:, 1:2]])
-    folder = written(tmp_path / "c", rows, f"{NAMES},{name},extra", block=True)
-    shutil.copy(SAMPLES / "csv/rig.yaml", folder)
-    found = tdfscal.info(folder).problems
-    assert [said in problem for problem in found if name in problem] == [True]
-    header = f"{NAMES.replace('NCP2_ActPosY', name)},{name},{name}"
-    with pytest.raises(DataError, match=f"passed over: .*{name}"):
-        tdfscal.init(written(tmp_path / "d", rows, header) / "log.csv")
-
-
-def test_a_very_long_name_is_cut(cli: Cli, tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("a" * 100_000 + ",b\n1,2\n")
-    result = cli("info", path, ends=0)
-    assert len(result.out) < 1000
-
-
-def test_a_very_long_line_has_its_number(cli: Cli, tmp_path: Path) -> None:
-    folder = written(tmp_path / "long", ROWS[:200])
-    with (folder / "log.csv").open("a") as file:
-        file.write("1,2" * 1_700_000 + "\n")
-    found = told(cli, folder)
-    assert any("line 202: the line has 1700001 cells" in p for p in found["problems"])
-
-
-@pytest.mark.parametrize("where", ["rows", "header"])
-def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
-    cli: Cli, tmp_path: Path, where: str
-) -> None:
-    folder = tmp_path / "mine"
-    shutil.copytree(SAMPLES / "csv", folder)
-    header, *lines = (folder / "log.csv").read_text().splitlines()
-    header, lines = (header, [f"{x}," for x in lines]) if where == "rows" else (f"{header},", lines)
-    (folder / "log.csv").write_text("\n".join([header, *lines]) + "\n")
-    found, plain = told(cli, folder), told(cli, SAMPLES / "csv")
-    assert found["problems"] == []
-    for key in ("mapping", "signals", "dwells", "time_offset"):
-        assert found[key] == plain[key]
-
-
-def test_thousands_of_rows_are_no_averaged_postures(tmp_path: Path) -> None:
-    names = [f"ncp{i}.{c}" for i in (1, 2, 3) for c in ("x", "y", "z", "fx", "fy", "fz")]
-    rng = np.random.default_rng(0)
-    for rows, guessed in ((900, True), (5000, False)):
-        path = tmp_path / f"{rows}.csv"
-        table = rng.normal(size=(rows, 18))
-        np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
-        guess = describe_logs([path]).guess
-        assert (guess.mapping is not None) == guessed
-        assert any("no column ascends" in note for note in guess.notes)
 
 
 def test_a_rig_file_that_is_being_written_is_no_hindrance(tmp_path: Path) -> None:

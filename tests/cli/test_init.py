@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
-import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +17,6 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.typesys import Stores, get_typestore
 
 import tdfscal
-from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.rig.draft import unconfirmed
 from tests.cli.running import Cli
 from tests.files.logs.log_making import definition, point_stamped, wrench_stamped
@@ -28,7 +25,6 @@ from tests.words import in_words
 BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 NCPS = (1, 2, 3)
-SAMPLE = Path(__file__).parents[2] / "sample_data" / "csv" / "log.csv"
 KINDS = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
 
 
@@ -240,63 +236,3 @@ def test_a_newcomer_needs_two_commands(
     assert "force: [Prüf1_Fx, " in Path("rig.yaml").read_text("utf-8")
     angles = [s["rpy"] for s in yaml.safe_load(Path("calibration.yaml").read_text())["supports"]]
     np.testing.assert_allclose(angles, reference.rpy, rtol=0, atol=1e-9)
-
-
-def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    pd.DataFrame({"time": np.arange(99) * 0.1, "a": 1.0, "b": 2.0}).to_csv(path, index=False)
-    with pytest.raises(DataError, match="no mapping is guessed"):
-        tdfscal.init(path, output=tmp_path / "rig.yaml")
-    assert not (tmp_path / "rig.yaml").exists()
-    with pytest.raises(TdfscalError, match="nowhere"):
-        tdfscal.init(tmp_path / "nowhere.csv")
-    assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a: 1 (line 1)"]'
-
-
-def test_one_wrong_cell(frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path) -> None:
-    """A number beyond all bounds stands alone and is left out; what is no number is refused."""
-    path = german_excel(frame[0], tmp_path)
-    text = path.read_bytes().decode("cp1252").splitlines(keepends=True)
-    at = len(text) // 2
-    first, _, rest = text[at].split(";", 2)
-    for cell in ("1e300", "nan"):
-        text[at] = f"{first};{cell};{rest}"
-        path.write_text("".join(text), "utf-8")
-        if cell == "nan":
-            with pytest.raises(DataError, match=rf"line {at + 1}, .*'nan' is not a finite number"):
-                tdfscal.init(path)
-            continue
-        whole = tdfscal.init(path)
-        assert whole.notes
-        assert np.isfinite(whole.sketch.hinge).all()
-
-
-def test_a_name_that_reads_as_a_number_is_a_text(tmp_path: Path) -> None:
-    """089 is a number in YAML 1.2 and none in 1.1; a folder of campaigns may be called so."""
-    log = tmp_path / "089" / "log.csv"
-    log.parent.mkdir()
-    shutil.copy(SAMPLE, log)
-    tdfscal.init(log, output=log.with_name("rig.yaml"))
-    assert tdfscal.load_rig(log.with_name("rig.yaml")).rig.name == "089"
-
-
-@pytest.mark.parametrize("name", ["{axis}{ncp}_mm", "{axis}{ncp}mm", "{axis}_{ncp}_mm"])
-def test_a_unit_behind_the_axis_hides_no_position(name: str, tmp_path: Path) -> None:
-    log, table = tmp_path / "log.csv", pd.read_csv(SAMPLE)
-    names = {f"NCP{k}_ActPos{a}": name.format(axis=a, ncp=k) for k in NCPS for a in "XYZ"}
-    table.rename(columns=names).to_csv(log, index=False)
-    drafted = yaml.safe_load(tdfscal.init(log).yaml)
-    assert drafted["log"]["length_unit"] == "mm"
-    assert len(drafted["supports"]) == 3
-    table.rename(columns={old: f"{new}_odd" for old, new in names.items()}).to_csv(log, index=False)
-    with pytest.raises(DataError, match="neither by their names"):
-        tdfscal.init(log)
-
-
-def test_a_clock_with_a_point_among_commas_is_said(tmp_path: Path) -> None:
-    table = pd.read_csv(SAMPLE)
-    first = table.columns[0]
-    table[first] = table[first].map("{:.3f}".format)  # a text: it keeps its point
-    table.to_csv(tmp_path / "log.csv", index=False, sep=";", decimal=",")
-    with pytest.raises(DataError, match=f"column {first}: .*take it out if the point"):
-        tdfscal.init(tmp_path / "log.csv")

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from tdfscal import Calibration, apply, calibrate, info, init, monitor, update, validate
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import write_run
-from tdfscal.numerics import so3
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings
 from tdfscal.simulation import (
@@ -67,14 +66,6 @@ def test_files_of_no_recorder(tmp_path: Path) -> None:
         calibrate([folder / "cnc.csv", folder / "forces.csv"], rig=folder / "rig.yaml", trials=0)
 
 
-def test_a_file_with_its_newest_rows_first(tmp_path: Path) -> None:
-    folder = apart(tmp_path / "two", played("self", 7), Apart())
-    header, *rows = (folder / "daq.csv").read_text().splitlines()
-    (folder / "daq.csv").write_text("\n".join([header, *reversed(rows)]))
-    with pytest.raises(DataError, match="newest"):
-        calibrate([folder], trials=0)
-
-
 def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     """`init` finds who holds what, the units, the sign; the drafted rig calibrates."""
     folder = apart(tmp_path / "two", played("self", 7), Apart(offset=1.7e9, late=1.0))
@@ -119,17 +110,6 @@ def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibrat
     assert f"{cut.size:.1f} s of {name}" in report.claim
     assert cut.cure is not None
     assert any(cut.cure[1:] in advice for advice in report.advice)
-
-
-def test_of_two_recorders_cut_short_one_line_asks_for_both_files(tmp_path: Path) -> None:
-    folder = apart(tmp_path / "two", played("self", 7), Apart())
-    for name in ("cnc.csv", "daq.csv"):
-        content = (folder / name).read_bytes()
-        (folder / name).write_bytes(content[: 7 * len(content) // 10])
-    asked = [told for told in calibration_report(calibrate([folder], trials=0)).advice
-             if told.startswith("Copy ")]  # fmt: skip
-    assert len(asked) == 1
-    assert asked[0].count(".csv") == 2
 
 
 @pytest.fixture(scope="module")
@@ -179,27 +159,3 @@ def test_months_of_two_recorders(months: list[Path], calibrated: Calibration) ->
     assert newer.measured is not None
     assert newer.measured.begin.startswith("2026-02-03")
     assert (newer.rpy_std < calibrated.rpy_std).all()
-
-
-def test_two_amplifiers_beside_the_positions(tmp_path: Path) -> None:
-    """Whoever comes first: positions, or an amplifier; each of the clocks is found."""
-    options = Options(postures=16, squeeze=200.0)
-    of = run(reference_rig(), "self", options, np.random.default_rng(7))
-    hows = Apart(offset=1.7e9, rate=20e-6, late=0.5), Apart(offset=-500.0, rate=-30e-6, late=1.5)
-    for number, (how, columns) in enumerate(zip(hows, (slice(1, 7), slice(7, 10)), strict=True)):
-        folder = apart(tmp_path / str(number), of, how)
-        rows = [line.split(",") for line in (folder / "daq.csv").read_text().splitlines()]
-        kept = "\n".join(",".join([row[0], *row[columns]]) for row in rows)
-        (tmp_path / f"amp{number}.csv").write_text(kept)
-    (tmp_path / "0" / "cnc.csv").rename(tmp_path / "cnc.csv")
-    files = [tmp_path / name for name in ("cnc.csv", "amp0.csv", "amp1.csv")]
-    looked = info([*files[1:], files[0]]).to_dict()  # an amplifier comes first
-    clocks = {clock["recorder"]: clock for clock in looked["clocks"]}
-    later = clocks["amp1.csv"]["offset"] - clocks["cnc.csv"]["offset"]
-    assert later == pytest.approx(-500.0, abs=0.05)
-    assert all(clock["offset_std"] < 0.05 for clock in looked["clocks"])
-    init(files, output=tmp_path / "rig.yaml")
-    found = calibrate(files, rig=tmp_path / "rig.yaml", trials=0)
-    turn = so3.log(of.truth.rotation @ np.swapaxes(found.rotation, 1, 2))
-    std = np.sqrt(np.diag(found.rotation_covariance)).reshape(turn.shape)
-    assert np.abs(turn / std).max() < 4.5

@@ -109,13 +109,6 @@ def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
     assert result["checks"] == checks
 
 
-def test_an_older_campaign_that_is_rejected_is_named_and_no_more(home: Path, cli: Cli) -> None:
-    sound = [home / "sound1", home / "sound6"]
-    result = monitored(cli, 0, *sound, home / "slipped")
-    assert [f["subject"] for f in result["findings"]] == [[str(home / "slipped")]]
-    assert result["checks"] == monitored(cli, 0, *sound)["checks"]
-
-
 def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     home: Path, base: Path, tmp_path: Path, cli: Cli
 ) -> None:
@@ -132,19 +125,6 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
         (said,) = (f["text"] for f in json.loads(done.out)["findings"] if "log.csv" in f["text"])
         assert f"to {float(last.split(',')[0]):.4g} s" in said
     assert len(monitored(cli, 0, *sound, cut)["checks"]) == 3
-
-
-def test_a_month_too_short_to_be_judged_alone_counts_and_says_so(
-    home: Path, tmp_path: Path, cli: Cli
-) -> None:
-    short = Path(shutil.copytree(home / "sound6", tmp_path / "short"))
-    log = short / "log.csv"
-    log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))
-    result = monitored(cli, 0, home / "sound1", home / "sound2", short)
-    (found,) = result["findings"]
-    assert found["subject"] == [str(short)]
-    assert "1 static dwell " in found["text"]
-    assert len(result["checks"]) == 3
 
 
 def test_a_month_in_motion_that_is_rejected_takes_no_part(
@@ -204,41 +184,6 @@ def test_a_validation_names_the_postures_that_it_does_not_rest_on(
     assert found["size"] == at_capacity(home / "saturated") > 0
     done = cli("validate", base, home / "sound2", "--json", "-q")
     assert "postures-left-out" not in done.out
-
-
-def miswired(source: Path, target: Path, mistake: str) -> Path:
-    """A copy of a campaign: its forces in kN, or two of its sensors exchanged."""
-    shutil.copytree(source, target)
-    log = pd.read_csv(target / "log.csv")
-    mapping = yaml.safe_load((target / "rig.yaml").read_text())["log"]["supports"]
-    one, two, three = (mapping[name]["force"] for name in ("ncp1", "ncp2", "ncp3"))
-    if mistake == "unit":
-        log[one + two + three] *= 1e-3
-    else:
-        log[one + two] = log[two + one].to_numpy()
-    log.to_csv(target / "log.csv", index=False)
-    return target
-
-
-def test_months_that_are_wired_wrongly_stop_neither_history_nor_pool(
-    home: Path, checks: Any, pooled: Any, tmp_path: Path, cli: Cli
-) -> None:
-    """Both are named with their reasons, and the numbers are those of the others alone."""
-    sound = [home / "sound1", home / "sound2"]
-    bad = {
-        str(miswired(home / "sound3", tmp_path / "unit", "unit")): "in kN where N is declared",
-        str(miswired(home / "sound6", tmp_path / "sensors", "sensors")): "taken from ncp2",
-    }
-    result = monitored(cli, 1, *sound, *map(Path, bad))
-    named = dict(unjudged(result))
-    assert named.keys() == bad.keys()
-    assert all(why in named[name] for name, why in bad.items())
-    assert result["checks"] == checks
-    done = cli("calibrate", *sound, *bad, "--trials", 0, "--json", "-q", ends=1)
-    beside = json.loads(done.out)
-    assert dict(unjudged(beside)) == named
-    assert beside["supports"] == pooled["supports"]
-    assert beside["covariance"] == pooled["covariance"]
 
 
 def spoilt(source: Path, target: Path, fault: str) -> Path:
