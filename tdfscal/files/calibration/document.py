@@ -72,6 +72,9 @@ class Calibration(Strict):
     monte_carlo: evidence.MonteCarloResult | None = key("JCGM 101", None)
     validation: evidence.ValidationResult | None = key("of held-out postures", None)
     conformity: evidence.ConformityResult | None = key("against acceptance.contact", None)
+    drift: dict[Literal["time", "temperature", "parabola"], parts.Slopes] | None = key(
+        "how the zeros moved: N/h, N/K, N/h²", None
+    )
     tracker: evidence.TrackerResult | None = key("numbers of the survey", None)
     clocks: tuple[evidence.ClockResult, ...] = key("of all recorders but the first", ())
     motion: evidence.MotionResult | None = key("samples in motion, where they were used", None)
@@ -299,7 +302,8 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 #: Keys of evidence that 1.0 wrote, and that no report draws any more.
 FORMER = (
     ("methods",),
-    ("drift",),
+    ("drift", "walk"),
+    *(("drift", kind, "share") for kind in ("time", "temperature", "parabola")),
     ("compliance",),
     ("monte_carlo", "histogram"),
     ("observability", "loads"),

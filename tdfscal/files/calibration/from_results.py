@@ -209,6 +209,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "estimator": result.estimator,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
+        "drift": None if result.estimator == "linear" else statistics.drift(result),
     }
 
 

@@ -20,7 +20,9 @@ from tdfscal.files.field_types import (
     NotNegative,
     Number,
     OpenAngles,
+    OpenRows,
     OpenStd,
+    OpenStdRows,
     OpenStds,
     Positive,
     Probability,
@@ -246,6 +248,13 @@ class TerminalResult(Strict):
 
     mass: MassResult = key("of the terminal and its load")
     barycenter: BarycenterResult = key("of the terminal and its load")
+
+
+class Slopes(Strict):
+    """How the zeros moved by one cause, per support and axis."""
+
+    value: OpenRows = key("per support, of each axis; null where not measured")
+    std: OpenStdRows = key("standard uncertainties, in the same unit; null where open")
 
 
 class RejectedPosture(Strict):

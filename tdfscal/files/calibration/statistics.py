@@ -13,9 +13,10 @@ from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
 from tdfscal.files.field_types import measured_only
+from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
-from tdfscal.model.parameters import State, symmetric
+from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 _LOOKED_AT = 2000
 #: Frequencies of the spectrum in the file.
 _LINES = 24
+#: What a slope per second is multiplied by for the file.
+_UNITS = {"time": HOUR, "temperature": 1.0, "parabola": HOUR**2}
 
 
 def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
@@ -211,6 +214,21 @@ def campaign(
     return CampaignResult.model_validate(
         {**more, **zeros_and_load(state, std, axes), "readings": kept}
     )
+
+
+def drift(result: SelfCalibration) -> dict[str, Any] | None:
+    """Slopes of the zeros that the rig file declares; the modes of a walk say nothing each."""
+    slopes, held = result.fit.state.drift, result.fit.postures.motion
+    if held is None:
+        return None
+    place = layout(result.rig.n, len(slopes))["drift"]
+    std = result.uncertainty.parameter_std[place].reshape(slopes.shape)
+    found: dict[str, Any] = {}
+    for kind, value, own in zip(held.kind, slopes, std, strict=True):
+        if kind in _UNITS:
+            columns = {"value": _UNITS[kind] * value, "std": _UNITS[kind] * own}
+            found[kind] = {n: measured_only(v, result.rig.axes) for n, v in columns.items()}
+    return found or None
 
 
 def motion(result: MotionCalibration) -> dict[str, Any]:
