@@ -107,18 +107,10 @@ def test_one_reading_that_no_contact_explains(reading: float, capacity: float, n
     )
 
 
-def test_a_rig_of_four_supports() -> None:
-    n = 4
-    given = independent(rig(n), np.resize(X, (n, 3, 3)), 1e-8 * np.eye(3 * n))
-    assert judge(samples(n=n), given) == []
-    seen = samples(n=n)
-    order = [1, 0, *range(2, n)]
-    (note,) = judge(Samples(seen.time, seen.position, seen.force[:, order]), given)
-    assert "ncp1 taken from ncp2 and ncp2 taken from ncp1" in note
-
-
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize(("share", "said"), [(0.19, False), (0.21, True)])
+@pytest.mark.parametrize(
+    ("axis", "share", "said"),
+    [(0, 0.19, False), (0, 0.21, True), (2, 0.19, False), (2, 0.21, True)],
+)
 def test_a_wrench_of_a_fifth_of_the_weight_is_said(axis: int, share: float, said: bool) -> None:
     """The median of its size over the log, force and moment about the LCS' origin."""
     contact = np.zeros(6)
@@ -184,13 +176,15 @@ def test_pressing_with_twice_the_weight_is_no_wrong_sign() -> None:
     assert "2.1 times the weight" in note
 
 
-@pytest.mark.parametrize("order", [[1, 0, 2], [2, 1, 0], [1, 2, 0]])
+@pytest.mark.parametrize("order", [[1, 0, 2], [1, 2, 0], [1, 0, 2, 3]])
 def test_exchanged_sensors_are_named(order: list[int]) -> None:
-    seen = samples()
-    (note,) = judge(Samples(seen.time, seen.position, seen.force[:, order]))
-    names = GIVEN.rig.supports
-    back = np.argsort(order)
-    for i, j in enumerate(back):
+    n = len(order)
+    given = independent(rig(n), np.resize(X, (n, 3, 3)), 1e-8 * np.eye(3 * n))
+    seen = samples(n=n)
+    assert judge(seen, given) == []
+    (note,) = judge(Samples(seen.time, seen.position, seen.force[:, order]), given)
+    names = given.rig.supports
+    for i, j in enumerate(np.argsort(order)):
         assert (f"{names[i]} taken from {names[j]}" in note) == (i != j)
 
 
