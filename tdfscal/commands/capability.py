@@ -17,11 +17,9 @@ from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result, by_column
 from tdfscal.detection.capability import (
     Capability,
-    Remedy,
     Request,
     assess,
     beyond_contact_free,
-    remedies,
 )
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value, unfit
@@ -31,8 +29,6 @@ from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
-#: Cut-off of the filter that is tried where there is none, as a share of the sampling rate.
-_FILTER = 0.02
 #: Age of zeros, s, from which on a rig file is expected to say how they drift.
 _OLD = 86400.0
 #: Share of the variance from which on zeros have aged too far.
@@ -43,13 +39,12 @@ _AGED = 0.5
 class CapabilityResult(Result):
     """Thresholds and smallest contacts along a path, with what was asked and what was found.
 
-    about : (3,), m, LCS, point of the moments. remedies : what would help, the best first.
+    about : (3,), m, LCS, point of the moments.
     """
 
     calibration: Calibration
     capability: Capability
     request: Request
-    remedies: tuple[Remedy, ...]
     findings: tuple[Finding, ...]
     about: tuple[float, float, float]
     timed: bool
@@ -67,9 +62,8 @@ class CapabilityResult(Result):
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out thresholds, what they come from, and what would help."""
         return capability_report(
-            self.capability, self.request, self.remedies, self.findings, self.about, drawings,
-            timed=self.timed,
-        )  # fmt: skip
+            self.capability, self.request, self.findings, self.about, drawings, timed=self.timed
+        )
 
     def document(self) -> dict[str, Any]:
         """Return thresholds, contacts, shares and findings as plain JSON values."""
@@ -94,14 +88,6 @@ class CapabilityResult(Result):
                     }
                 )
                 for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
-            ],
-            "remedies": [
-                document(
-                    remedy,
-                    "kind value",
-                    smallest_contact=dict(zip(COMPONENTS, remedy.smallest_contact, strict=True)),
-                )
-                for remedy in self.remedies
             ],
         }
 
@@ -175,16 +161,10 @@ def capability(
 def _judged(path: FreePath, request: Request, point: FloatArray) -> CapabilityResult:
     noise = path.noise(request.cutoff)
     found = assess(path.given, path.errors, noise, path.places.time, path.duration, request)
-    lower = None
-    if path.interval is not None and noise.spans:
-        lower = (request.cutoff or 2 * _FILTER / path.interval) / 2
-    better = remedies(
-        path.given, path.errors, path.noise, found, path.duration, request, filtered_to=lower
-    )
     findings = (*path.use.findings, *path.findings, *_findings(path, found, noise.spans > 0))
     about = (float(point[0]), float(point[1]), float(point[2]))
     timed = not path.places.averaged
-    return CapabilityResult(path.use.calibration, found, request, better, findings, about, timed)
+    return CapabilityResult(path.use.calibration, found, request, findings, about, timed)
 
 
 def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:

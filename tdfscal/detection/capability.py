@@ -1,4 +1,4 @@
-"""Thresholds of a path without contact, the smallest contacts that exceed them, and what helps.
+"""Thresholds of a path without contact, and the smallest contacts that exceed them.
 
 Angles, zeros and load of a calibration are correlated, and their errors stand against each other:
 their variances do not add up. A source's share is its Shapley value with the variance that knowing
@@ -8,7 +8,6 @@ Prieur, SIAM/ASA J. Uncertainty Quantification 5, 2017): never negative, and 1 i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from math import comb
 
@@ -18,7 +17,7 @@ from tdfscal.detection.noise import MeasuredNoise
 from tdfscal.detection.path import Errors
 from tdfscal.detection.threshold import Noise, Places, Watch, quantile
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated, redrawn
+from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.significance import CONTACT_ON_PATH
@@ -96,33 +95,19 @@ class Request:
 
 
 @record
-class Thresholds:
-    """Per component of the wrench (6,), N and N·m; NaN where nothing bounds it.
+class Capability:
+    """Thresholds with what they come from.
 
-    threshold : exceeded on a contact-free path as seldom as is asked. smallest_contact : exceeds it
-    with the probability asked for, at any time of the path.
+    threshold : (6,), N and N·m, exceeded on a contact-free path as seldom as is asked;
+    smallest_contact : exceeds it with the probability asked for, at any time of the path; NaN where
+    nothing bounds it. shares : per source (6,) of the variance that stands against a contact.
+    time : (B,), s. calibration_std : (B, 6), what one machine has on it, standard deviation:
+    calibration, zeros and postures. seen_from : (B, 6), smallest contact at each time. noise : of
+    each component; resting : as it is at stops, else along a motion. duration : s, of the path.
     """
 
     threshold: FloatArray
     smallest_contact: FloatArray
-
-    @property
-    def worst(self) -> tuple[int, ...]:
-        """Components with the largest smallest contact: of the force, and of the torque."""
-        size = np.where(np.isfinite(self.smallest_contact), self.smallest_contact, -1.0)
-        return int(np.argmax(size[:3])), 3 + int(np.argmax(size[3:]))
-
-
-@record
-class Capability(Thresholds):
-    """Thresholds with what they come from.
-
-    shares : per source (6,) of the variance that stands against a contact. time : (B,), s.
-    calibration_std : (B, 6), what one machine has on it, standard deviation: calibration, zeros and
-    postures. seen_from : (B, 6), smallest contact at each time. noise : of each component;
-    resting : as it is at stops, else along a motion. duration : s, of the path.
-    """
-
     shares: dict[str, FloatArray]
     time: FloatArray
     calibration_std: FloatArray
@@ -131,6 +116,12 @@ class Capability(Thresholds):
     resting: bool
     duration: float
 
+    @property
+    def worst(self) -> tuple[int, ...]:
+        """Components with the largest smallest contact: of the force, and of the torque."""
+        size = np.where(np.isfinite(self.smallest_contact), self.smallest_contact, -1.0)
+        return int(np.argmax(size[:3])), 3 + int(np.argmax(size[3:]))
+
 
 def assess(
     given: Calibrated, errors: Errors, noise: MeasuredNoise, time: FloatArray, duration: float,
@@ -138,14 +129,18 @@ def assess(
 ) -> Capability:  # fmt: skip
     """Find thresholds and smallest contacts along a path of a duration, s, at times (B,), s."""
     components = with_slow(noise.components, errors.slow, duration)
-    found = thresholds(errors, components, duration, request)
+    limit, contact = np.full(6, np.nan), np.full(6, np.nan)
+    for c, watch in enumerate(watches(errors, components, duration)):
+        if watch is not None:
+            limit[c] = watch.threshold(request.probability(duration))
+            contact[c] = watch.smallest_contact(limit[c], request.detect)
     std = np.linalg.norm(errors.factor, axis=2)
     std[:, errors.open] = np.inf
     total = np.hypot(std, [one.std for one in components])
-    seen_from = found.threshold + quantile(request.detect) * total
+    seen_from = limit + quantile(request.detect) * total
     return Capability(
-        found.threshold,
-        found.smallest_contact,
+        limit,
+        contact,
         _shares(given, errors, components),
         time,
         std,
@@ -169,22 +164,6 @@ def with_slow(
             one = replace(one, slow=float(np.sqrt(variance)), relaxation=float(1.0 / rate))
         out.append(one)
     return tuple(out)
-
-
-def thresholds(
-    errors: Errors,
-    components: tuple[Noise, ...],
-    duration: float,
-    request: Request,
-    which: Sequence[int] = range(6),
-) -> Thresholds:
-    """Find the thresholds and the smallest contacts of some of the components."""
-    limit, contact = np.full(6, np.nan), np.full(6, np.nan)
-    for c, watch in enumerate(watches(errors, components, duration)):
-        if watch is not None and c in which:
-            limit[c] = watch.threshold(request.probability(duration))
-            contact[c] = watch.smallest_contact(limit[c], request.detect)
-    return Thresholds(limit, contact)
 
 
 def watches(errors: Errors, components: tuple[Noise, ...], duration: float) -> list[Watch | None]:
@@ -227,90 +206,3 @@ def _shares(
     for each in share.values():
         each[errors.open] = np.nan
     return share
-
-
-#: Gain from which on a remedy is worth a word, as a share of the contact.
-_WORTH = 0.1
-#: Time that the terminal hangs free before a run for its wrench to be set to zero, s.
-_HELD = 3.0
-
-
-@record
-class Remedy:
-    """One thing done, and the smallest contacts (6,) that would be seen then, N and N·m.
-
-    Of the worst force and the worst torque; NaN for the others.
-
-    kind : `tare` (each sensor, as the rig file states its zeros), `set-to-zero` (the wrench, where
-    the path begins), `filter` (at `value`, Hz), `weigh`, `calibrate` (with half the uncertainty).
-    """
-
-    kind: str
-    smallest_contact: FloatArray
-    value: float | None = None
-
-    def ratio(self, now: FloatArray) -> float:
-        """Contact then over the contact (6,) now, geometric mean over the components."""
-        known = np.isfinite(now) & np.isfinite(self.smallest_contact) & (now > 0)
-        return float(np.exp(np.mean(np.log(self.smallest_contact[known] / now[known]))))
-
-
-def remedies(
-    given: Calibrated, errors: Errors, noise: Callable[[float | None], MeasuredNoise],
-    now: Thresholds, duration: float, request: Request, *, filtered_to: float | None,
-) -> tuple[Remedy, ...]:  # fmt: skip
-    """Work out what each remedy brings; those worth a word, the best first.
-
-    noise : of the wrench behind a filter of that cut-off. filtered_to : Hz, a lower cut-off to try.
-    """
-    which = now.worst
-    here = with_slow(noise(request.cutoff).components, errors.slow, duration)
-    tried: list[tuple[str, float | None, Errors, tuple[Noise, ...]]] = [
-        (kind, None, other, here)
-        for kind, other in _changed(given, errors, [one.std for one in here])
-    ]
-    if filtered_to is not None:
-        quiet = with_slow(noise(filtered_to).components, errors.slow, duration)
-        tried.append(("filter", filtered_to, errors, quiet))
-    before, found = _spread(errors, here), []
-    for kind, value, other, components in tried:
-        after = _spread(other, components)
-        if all(after[c] > (1.0 - _WORTH) * before[c] for c in which):
-            continue
-        better = thresholds(other, components, duration, request, which)
-        found.append(Remedy(kind, better.smallest_contact, value))
-    worth = [one for one in found if one.ratio(now.smallest_contact) < 1.0 - _WORTH]
-    return tuple(sorted(worth, key=lambda one: one.ratio(now.smallest_contact)))
-
-
-def _spread(errors: Errors, components: tuple[Noise, ...]) -> FloatArray:
-    """Standard deviation (6,) of what stands on the wrench, where that is most."""
-    largest = np.linalg.norm(errors.factor, axis=2).max(axis=0)
-    return np.asarray(np.hypot(largest, [one.std for one in components]))
-
-
-def _changed(given: Calibrated, errors: Errors, noise: list[float]) -> Iterator[tuple[str, Errors]]:
-    """What would stand on the wrench after each of them."""
-    rig, J = given.rig, errors.linear.jacobian
-    if np.isfinite(rig.zero.std[rig.axes]).all():
-        fresh = redrawn(given, zero=(given.state.zero, np.diag(rig.zero.std.ravel() ** 2)))
-        none = errors.zeros[:, :, :0]
-        yield "tare", replace(errors, calibration=J @ fresh.root, zeros=none)
-    together = np.concatenate([errors.calibration, errors.zeros], axis=2)
-    first = together[0]
-    own = np.square(errors.postures[0]).sum(axis=1) + np.square(noise) / _HELD
-    shown = first @ first.T + np.diag(np.maximum(own, 1e-12 * np.square(first).sum()))
-    rest = np.eye(first.shape[1]) - first.T @ np.linalg.solve(shown, first)
-    values, vectors = np.linalg.eigh((rest + rest.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    yield "set-to-zero", replace(errors, calibration=together @ root, zeros=together[:, :, :0])
-    place, known = layout(rig.n), np.zeros(len(given.covariance), dtype=np.bool_)
-    for name in GROUPS["load"]:
-        known[place[name]] = True
-    known &= np.diagonal(given.covariance) > 0
-    if known.any():
-        half = given.root
-        weighed = half[known]
-        left = np.eye(half.shape[1]) - np.linalg.pinv(weighed) @ weighed
-        yield "weigh", replace(errors, calibration=errors.calibration @ left)
-    yield "calibrate", replace(errors, calibration=errors.calibration / 2.0)

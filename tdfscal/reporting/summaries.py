@@ -16,7 +16,7 @@ from tdfscal.significance import COVERAGE_FACTOR
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:  # each command loads its own
-    from tdfscal.detection.capability import Capability, Remedy, Request
+    from tdfscal.detection.capability import Capability, Request
     from tdfscal.planning.motion import MovingPlan
     from tdfscal.planning.plan import Plan
     from tdfscal.planning.predicted_information import Forecast
@@ -25,15 +25,16 @@ if TYPE_CHECKING:  # each command loads its own
 #: Units of the components.
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 #: Share of the noise left, from which on a filter is said to do nothing; share of the variance from
-#: which on noise is explained; remedies that are told.
-_IDLE, _MOSTLY, _TOLD = 0.95, 0.5, 3
+#: which on noise is explained.
+_IDLE, _MOSTLY = 0.95, 0.5
 _EXPANDED = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
-_DO = {
-    "tare": "tare each sensor before the run",
-    "set-to-zero": "set the wrench to zero before the run, hanging free for 3 s",
-    "weigh": "weigh the terminal, and find its barycentre, exactly",
-    "calibrate": "calibrate twice as well (four times the postures, or a harder squeeze)",
-    "filter": "filter at {:.3g} Hz",
+#: What lowers the smallest contact, by what most of it comes from.
+_LOWERS = {
+    "zeros": "Tare each sensor before the run, or set the wrench to zero there.",
+    "load": "Weigh the terminal, and find its barycentre.",
+    "gain": "Have the sensors' gains calibrated.",
+    "calibration": "Calibrate with more postures and a harder squeeze.",
+    "noise": "Filter lower (--filter HZ).",
 }
 
 
@@ -119,7 +120,7 @@ def _filter(f: dict[str, Any] | None) -> str:
 
 
 def capability_report(
-    found: Capability, request: Request, remedies: Sequence[Remedy], findings: Sequence[Finding],
+    found: Capability, request: Request, findings: Sequence[Finding],
     about: tuple[float, float, float], drawings: tuple[Drawing, ...], *, timed: bool,
 ) -> Report:  # fmt: skip
     """Lay out thresholds, smallest contacts, what they come from, and what would help."""
@@ -131,11 +132,10 @@ def capability_report(
     columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
     for name, share in found.shares.items():
         columns[name] = [_number(v, ".0%", "–") for v in share]
-    better = (_remedy(one, found) for one in remedies[:_TOLD])
     unstated = any(f.code == "path-inertia-unknown" or f.values.get("unstated") for f in findings)
     noise = _noise(found, request, inertia=not unstated)
-    lowers = layout.listed("What lowers the smallest contact", better)
-    blocks: tuple[Block, ...] = (_by_component(columns), *noise, *lowers)
+    blocks: tuple[Block, ...] = (_by_component(columns), *noise)
+    most = [max(found.shares, key=lambda source: found.shares[source][c]) for c in found.worst]
     apart = " (noise not counted)" if noiseless else ""
     return Report(
         "Contact that this rig sees",
@@ -148,6 +148,7 @@ def capability_report(
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
+        advice=tuple(dict.fromkeys(_LOWERS[source] for source in most)),
     )
 
 
@@ -165,17 +166,6 @@ def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[st
         if not found.resting:
             less += ["an inertia that is stated"] * (not inertia) + ["a path at rest"]
         yield f"Noise is the scatter {of} {where}: {sizes}. Less with {' or '.join(less)}."
-
-
-def _remedy(remedy: Remedy, found: Capability) -> str:
-    """What to do, and what the worst force and torque come down to."""
-    now, then = found.smallest_contact, remedy.smallest_contact
-    said = (
-        f"{COMPONENTS[k]} {now[k]:.3g} → {then[k]:.3g} {UNITS[k]}"
-        for k in found.worst
-        if np.isfinite(now[k])
-    )
-    return f"{_DO[remedy.kind].format(remedy.value)}: {', '.join(said)}"
 
 
 def plan_report(plan: Plan | MovingPlan) -> Report:
