@@ -1,4 +1,4 @@
-"""What the columns of a point table mean, by their names; numbers."""
+"""What the columns of a point table mean, by their names; units and numbers."""
 
 from __future__ import annotations
 
@@ -13,43 +13,42 @@ from tdfscal.files.field_types import LARGEST
 from tdfscal.frozen import field, record
 from tdfscal.records import FloatArray
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-_SPELLINGS = {
-    "m": ("m", "meter", "meters", "metre", "metres"),
-    "cm": ("cm", "centimeter", "centimeters", "centimetre", "centimetres"),
-    "mm": ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
-    "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"),
-    "in": ("in", "inch", "inches", '"'),
-}
 #: Every spelling of a unit that is known, and which of METRES it means.
-_UNITS = {spelling: unit for unit, all_of in _SPELLINGS.items() for spelling in all_of}
-_BARE_UNIT = "|".join(map(re.escape, sorted(_UNITS, key=len, reverse=True)))
+_UNITS = {
+    spelling: unit
+    for unit, spellings in {
+        "m": ("m", "meter", "meters", "metre", "metres"),
+        "cm": ("cm", "centimeter", "centimeters", "centimetre", "centimetres"),
+        "mm": ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
+        "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"),
+        "in": ("in", "inch", "inches", '"'),
+    }.items()
+    for spelling in spellings
+}
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
 _GAP = r"[\s_.-]*"
 _MEASURED = r"(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)"
+_UNIT = rf"(?:[\[(](?P<unit>[^\])]*)[\])]|[/_\s]\s*(?P<bare>{'|'.join(map(re.escape, _UNITS))}))?"
 #: What stands before and after the axis in the names of each kind of column.
-_KINDS = {
-    "expanded": (rf"u{_GAP}\(?\s*95\s*%?\s*\)?", ""),
-    "standard": (r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)", ""),
-    "nominal": (r"(?:nom(?:inal)?|soll|ref(?:erence)?)", ""),
-    "coordinate": (rf"{_MEASURED}?", rf"(?:{_GAP}{_MEASURED})?"),
-}
 _COLUMN = {
     kind: re.compile(
-        rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{after}\s*"
-        rf"(?:[\[(](?P<unit>[^\])]*)[\])]|[/_\s]\s*(?P<bare>{_BARE_UNIT}))?",
+        rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{after}\s*{_UNIT}",
         re.IGNORECASE,
     )
-    for kind, (before, after) in _KINDS.items()
+    for kind, before, after in (
+        ("expanded", rf"u{_GAP}\(?\s*95\s*%?\s*\)?", ""),
+        ("standard", r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)", ""),
+        ("coordinate", rf"{_MEASURED}?", rf"(?:{_GAP}{_MEASURED})?"),
+    )
 }
 _GROUP = ("group", "group name", "point group", "gruppe")
 #: Names of the column with the points' names, the best first; `Target` is a reflector's type or,
 #: in SpatialAnalyzer, the point.
 _POINT = (
-    "point", "point name", "pointname", "name", "point id", "pointid", "point no", "point nr",
-    "pt", "pt name", "pt id", "punkt", "punktname", "punktnummer", "label", "id", "feature",
-    "object", "element", "object name", "feature name", "element name", "point number",
-    "point label", "target id", "no", "no.", "nr", "nr.", "number", "#", "index",
+    "point", "point name", "pointname", "name", "point id", "pointid", "pt", "punkt", "punktname",
+    "punktnummer", "label", "id", "feature", "element", "point number", "target id", "no", "nr",
+    "number", "#", "index",
 )  # fmt: skip
 _TARGET = ("target", "target name")
 _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
@@ -99,18 +98,7 @@ class Columns:
 def is_header(cells: Sequence[str]) -> bool:
     """Whether these cells name x, y and z."""
     found = {column[:2] for column in map(_parsed, cells) if column}
-    return any({(kind, axis) for axis in "xyz"} <= found for kind in ("coordinate", "nominal"))
-
-
-def is_column_name(text: str) -> bool:
-    """Whether a text is one column's name: several words of a line may be."""
-    return _parsed(text) is not None or text.strip().lower() in (*_POINT, *_TARGET, *_GROUP)
-
-
-def _without_bracket(name: str) -> str:
-    """A name that is bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`."""
-    name = name.removeprefix("[")
-    return name.removesuffix("]") if name.count("]") > name.count("[") else name
+    return {("coordinate", axis) for axis in "xyz"} <= found
 
 
 def read_header(cells: Sequence[str], where: str) -> Columns:
@@ -118,7 +106,7 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
     names = [_without_bracket(cell.strip()) for cell in cells]
     folded = [name.lower() for name in names]
     units: dict[int, str | None] = {}
-    kinds: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
+    kinds: dict[str, dict[str, int]] = {kind: {} for kind in _COLUMN}
     for i, name in enumerate(names):
         if (column := _parsed(name)) is not None:
             kind, axis, units[i] = column
@@ -130,12 +118,10 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
     if uncertain and set(uncertain) != set("xyz"):
         stated = ", ".join(sorted(uncertain))
         refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
-    coordinates = kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"]
     point, target, group = (_first(folded, known) for known in (_POINT, _TARGET, _GROUP))
-    reflector = point is None and target is not None and group is None
     roles = ["offset" if i not in units and _OFFSET.search(n) else "" for i, n in enumerate(names)]
     named: dict[str, int | None] = {"group": group, "point": target if point is None else point}
-    named |= coordinates | {f"u{axis}": i for axis, i in uncertain.items()}
+    named |= kinds["coordinate"] | {f"u{axis}": i for axis, i in uncertain.items()}
     for role, index in named.items():
         if index is not None:
             roles[index] = role
@@ -144,25 +130,30 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
         {r: to_metres(u, where) for i, r in enumerate(roles) if r and (u := units.get(i))},
         expanded=bool(kinds["expanded"]),
         bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
-        reflector=reflector,
+        reflector=point is None and target is not None and group is None,
         ignored=tuple(name for name, role in zip(names, roles, strict=True) if name and not role),
     )
 
 
 def spatial_analyzer(count: int, uncertain: bool) -> Columns | None:
     """[Collection,] Group, Point, X, Y, Z and, where the file speaks of them, uncertainties."""
-    numbers = (
-        ("x", "y", "z", "ux", "uy", "uz") if uncertain and count in (8, 9) else ("x", "y", "z")
-    )
-    names = count - len(numbers)
-    if names not in (2, 3):
+    numbers: tuple[str, ...] = ("x", "y", "z")
+    if uncertain and count in (8, 9):
+        numbers += ("ux", "uy", "uz")
+    collection = count - len(numbers) == 3
+    if count - len(numbers) not in (2, 3):
         return None
-    collection = names == 3
     return Columns(
         (*("",) * collection, "group", "point", *numbers),
         bare=len(numbers) == 6,
         ignored=("Collection",) * collection,
     )
+
+
+def _without_bracket(name: str) -> str:
+    """A name that is bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`."""
+    name = name.removeprefix("[")
+    return name.removesuffix("]") if name.count("]") > name.count("[") else name
 
 
 def _parsed(name: str) -> tuple[str, str, str | None] | None:

@@ -13,10 +13,10 @@ from tdfscal.errors import DataError
 from tdfscal.files.field_types import LengthUnit, NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
 from tdfscal.files.points.columns import Columns, refuse, to_metres
-from tdfscal.files.points.table import Preamble, Table, found_in, read_table, read_text
+from tdfscal.files.points.table import Preamble, Table, read_table, read_text
 from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.files.yaml import parse_document
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
@@ -60,6 +60,11 @@ class PointFile(Strict):
                     hint="give each point of a group a name of its own",
                 )
         return self
+
+
+def found_in(code: str, source: str, **values: Value) -> Finding:
+    """Return a finding about a point file."""
+    return Finding(code, (source,), values=values)
 
 
 @record
