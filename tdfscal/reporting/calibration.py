@@ -6,7 +6,6 @@ import math
 from pathlib import PurePath
 
 from tdfscal.catalogue.entry import rounded
-from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import student_dof
@@ -68,7 +67,6 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             *layout.illustrated(drawings, blocks),
             Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
-            Section("Lines of the rig file to be confirmed", _draft(c)),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(campaign_facts(c), c.rig.record()),
             provenance(c, digest),
@@ -89,13 +87,6 @@ def _summary(c: Calibration) -> Table:
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
     caption = f"Installation angles, mrad, 95 %; {_CONVENTION}"
     return Table(caption, ("sensor", *ANGLES), tuple(rows))
-
-
-def _draft(c: Calibration) -> tuple[Table, ...]:
-    """Every line of a draft that is still to be confirmed."""
-    said = [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
-    rows = tuple(tuple(line.removesuffix(")").rpartition(" (line ")[2::-2]) for line in said)
-    return (Table("", ("line", "key and value"), rows, left=2),) if rows else ()
 
 
 def _angles(c: Calibration) -> Table:

@@ -73,14 +73,6 @@ class Items:
     caption: str
     items: tuple[str, ...]
 
-    def brief(self) -> Items:
-        """The same, cut to `LISTED` sentences and the number of the others."""
-        more = len(self.items) - LISTED
-        if more <= 1:
-            return self
-        kept = (*self.items[:LISTED], f"… and {more} more; --html FILE or --json lists them all")
-        return Items(self.caption, kept)
-
 
 #: A str is a paragraph.
 Block = Table | Facts | Items | str
@@ -138,8 +130,7 @@ class Report:
                 yield block.brief() if isinstance(block, Table) else block
             return
         for section in self.sections:
-            for block in () if section.page_only else section.blocks:
-                yield block.brief() if isinstance(block, Items) else block
+            yield from () if section.page_only else section.blocks
 
 
 def legible(report: Report) -> Report:

@@ -179,7 +179,7 @@ def test_a_time_with_a_date_is_shown_as_one(tmp_path: Path) -> None:
     """And where no clock has dates, that the file's stand for them."""
     folder = written(tmp_path / "dated", ROWS[:240])
     head, *lines = (folder / "log.csv").read_text().splitlines()
-    assert "the file's own" in tdfscal.info(folder / "log.csv").text
+    assert "The log's clock has no dates" in tdfscal.info(folder / "log.csv").text
     begin = datetime(2026, 11, 20, 23, 59, 58, tzinfo=UTC)
     dated = [
         f"{begin + timedelta(seconds=float(time)):%Y-%m-%dT%H:%M:%S.%fZ},{rest}"

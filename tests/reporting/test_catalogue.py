@@ -11,7 +11,6 @@ from typing import get_args
 import pytest
 
 from tdfscal.catalogue import CATALOGUE, document, sentence
-from tdfscal.catalogue.entry import entries
 from tdfscal.findings import Finding, Severity
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
@@ -67,23 +66,3 @@ def test_a_size_and_its_uncertainty_are_said_in_one_unit() -> None:
     assert "± (0.318, 0.386, 0.357) mrad" in said
     known = Finding("positioner-axis-faulty", ("ncp1",), 4e-4, "m", values={"std": 2e-3})
     assert "0.4 mm ± 2 mm" in sentence(known)
-
-
-def test_a_row_of_the_table_is_read_as_it_is_written() -> None:
-    rows = """
-one warns
-  {subject} is off by
-  {size}
-  ? why , for {why}
-  -> look
-    again
-two notes
-  nothing
-"""
-    found = entries(rows, "it seems that %s", "? more and {more}", "a-%s")
-    given = Finding("a-one", ("ncp1", "ncp2"), 2.6e-3, "m", values={"why": "this", "more": 3.0})
-    assert found["a-one"].words(given) == (
-        "it seems that ncp1, ncp2 is off by 2.6 mm, for this and 3.0"
-    )
-    assert found["a-one"].advice(given) == "look again"
-    assert (found["a-two"].severity, found["a-two"].advice(given)) == ("notes", "")

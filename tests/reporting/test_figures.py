@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings
-from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
+from tdfscal.reporting.figures.style import look, raster, save, to_svg
 from tests.reporting.samples import NASTY, changed, sample, surveyed
 
 SELF = {"angles", "residuals", "budget", "timeline"}
@@ -101,14 +101,6 @@ def test_text_from_files_is_never_taken_for_mathematics() -> None:
     content["fit"]["rejected"][0]["reason"] = r"$\frac{1}{ <b>x_2$ \undefined"
     timeline = {d.name: d for d in drawings(Calibration.model_validate(content))}["timeline"]
     assert "<b>" not in to_svg(timeline)
-
-
-def test_a_notebook_shows_a_figure_without_pyplot() -> None:
-    """As IPython formats it: without a picture it would print `<Figure size …>`."""
-    formatter = pytest.importorskip("IPython.core.formatters").PNGFormatter()
-    with look():
-        shown = formatter(figure(2.0))
-    assert shown.startswith(b"\x89PNG")
 
 
 def test_many_postures_stay_small() -> None:

@@ -9,11 +9,9 @@ from typing import Any
 
 import pytest
 
-from tdfscal.catalogue.entry import upwards
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import shown, table
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
@@ -22,19 +20,6 @@ from tests.words import found
 
 def render(c: Calibration) -> str:
     return as_text(calibration_report(c))
-
-
-EPOCH = 1_750_000_000.0
-
-
-def shifted(c: Calibration, by: float) -> Calibration:
-    """The same calibration from a log whose time starts later."""
-    content = c.model_dump()
-    for key in ("start", "end"):
-        content["postures"][key] = [t + by for t in content["postures"][key]]
-        for rejected in content["fit"]["rejected"]:
-            rejected[key] += by
-    return Calibration.model_validate(content)
 
 
 def with_(c: Calibration, status: str = "rejected", **parts: Any) -> Calibration:
@@ -80,14 +65,6 @@ def test_a_summary_fits_a_terminal() -> None:
     assert "What next (1 of 2 here, -v or --html FILE shows all)" in lines
 
 
-@pytest.mark.parametrize(
-    ("size", "said"),
-    [(1.03, "1.03"), (1.0304, "1.04"), (0.601, "0.61"), (0.6, "0.6"), (99.6, "100"), (234, "240")],
-)
-def test_what_holds_for_all_angles_is_rounded_upwards(size: float, said: str) -> None:
-    assert upwards(size, 2) == said
-
-
 def test_what_is_taken_as_exact_and_outweighs_the_claim_is_measured_first() -> None:
     """0.1 % of gain, 1 mrad of level: more than ± 0.46 mrad; 0.1 mm of a datum: less."""
     c = sample().calibration
@@ -101,16 +78,6 @@ def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
     assert "95 % intervals, k = 1.96\n" in render(c)
     wide = render(by_hand(c.model_dump()))
     assert "95 % intervals, k = 2.00 for 60 degrees of freedom\n" in wide
-
-
-@pytest.mark.parametrize(("by", "origin"), [(EPOCH, EPOCH), (3600.0, 0.0)])
-def test_dates_in_the_log_are_counted_from_its_start(by: float, origin: float) -> None:
-    """Simulated logs start at 0: epoch seconds change no word; an hour is no date."""
-    c = sample(touched=True).calibration
-    later = shifted(c, by)
-    assert clock(later).origin == origin
-    told, shown = (re.findall(r"posture 5 \(([\d.]+)", render(each)) for each in (c, later))
-    assert float(shown[0]) == pytest.approx(float(told[0]) + by - origin, abs=0.051)
 
 
 def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,8 +13,9 @@ import yaml
 
 from tdfscal import calibrate
 from tdfscal.commands.calibration import load_calibration
-from tdfscal.exports.statements import cautions
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import MeasuredResult
+from tdfscal.files.rig.model import Sensor
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.reporting.assumptions import exceeding
 from tdfscal.reporting.calibration import calibration_report
@@ -22,6 +23,7 @@ from tdfscal.reporting.headline import headline
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
+from tdfscal.reporting.traceability import campaign_facts
 from tdfscal.significance import UNDECLARED_ERROR
 from tests.reporting.samples import changed, sample, saved, surveyed
 
@@ -146,21 +148,6 @@ def test_conformity_stands_beside_the_rule() -> None:
     assert facts(c)["Contact wrench"] == "not judged: the result is rejected"
 
 
-def test_dates_that_cannot_be_are_told_wherever_the_calibration_goes() -> None:
-    day = {"begin": "2024-11-20T00:00:00Z", "end": "2024-11-21T00:00:00Z", "source": "rig"}
-    cases = {
-        "2024-11-20T12:00:00Z": "",  # by the clock of another time zone
-        "2020-01-01T00:00:00Z": "before its data were recorded (2024-11-21T00:00:00Z)",
-        "2999-01-01T00:00:00Z": "2999-01-01T00:00:00Z, which is in the future",
-    }
-    for created, said in cases.items():
-        c = changed(stated(), measured=day, created=created)
-        for told in (calibration_report(c).warnings, cautions(c)):
-            dated = [text for text in told if "says that it was computed" in text]
-            assert len(dated) == bool(said)
-            assert all(said in text for text in dated)
-
-
 def test_a_file_without_a_seal_is_marked(tmp_path: Path) -> None:
     """A sealed file and a result in memory are not."""
     path = saved(stated(), tmp_path, "c.json")
@@ -192,3 +179,34 @@ def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
     wrong = calibrate(folder / "log.parquet", rig=tmp_path / "rig.yaml", trials=0)
     moved = 1e3 * float(np.abs(wrong.rpy - right.rpy).max())
     assert 0.1 * float(told[1]) < moved <= 1.05 * float(told[1])
+
+
+def _due(c: Calibration) -> str:
+    return dict(campaign_facts(c)).get("Next due", "")
+
+
+def test_a_date_before_the_measurement_is_now() -> None:
+    """Measured on 2026-11-20: a certificate that ended before is due, a later one at its end."""
+    day = MeasuredResult(begin="2026-11-20T00:00:00Z", end="2026-11-20T00:00:00Z", source="log")
+    for end, said in (("2026-01-01", "now: "), ("2027-01-01", "2027-01-01, ")):
+        c = sample().calibration.model_copy(deep=True, update={"measured": day})
+        support = c.rig.supports[0].model_copy(update={"sensor": Sensor(due=end)})
+        supports = (support, *c.rig.supports[1:])
+        c = c.model_copy(update={"rig": c.rig.model_copy(update={"supports": supports})})
+        assert _due(c).startswith(said)
+        assert end in _due(c)
+
+
+@pytest.mark.parametrize("walk", [1.2e-3, 2e-4])
+def test_the_next_date_follows_from_the_drift_of_angles(walk: float) -> None:
+    """limit² = std² + drift² months, at most two years."""
+    c = sample().calibration
+    day = "2026-01-01T00:00:00Z"
+    rig = c.rig.model_copy(update={"drift": c.rig.drift.model_copy(update={"angle": walk})})
+    measured = MeasuredResult(begin=day, end=day, source="log")
+    known = c.model_copy(update={"rig": rig, "measured": measured})
+    months = (known.rig.acceptance.angle_std**2 - known.rpy_std.max() ** 2) / walk**2
+    found = re.match(r"\d{4}-\d{2}-\d{2}", _due(known))
+    assert found is not None
+    assert found[0] == str(np.datetime64("2026-01-01") + int(min(months, 24) * 30.4375))
+    assert ("two years" in _due(known)) is bool(months > 24)

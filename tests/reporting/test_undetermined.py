@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.errors import NotIdentifiableError
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.findings import Finding
 from tdfscal.motioncal.blocks import Stretch
@@ -98,19 +98,6 @@ def test_the_log_is_shown_with_what_was_rejected(page: str) -> None:
         "timeline",
         "residuals",
     ]
-
-
-def test_what_there_is_to_be_seen_is_drawn_and_no_more() -> None:
-    error = attempt().error
-    assert isinstance(error.evidence, Undetermined)
-    few = replace(error.evidence, quality=replace(error.evidence.quality, dof=0))
-    exact = replace(attempt(), error=NotConvergedError("it wanders", evidence=few))
-    drawings = undetermined_drawings(exact)
-    assert [d.name for d in drawings] == ["determined", "timeline"]
-    assert undetermined_report(exact, drawings).verdict == "NOT CONVERGED"
-    bare = replace(attempt(), error=NotIdentifiableError("three points on a line", where="points"))
-    assert undetermined_drawings(bare) == ()
-    assert "points: three points on a line" in words(render(undetermined_report(bare)))
 
 
 def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:

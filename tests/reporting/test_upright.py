@@ -56,19 +56,6 @@ def test_the_file_states_neither_uncertainty_nor_interval(
             assert [value is None for value in stated] == open_
 
 
-def test_a_file_that_states_half_of_an_interval_is_refused(
-    upright: Calibration, tmp_path: Path
-) -> None:
-    document = upright.model_dump()
-    document["supports"][UPRIGHT]["rpy_interval"]["low"] = [0.0, None, None]
-    with pytest.raises(ValueError, match="one of its ends"):
-        Calibration.model_validate(document)
-    document = upright.model_dump()
-    document["supports"][0]["rpy_interval"] |= {"low": [None] * 3, "high": [None] * 3}
-    with pytest.raises(ValueError, match="lacks an interval whose rpy_std"):
-        Calibration.model_validate(document)
-
-
 def test_frame_text_and_page_leave_it_out(
     upright: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
