@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Self, cast
 
+from pydantic import BaseModel
+
 from tdfscal.commands.result import Result, by_column
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -87,17 +89,8 @@ class Calibration(Result, CalibrationFile):
         """The file as YAML."""
         return dump_calibration(self, "yaml")
 
-
-def _not_here(calibration: Calibration) -> Any:
-    """A name of pydantic's older interface, which would mean another thing than ours."""
-    raise AttributeError("a calibration has no such name; see the functions of tdfscal")
-
-
-for _name in (
-    "construct", "copy", "dict", "from_orm", "json", "parse_file", "parse_obj", "parse_raw",
-    "schema", "schema_json", "update_forward_refs", "validate",
-):  # fmt: skip
-    setattr(Calibration, _name, property(_not_here))
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if not hasattr(BaseModel, name)]
 
 
 def load_calibration(path: str | PathLike[str]) -> Calibration:
@@ -133,13 +126,13 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
 
 def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:
     """Read several, each under a name of its own. Raises DataError, UsageError."""
-    if sum(str(source) == "-" for source in paths_of(sources)) > 1:
+    if sum(source == "-" or source == Path("-") for source in sources) > 1:
         raise UsageError("standard input can be read once only", hint="name files")
     loaded = [read_source(source) for source in sources]
-    if sum(name == IN_MEMORY for name, _ in loaded) > 1:
+    if [name for name, _ in loaded].count(IN_MEMORY) > 1:
         loaded = [
-            (f"{name} {k + 1}" if name == IN_MEMORY else name, c)
-            for k, (name, c) in enumerate(loaded)
+            (f"{name} {k}" if name == IN_MEMORY else name, c)
+            for k, (name, c) in enumerate(loaded, 1)
         ]
     if len({name for name, _ in loaded}) < len(loaded):
         raise UsageError("a calibration file is named twice", hint="name each file once")
@@ -158,11 +151,6 @@ def sources_of(*given: CalibrationSource | Iterable[CalibrationSource]) -> list[
     if not found:
         raise UsageError("no file is named", hint="name calibration files")
     return found
-
-
-def paths_of(sources: Iterable[CalibrationSource]) -> list[Path]:
-    """Return those that are files."""
-    return [Path(s) for s in sources if not isinstance(s, CalibrationFile)]
 
 
 def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[str | float, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,13 +11,13 @@ from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions, other_papers
-from tdfscal.commands.arguments import PathLike, PathLikes, listed
+from tdfscal.commands.arguments import PathLike, PathLikes
 from tdfscal.commands.calibration import (
     Calibration,
     CalibrationSource,
     read_source,
 )
-from tdfscal.commands.campaign import Campaign, resolve
+from tdfscal.commands.campaign import Campaign, no_log, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.thermometer import Thermometer
 from tdfscal.errors import DataError, UsageError
@@ -93,11 +93,7 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()), document=document)
     campaign = resolve(paths, rig, fallback=own)
     if not campaign.logs:
-        raise UsageError(
-            "there is no log here",
-            where=", ".join(map(str, listed(paths))),
-            hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
-        )
+        raise no_log(paths)
     given = calibrated(loaded)
     other = campaign.rig.rig
     require_agreement(given.rig, other, str(campaign.rig.path))
@@ -171,81 +167,77 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
     return ZeroAge(max(abs(now - epoch.begin), epoch.span), warming)
 
 
-def zeros_since(
-    use: InUse, head: LogHead, thermometer: Thermometer, posture_std: float
-) -> tuple[ZeroAge, ZeroVariance | None]:
-    """Age of the zeros at a log's first sample, and the variance by which they may have moved.
-
-    posture_std : N per axis, by which the calibration's postures scatter.
-    """
-    rig, start = use.campaign.rig.rig, float(head.samples.time[0])
-
-    def temperature(time: FloatArray) -> FloatArray | None:
-        return temperatures(use, thermometer, time)
-
-    age, slow = zeros_at(use, head, thermometer, posture_std)
-    declared = moved_zeros(rig.drift, start, age, temperature)
-    if declared is None or slow is None:
-        return age, declared or slow
-    return age, lambda time: np.asarray(declared(time) + slow(time))
-
-
-def zeros_at(
-    use: InUse, head: LogHead, thermometer: Thermometer, posture_std: float
-) -> tuple[ZeroAge, ZeroVariance | None]:
-    """Age of the zeros at a log's first sample, and the variance of 1/f noise since they held."""
-    start = float(head.samples.time[0])
-    first = temperatures(use, thermometer, np.array([start]))
-    age = zero_age(use, start, None if first is None else first[0])
-    epoch = zero_epoch(use.calibration)
-    rig = use.campaign.rig.rig
-    scatter = posture_std**2 - rig.declared.force_noise**2
-    level = flicker_level(head, rig.axes, scatter, epoch.span, epoch.dwell)
-    return age, flicker(level, start, age, epoch.span)
-
-
-def temperatures(use: InUse, thermometer: Thermometer, time: FloatArray) -> FloatArray | None:
-    """Temperature (N, n), °C, at times (N,), s, where zeros move with it; None without a record."""
-    rig = use.campaign.rig.rig
-    return thermometer.at(time, time, rig.n) if rig.drift.temperature > 0 else None
-
-
 @dataclass(slots=True, kw_only=True)
 class WrenchPass(LogPass):
     """What one reading of a log under a calibration needs, and leaves behind.
 
-    given : about the point that moments are about.
+    point : (3,), m, LCS, that moments are about. given : about that point.
     """
 
     use: InUse
+    point: FloatArray
     given: Calibrated
     inspection: Inspection
     tally: Tally = field(default_factory=Tally)
     thermometer: Thermometer = field(default_factory=Thermometer)
 
     @classmethod
-    def of(cls, use: InUse, settings: Settings, point: FloatArray) -> WrenchPass:
-        """Start with a point (3,), m, LCS."""
-        given, inspection = about_point(use.given, point), Inspection(use.given)
-        return cls(use.campaign, settings, use=use, given=given, inspection=inspection)
+    def of(cls, use: InUse, settings: Settings, point: Sequence[float]) -> WrenchPass:
+        """Start with the point that moments are about."""
+        place = np.array(point)
+        return cls(
+            use.campaign,
+            settings,
+            use=use,
+            point=place,
+            given=about_point(use.given, place),
+            inspection=Inspection(use.given),
+        )
 
-    def read(self) -> tuple[LogHead | None, Iterator[Samples]]:
-        """Begin to read: the beginning, and the samples from their first on."""
+    def read(self) -> tuple[LogHead, Iterator[Samples]]:
+        """Begin to read: the beginning, and the samples from their first on. Raises DataError."""
+        self.progress.stage("reading the log and working out the contact wrench")
         pieces = aligned(self.thermometer.passing(self.pieces()), self.tally)
-        averaged = self.campaign.averaged
-        return take_head(self.inspection.watch(pieces), self.rig.supports, averaged=averaged)
+        watched, averaged = self.inspection.watch(pieces), self.campaign.averaged
+        head, samples = take_head(watched, self.rig.supports, averaged=averaged)
+        if head is None:
+            raise DataError(
+                "there is no instant at which every NCP's position and force are known",
+                where=", ".join(map(str, self.campaign.logs)),
+                hint="check that all streams were recorded at the same time",
+            )
+        return head, samples
 
     def wrenches(self, samples: Iterable[Samples]) -> Iterator[Wrenches]:
         """Work out the contact wrenches."""
         return (at_rest if self.given.rig.inertia is None else in_motion)(self.given, samples)
 
-    def nothing(self) -> DataError:
-        """Say that no instant holds a position and a force of every NCP."""
-        return DataError(
-            "there is no instant at which every NCP's position and force are known",
-            where=", ".join(map(str, self.campaign.logs)),
-            hint="check that all streams were recorded at the same time",
-        )
+    def zeros(self, head: LogHead) -> tuple[ZeroAge, ZeroVariance | None]:
+        """Age of the zeros at a log's first sample, and the variance of 1/f noise since they held.
+
+        With temperatures where zeros move with these.
+        """
+        start = float(head.samples.time[0])
+        first = self.temperatures(np.array([start]))
+        age = zero_age(self.use, start, None if first is None else first[0])
+        epoch = zero_epoch(self.use.calibration)
+        scatter = self.use.posture_std**2 - self.rig.declared.force_noise**2
+        level = flicker_level(head, self.rig.axes, scatter, epoch.span, epoch.dwell)
+        return age, flicker(level, start, age, epoch.span)
+
+    def moved_zeros(self, head: LogHead) -> tuple[ZeroAge, ZeroVariance | None]:
+        """Age of the zeros, and the variance by which they may have moved since, drift included."""
+        age, slow = self.zeros(head)
+        start = float(head.samples.time[0])
+        declared = moved_zeros(self.rig.drift, start, age, self.temperatures)
+        if declared is None or slow is None:
+            return age, declared or slow
+        return age, lambda time: np.asarray(declared(time) + slow(time))
+
+    def temperatures(self, time: FloatArray) -> FloatArray | None:
+        """Temperature (N, n), °C, at times (N,), s, where zeros move with it; else None."""
+        n = self.rig.n
+        return self.thermometer.at(time, time, n) if self.rig.drift.temperature > 0 else None
 
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""

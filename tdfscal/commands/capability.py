@@ -24,7 +24,7 @@ from tdfscal.detection.capability import (
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -142,11 +142,10 @@ def capability(
     ------
     UsageError, RigError, DataError
     """
-    request, point = Request(false_stops, detect, filter), np.array(triple("--at", at))
-    path = planned_path(calibration, listed(paths), point)
+    request, point = Request(false_stops, detect, filter), triple("--at", at)
+    path = planned_path(calibration, listed(paths), np.array(point))
     if path is None:
         use = take(calibration, paths, rig)
-        progress.stage("reading the log and working out the contact wrench")
         path = read_path(WrenchPass.of(use, Settings(progress), point), request.cutoff)
     if not path.use.calibration.rotation_covariance.any():
         raise DataError(
@@ -158,11 +157,12 @@ def capability(
     return _judged(path, request, point)
 
 
-def _judged(path: FreePath, request: Request, point: FloatArray) -> CapabilityResult:
+def _judged(
+    path: FreePath, request: Request, about: tuple[float, float, float]
+) -> CapabilityResult:
     noise = path.noise(request.cutoff)
     found = assess(path.given, path.errors, noise, path.places.time, path.duration, request)
     findings = (*path.use.findings, *path.findings, *_findings(path, found, noise.spans > 0))
-    about = (float(point[0]), float(point[1]), float(point[2]))
     timed = not path.places.averaged
     return CapabilityResult(path.use.calibration, found, request, findings, about, timed)
 

@@ -10,12 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.commands.calibration import CalibrationSource, read_source
-from tdfscal.commands.calibration_in_use import (
-    InUse,
-    WrenchPass,
-    temperatures,
-    zeros_at,
-)
+from tdfscal.commands.calibration_in_use import InUse, WrenchPass
 from tdfscal.commands.campaign import Campaign
 from tdfscal.detection.capability import UNTIMED
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
@@ -86,8 +81,6 @@ def read_path(log: WrenchPass, cutoff: float | None) -> FreePath:
     use, averaged = log.use, log.use.campaign.averaged
     points = PathPoints(averaged)
     head, samples = log.read()
-    if head is None:
-        raise log.nothing()
     interval = None
     if not averaged and len(head.samples.time) > 1:
         interval = float(np.median(np.diff(head.samples.time)))
@@ -112,10 +105,8 @@ def read_path(log: WrenchPass, cutoff: float | None) -> FreePath:
             else:
                 free.add(piece.time, size)
     places = points.path()
-    age, flicker = zeros_at(use, head, log.thermometer, use.posture_std)
-    zeros = ZeroChange(
-        use.campaign.rig.rig.drift, age, temperatures(use, log.thermometer, places.time), flicker
-    )
+    age, flicker = log.zeros(head)
+    zeros = ZeroChange(log.rig.drift, age, log.temperatures(places.time), flicker)
     stand = errors(log.given, places, zeros, _scatter(use, log.given))
     time, value = (np.concatenate(parts) for parts in zip(*begun, strict=True))
     noise = _noise(head, places, stand, time, value)

@@ -123,15 +123,9 @@ def init(
 
 
 def _why_not(info: LogInfo) -> str:
-    """Why no mapping was guessed, each reason once and without the file's name."""
-    first, none = info.contents[0].path, "no mapping is guessed"
-    said = [
-        text.removeprefix(str(first)).lstrip(":, ").rstrip(".")
-        for text in (*info.problems, *info.guess.notes)
-    ]
-    if decisive := [text for text in said if none in text]:
-        said = [*decisive, *(text for file in info.contents for text in file.problems)]
-    return "; ".join(dict.fromkeys(said)) or none
+    """Why no mapping was guessed, each reason once."""
+    said = (*info.problems, *info.guess.notes)
+    return "; ".join(dict.fromkeys(text.rstrip(".") for text in said)) or "no mapping is guessed"
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:

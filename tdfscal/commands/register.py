@@ -29,9 +29,7 @@ from tdfscal.trackercal.point_matching import Match
 
 @record(eq=False)
 class RegisterResult(Result):
-    """Best-fit transform reference → measured. of_files : what was found of
-    the files.
-    """
+    """Best-fit transform reference → measured. of_files : what was found of its point files."""
 
     registration: PointRegistration
     of_files: tuple[Finding, ...]

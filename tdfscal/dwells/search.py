@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.field import Field
 from tdfscal.dwells.noise_level import runs
-from tdfscal.dwells.settling import Stretch, one_level, settled_part
+from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
 from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
@@ -56,8 +56,8 @@ def search(
         value = field.signals.value[:, bins]
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
         found: list[Extent] = []
-        for rest in rests[part].tolist():
-            kept, out = _within_rest(field, stretch, rest, rough)
+        for begin, end, *inner in rests[part].tolist():
+            kept, out = _within_rest(field, stretch, begin, end, inner, rough)
             found += kept
             left_out += out
         stops, out = _whole_stops(field, stretch, found)
@@ -148,43 +148,51 @@ def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) ->
 
 
 def _within_rest(
-    field: Field, stretch: Stretch, rest: list[int], rough: bool
+    field: Field, stretch: Stretch, begin: int, end: int, inner: list[int], rough: bool
 ) -> tuple[list[Extent], list[LeftOut]]:
-    """Settled stretches within one rest, in the order of time, and what is left out.
+    """Settled stretches within one stretch of rest [begin, end), and what is left out.
 
-    rest : its begin and end, and those of what is clear of the moves.
+    inner : begin and end of what is clear of the moves.
     """
-    begin, end, clear, latest = rest
     length = (end - begin) * field.bins.width
     if end - begin < field.shortest:
-        values: dict[str, Value] = {"wanted": field.shortest * field.bins.width}
-        return [], [
-            field.out(begin, end, Finding("stop-too-short", (), length, "s", values=values))
-        ]
-    left = partial(field.ringing.left, begin) if field.ringing is not None else None
-    held = round(_TRANSIENT / field.bins.width)
-    settled: list[Extent] = []
+        wanted = field.shortest * field.bins.width
+        reason = Finding("stop-too-short", size=length, unit="s", values={"wanted": wanted})
+        return [], [field.out(begin, end, reason)]
+    settled, unsettled = _settled_parts(field, stretch, begin, end, inner, rough)
+    if not settled:
+        rings: dict[str, Value] = {}
+        if field.ringing:
+            rings = {"constant": field.ringing.constant, "frequency": field.ringing.frequency}
+        reason = Finding("stop-unsettled", size=length, unit="s", values=rings)
+        return [], [field.out(begin, end, reason)]
+    kept = [Extent(a.begin, a.end, np.ones(a.end - a.begin, np.bool_)) for a in settled]
+    return kept, unsettled
+
+
+def _settled_parts(
+    field: Field, stretch: Stretch, begin: int, end: int, inner: list[int], rough: bool
+) -> tuple[list[Settled], list[LeftOut]]:
+    """Settled parts of a rest [begin, end) in time order, and calm ones that are not settled."""
+    clear, latest = inner
+    settled: list[Settled] = []
     unsettled: list[LeftOut] = []
+    held = round(_TRANSIENT / field.bins.width)
     origin = begin
     for calm, stop in (found := _calm(field, begin, end)):
         start, last = max(calm, clear), min(stop, latest)
         if last - start < field.shortest:
             continue
         # What precedes is settling after the move; after a settled level it is a burst.
+        left = partial(field.ringing.left, begin) if field.ringing is not None else None
         part = settled_part(stretch, start, last, origin, field.shortest, left=left, rough=rough)
         if part is None or part.ratio > _UNSETTLED:
             unsettled.append(field.out(start, last, Finding("stop-changing")))
             continue
-        size = part.end - part.begin
-        if size >= held or stop == found[-1][1]:
-            settled.append(Extent(part.begin, part.end, np.ones(size, np.bool_)))
+        if part.end - part.begin >= held or stop == found[-1][1]:
+            settled.append(part)
         origin = _next(field, stop, end)
-    if settled:
-        return settled, unsettled
-    rings: dict[str, Value] = {}
-    if field.ringing:
-        rings = {"constant": field.ringing.constant, "frequency": field.ringing.frequency}
-    return [], [field.out(begin, end, Finding("stop-unsettled", (), length, "s", values=rings))]
+    return settled, unsettled
 
 
 def _next(field: Field, begin: int, end: int) -> int:

@@ -176,6 +176,12 @@ def test_no_squeeze_leaves_vertical_loads() -> None:
     assert np.abs(played.campaign.force[..., :2]).max() < 1e3 * 5 * 2e-5
 
 
-def test_a_scenario_that_does_not_exist() -> None:
+def test_scenario_and_fault_that_do_not_exist() -> None:
     with pytest.raises(UsageError, match="nearest one is 'contact'"):
         run(reference_rig(), "contakt", Options(), np.random.default_rng(0))
+    with pytest.raises(UsageError, match="sensor 7"):
+        campaign(Faults(drifts=(Drift(7, (1.0, 0.0, 0.0)),)))
+    with pytest.raises(UsageError, match="posture 6"):
+        campaign(Faults(contacts=(Contact(6, (1.0, 0.0, 0.0)),)))
+    with pytest.raises(UsageError, match="axis 3"):
+        campaign(Faults(dead_axes=(DeadAxis(0, 3),)))
