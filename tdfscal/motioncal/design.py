@@ -45,7 +45,7 @@ class BlockDesign:
     its first three rows in N/√Hz, the others in N·m/√Hz. The last s columns are suspects: zeros
     that move, where none are declared to.
     mix : (r, 6), brings e to r components of independent noise; r = 6 less what no sensor measures.
-    bins : their rF frequencies and weights, component by component within a frequency.
+    bins : frequencies and weights of its real rows, component by component within a frequency.
     turned : (N, 6, 3), e at every instant by three independent turns of its pose, as servo errors
     of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
@@ -70,8 +70,23 @@ class BlockDesign:
 
     def weight(self, model: NoiseModel) -> FloatArray:
         """How much the components (F, r) count under a spectrum."""
-        weight = self.bins.count / model.variance(self.bins)
-        return np.asarray(weight.reshape(-1, len(self.mix)))
+        once = self.bins.some(np.arange(len(self.block.frequency) * len(self.mix)))
+        weight = (once.count / model.variance(once)).reshape(-1, len(self.mix))
+        weight[1:] *= 2  # a complex coefficient holds two values; the mean, which is real, one
+        return np.asarray(weight)
+
+    def real(self, columns: ComplexArray) -> FloatArray:
+        """Rows (M, c) of columns (F, 6, c): real parts, then imaginary ones but of the mean.
+
+        Of unit power each where the coefficient is.
+        """
+        F, _, c = columns.shape
+        r = len(self.mix)
+        both = self.mix @ np.ascontiguousarray(columns).view(np.float64)
+        both[1:] *= np.sqrt(2.0)
+        parts = both.reshape(F, r, c, 2)
+        real, imaginary = parts[..., 0].reshape(F * r, c), parts[1:, ..., 1].reshape((F - 1) * r, c)
+        return np.concatenate([real, imaginary])
 
 
 def shifted(slow: Slow, rows: slice, moving: Moving) -> FloatArray:
@@ -176,10 +191,9 @@ def _independent(
 def _bins(block: Block, ratio: FloatArray) -> Bins:
     f = block.frequency.copy()
     f[0] = 0.5 * f[1]  # what the mean sees
-    # A complex coefficient holds two values; the mean, which is real, one.
-    both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * block.share
-    r = len(ratio)
-    return Bins(np.repeat(f, r), np.tile(ratio, len(f)), np.repeat(both, r))
+    both, r = np.concatenate([f, f[1:]]), len(ratio)
+    size = r * len(both)
+    return Bins(np.repeat(both, r), np.tile(ratio, len(both)), np.full(size, block.share))
 
 
 def _nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:

@@ -92,7 +92,7 @@ class MovingFit:
 
     rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 13 + s +
     rests,), features. slope : (…, p + rests), their slopes by all that is unknown.
-    residual (M + C,), jacobian (M + C, p + rests) : of the rows at the estimate, not whitened.
+    residual (M,), jacobian (M, p + rests) : of the rows at the estimate, not whitened.
     prior_residual (m,), prior_jacobian (m, p + rests) : whitened. origin : what the features
     count from.
     shift : whose delay and rate the poses of the designs are shifted by.
@@ -181,7 +181,7 @@ class MovingFit:
         )
 
     def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
-        """Those of the residual, the Jacobian and more columns (M + C + m, c), white as they are.
+        """Those of the residual, the Jacobian and more columns (M + m, c), white as they are.
 
         They hold for any spectrum of the noise.
         """
@@ -190,7 +190,7 @@ class MovingFit:
         return NormalEquations(self.data, self.noise, np.concatenate(columns, axis=1))
 
     def all_slopes(self) -> FloatArray:
-        """Whitened derivative (M + C, P + 9) of the rows by all parameters, free or not."""
+        """Whitened derivative (M, P + 9) of the rows by all parameters, free or not."""
         return self.whiten(self.data.design @ self.slope_at(self.state))
 
     @property
@@ -199,7 +199,7 @@ class MovingFit:
         return np.concatenate([self.whiten(self.residual), self.prior_residual])
 
     def whiten(self, columns: FloatArray) -> FloatArray:
-        """Columns (M + C, …) of the rows, of unit variance by the spectrum."""
+        """Columns (M, …) of the rows, of unit variance by the spectrum."""
         return self.data.weighted(columns, self.noise.variance(self.data.bins))
 
     def wrenches(self) -> list[ComplexArray]:
@@ -282,8 +282,7 @@ def at_state(
     fit = _at(fit, state, np.zeros(rests))
     if model is None:
         longest = max(block.seconds for block in blocks)
-        power = rows.power(fit.residual[:, None])
-        model = noise.initial(rows.bins, power, rig.declared.positioner, longest)
+        model = noise.initial(rows.bins, fit.residual**2, rig.declared.positioner, longest)
     return replace(fit, noise=model)
 
 
@@ -293,8 +292,8 @@ def estimate_noise(fit: MovingFit) -> MovingFit:
     for _ in range(_SCORES):
         step, root = equations.solved(model.log_density)
         variance = model.variance(rows.bins)
-        fitted = rows.power(fit.jacobian @ root)
-        power = rows.power((fit.residual + fit.jacobian @ step)[:, None]) + fitted
+        fitted = np.sum((fit.jacobian @ root) ** 2, axis=1)
+        power = (fit.residual + fit.jacobian @ step) ** 2 + fitted
         # A row stands for `count` values and is fitted as one: its share of them is used up.
         model, change = noise.improve(model, rows.bins, power, fitted / variance)
         if change < _SCORED:

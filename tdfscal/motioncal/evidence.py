@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from tdfscal.frozen import record
@@ -15,13 +13,13 @@ from tdfscal.motioncal.design import inertia_wrench, shifted
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
 from tdfscal.motioncal.rows import rms, rows_of
 from tdfscal.numerics.least_squares import free_values, spectrum, triangular
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.wrench.kinematics import rotations
 
-#: Length of the stretches that are held out in turn, s, and how many at least and at most.
-_FOLD, _FEWEST, _MOST = 15.0, 2, 8
-#: Blocks from which a log's own are held out, and blocks per half that part it evenly enough.
-_MANY, _LONG = 4, 1.5
+#: Length of the stretches that are held out in turn, s, and how many at most.
+_FOLD, _MOST = 15.0, 8
+#: Blocks from which a log's own are held out.
+_MANY = 4
 #: Length of the means that are kept, s, and how many of them at most in a long log.
 _MEAN, _MEANS = 1.0, 600
 
@@ -39,18 +37,23 @@ class HeldOut:
 
 
 def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:
-    """Predict stretches of the log from all the others; start : the nominal state."""
-    if len(fit.blocks) >= _MANY:
-        edges = np.linspace(0, len(fit.blocks), min(len(fit.blocks), _MOST) + 1).astype(int)
-        at, folds = fit, [range(a, b) for a, b in pairwise(edges.tolist())]
-    else:
+    """Predict stretches of the log from all the others; start : the nominal state.
+
+    The blocks of a long log serve as they are; those of a short one are cut anew. None where there
+    is but one.
+    """
+    at, time = fit, fit.slow.time
+    if len(fit.blocks) < _MANY:
         seconds = float(keep.sum()) * fit.slow.step
-        count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), _FEWEST, _MOST))
-        parted = _parted(fit, keep, count)
-        if parted is None:
+        count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), 2, _MOST))
+        part = np.minimum(count * (time - time[0]) / (np.ptp(time) + fit.slow.step), count - 1)
+        cut = [blocks(fit.slow, keep & (part.astype(int) == k)) for k in range(count)]
+        together = tuple(block for own in cut for block in own)
+        if len(together) < 2:
             return None
-        at, folds = parted
+        at = at_state(fit.priors, together, fit.state, fit.noise)
     nominal = moved_to(at, start).psi
+    folds = np.array_split(np.arange(len(at.blocks)), min(len(at.blocks), _MOST))
     factors = [_factor(at, fold) for fold in folds]
     before, after = [], []
     for k, fold in enumerate(folds):
@@ -61,28 +64,7 @@ def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | N
     return HeldOut(np.array(before), np.array(after))
 
 
-def _parted(fit: MovingFit, keep: BoolArray, count: int) -> tuple[MovingFit, list[range]] | None:
-    """A fit whose blocks fall into `count` equal spans of time, and the blocks of each span.
-
-    None where fewer than two spans hold a block. The blocks of a long log serve as they are;
-    those of a short one are cut anew.
-    """
-    time = fit.slow.time
-    edges = np.linspace(time[0], time[-1] + fit.slow.step, count + 1)
-    at = fit
-    if len(fit.blocks) < _LONG * count:
-        spans = [(time >= a) & (time < b) for a, b in pairwise(edges)]
-        cut = tuple(block for span in spans for block in blocks(fit.slow, keep & span))
-        if not cut:
-            return None
-        at = at_state(fit.priors, cut, fit.state, fit.noise)
-    middle = [b.begin + b.seconds / 2 for b in at.blocks]
-    place = np.searchsorted(middle, edges)
-    parts = [range(a, b) for a, b in pairwise(place) if b > a]
-    return (at, parts) if len(parts) >= _FEWEST else None
-
-
-def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
+def _factor(fit: MovingFit, which: IntArray) -> tuple[FloatArray, FloatArray]:
     """Residual and Jacobian of some blocks, white, as one triangular factor."""
     rows = []
     for k in which:

@@ -19,7 +19,7 @@ from tdfscal.model import statics
 from tdfscal.motioncal.blocks import ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_balance
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import mixed, rows_of
+from tdfscal.motioncal.rows import rows_of
 from tdfscal.motioncal.uncertainty import MovingEstimate
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_sf
@@ -87,8 +87,7 @@ class _Steps:
         return self.fit.designs[block].block.transform(columns)
 
     def _of_block(self, block: int, first: int, some: IntArray) -> FloatArray:
-        real = mixed(self.fit.designs[block].mix, self.wrench(block, first, some))
-        c = self._white(block, real.reshape(-1, len(some)))
+        c = self._white(block, self.fit.designs[block].real(self.wrench(block, first, some)))
         return np.asarray(c.T @ np.concatenate([c, self.white[block]], axis=1))
 
     def sums(self, places: IntArray, some: IntArray) -> FloatArray:

@@ -36,10 +36,9 @@ def moved(fit: MovingFit, wrench: FloatArray) -> FloatArray:
     """Moves (D, 9) of the angles by wrenches (D, N, 6) of one block."""
     item = fit.designs[0]
     own, root = rows_of(item, fit.rests), spectrum(fit.whitened()[1]).root
-    gain = own.scaled(own.design @ fit.slope, own.bins.count / fit.noise.variance(own.bins))
+    gain = own.design @ fit.slope * (own.bins.count / fit.noise.variance(own.bins))[:, None]
     e = item.block.transform(np.moveaxis(wrench, 0, 2))  # (F, 6, D)
-    rows = (item.mix @ e).reshape(len(own.bins.count), -1)
-    return np.asarray((root @ (root.T @ (gain.T @ np.concatenate([rows.real, rows.imag]))))[:9].T)
+    return np.asarray((root @ (root.T @ (gain.T @ item.real(e))))[:9].T)
 
 
 def test_errors_of_the_place_move_the_angles_by_their_share(fit: MovingFit) -> None:
