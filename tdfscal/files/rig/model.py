@@ -18,7 +18,6 @@ from tdfscal.files.field_types import (
     UNKNOWN,
     Date,
     Label,
-    LengthUnit,
     Matrix3,
     Name,
     NotNegative,
@@ -37,6 +36,7 @@ from tdfscal.files.field_types import (
     key,
 )
 from tdfscal.files.rig.recorders import LogBlock, LogBlocks, check_recorders
+from tdfscal.files.rig.survey import TrackerBlock
 from tdfscal.records import FloatArray
 
 RIG_FORMAT = "tdfscal-rig/1"
@@ -231,45 +231,6 @@ class Drift(Strict):
     temperature: Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)
     walk: NotNegative = key("N/√h: intensity of a random walk", 0.0)
     angle: NotNegative = key("rad/√month: random walk of the angles between campaigns", 0.0)
-
-
-class InstrumentBlock(Strict):
-    """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
-
-    range: NotNegative = key("m: constant part of the range")
-    range_ppm: NotNegative = key("ppm: part that grows with the range")
-    angle_arcsec: NotNegative = key("″: each angle")
-
-    @model_validator(mode="after")
-    def _not_perfect(self) -> Self:
-        if self.range == self.range_ppm == self.angle_arcsec == 0:
-            raise fault("an instrument without any uncertainty", hint="see its data sheet")
-        return self
-
-
-class Targets(Strict):
-    """Point files of the targets on the sensors: TDFS frames, and the tracker's frame."""
-
-    nominal: Text = key("point file, sensor frames")
-    measured: Text = key("point file, tracker frame")
-
-
-class Moves(Strict):
-    """Point files of the NCPs' moves: by the servo in the BCS, and in the tracker's frame."""
-
-    servo: Text = key("point file, hinge centres in the BCS")
-    measured: Text = key("point file, tracker frame")
-
-
-class TrackerBlock(Strict):
-    """A laser-tracker survey; drawing in m, misalignment of body against sensing axes in rad."""
-
-    instrument: InstrumentBlock = key("standard uncertainties, k = 1")
-    drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
-    misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
-    length_unit: LengthUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
-    targets: Targets = key("targets on the sensors")
-    moves: Moves = key("one point on each NCP, moved")
 
 
 class Contact(Strict):

@@ -13,12 +13,9 @@ import numpy.typing as npt
 from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
-from tdfscal.files.rig.model import (
-    RIG_FORMAT,
-    RigFile,
-    TrackerBlock,
-)
+from tdfscal.files.rig.model import RIG_FORMAT, RigFile
 from tdfscal.files.rig.recorders import LogBlock, SupportFields
+from tdfscal.files.rig.survey import TrackerFiles
 from tdfscal.files.yaml import Document, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
@@ -27,7 +24,6 @@ from tdfscal.records import (
     ClockPrior,
     DeclaredUncertainty,
     Drift,
-    Instrument,
     LogMapping,
     Rig,
     SensorInfo,
@@ -38,26 +34,6 @@ from tdfscal.records import (
 HOUR = 3600.0
 #: What a drift of the record is multiplied by for the file.
 DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0}
-
-
-@record
-class TrackerFiles:
-    """A laser-tracker survey as the rig file in a folder declares it; not read yet."""
-
-    stated: TrackerBlock
-    folder: Path
-
-    @property
-    def instrument(self) -> Instrument:
-        """Its standard uncertainties."""
-        return Instrument(**dict(self.stated.instrument))
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        """The four point files: targets nominal and measured, moves by servo and measured."""
-        targets, moves = self.stated.targets, self.stated.moves
-        names = (targets.nominal, targets.measured, moves.servo, moves.measured)
-        return tuple(self.folder / name for name in names)
 
 
 @record
