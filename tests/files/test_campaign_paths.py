@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -144,42 +142,3 @@ def test_folders_that_are_no_part_of_the_campaign_are_left_alone(tmp_path: Path)
     campaign = resolve([home])
     assert campaign.logs == (home / "log.mcap",)
     assert campaign.surveyed
-
-
-def test_links_that_lead_nowhere_and_pipes_are_named(tmp_path: Path) -> None:
-    home = make(tmp_path / "loop")
-    (home / "log.csv").symlink_to("log.csv")
-    with pytest.raises(UsageError, match=r"log\.csv: .*symbolic links.*leads to no file"):
-        resolve([home])
-    with pytest.raises(UsageError, match=r"log\.csv: there is no such .*leads to no file"):
-        resolve([home / "log.csv"])
-    home = make(tmp_path / "pipe")
-    os.mkfifo(home / "log.csv")
-    for path in (home, home / "log.csv"):
-        with pytest.raises(UsageError, match=r"log\.csv: is no regular file"):
-            resolve([path])
-
-
-@pytest.mark.parametrize("mode", [0o000, 0o100, 0o400])
-def test_folder_that_may_not_be_looked_into_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
-) -> None:
-    home = make(tmp_path, "log.csv", "bag/bag_0.mcap", ".trash/x.mcap")
-    closed = home / "bag"
-    stat, listing = Path.stat, Path.iterdir
-
-    def stat_as_user(path: Path, **options: bool) -> os.stat_result:
-        if path.parent == closed and not mode & 0o100:
-            raise PermissionError(13, "Permission denied", str(path))
-        return stat(path, **options)
-
-    def listing_as_user(path: Path) -> Iterator[Path]:
-        if path == closed and not mode & 0o400:
-            raise PermissionError(13, "Permission denied", str(path))
-        return iter(list(listing(path)))
-
-    # Whoever runs the tests may be allowed everything.
-    monkeypatch.setattr(Path, "stat", stat_as_user)
-    monkeypatch.setattr(Path, "iterdir", listing_as_user)
-    with pytest.raises(UsageError, match=r"bag: the folder cannot be looked into \(Permission"):
-        resolve([home])
