@@ -86,62 +86,6 @@ class Ringing:
         return np.asarray(mean[:, None] * np.sqrt(self.power[k]))
 
 
-class _Shapes:
-    """Decays (G,), each as two shapes over a stop of up to `most` bins, less their levels there.
-
-    Whitened, as the stops are.
-    """
-
-    def __init__(self, decays: Sequence[complex], most: int, memory: Memory) -> None:
-        wave = np.exp(-np.asarray(decays)[:, None] * np.arange(most))
-        self.wave = _whitened(np.stack([wave.real, -wave.imag], axis=1), memory)  # (G, 2, most)
-        level = _whitened(np.ones(most), memory)
-        self._square = np.cumsum(level**2)
-        self._sum = np.cumsum(level * self.wave, axis=2)
-        self._product = np.cumsum(self.wave[:, [0, 0, 1]] * self.wave[:, [0, 1, 1]], axis=2)
-
-    def gram(self, length: IntArray) -> FloatArray:
-        """Inner products of the two shapes over stops of S lengths, (S, G, 2, 2)."""
-        total = np.moveaxis(self._sum[:, :, length - 1], 2, 0)
-        product = np.moveaxis(self._product[:, :, length - 1], 2, 0)
-        square = self._square[length - 1][:, None, None]
-        product = product - total[..., [0, 0, 1]] * total[..., [0, 1, 1]] / square
-        gram = product[..., [0, 1, 1, 2]].reshape(*total.shape, 2)
-        # Two shapes that are nearly one, or the second that is none, must not divide by zero.
-        return np.asarray(gram + 1e-9 * gram[..., :1, :1] * np.eye(2))
-
-    def onto(self, stops: FloatArray) -> FloatArray:
-        """Inner products of stops (S, A, N), less their levels, with the shapes, (S, G, 2, A)."""
-        flat = self.wave[:, :, : stops.shape[2]].reshape(-1, stops.shape[2])
-        seen = flat @ np.swapaxes(stops, 1, 2)
-        return np.asarray(seen.reshape(len(stops), -1, 2, stops.shape[1]))
-
-    def explained(self, stops: _Stops) -> FloatArray:
-        """Sum of squares of all stops that each decay explains, (G,)."""
-        seen = self.onto(stops.value)
-        return np.asarray((seen * np.linalg.solve(self.gram(stops.length), seen)).sum((0, 2, 3)))
-
-
-@record
-class _Stops:
-    """Stops, whitened and less their levels, of one length by zeros at their ends.
-
-    value : (S, A, N). length : (S,), bins without the zeros.
-    """
-
-    value: FloatArray
-    length: IntArray
-
-    @classmethod
-    def of(cls, stops: Sequence[FloatArray], memory: Memory) -> _Stops:
-        """Take stops (A, N) of any length."""
-        length = np.array([stop.shape[1] for stop in stops])
-        value = np.zeros((len(stops), len(stops[0]), int(length.max())))
-        for row, stop in zip(value, stops, strict=True):
-            row[:, : stop.shape[1]] = _levelled(stop, memory)
-        return cls(value, length)
-
-
 def find_ringing(
     value: FloatArray, noise: FloatArray, first: IntArray, last: IntArray, width: float
 ) -> Ringing | None:
@@ -166,19 +110,71 @@ def find_ringing(
     return _in_all_stops(value, noise, first, last, decay, width, memory)
 
 
+def _waves(decays: Sequence[complex], most: int, memory: Memory) -> FloatArray:
+    """Two shapes of each decay (G,) over the first bins of a stop, whitened, (G, 2, most)."""
+    wave = np.exp(-np.asarray(decays)[:, None] * np.arange(most))
+    return _whitened(np.stack([wave.real, -wave.imag], axis=1), memory)
+
+
+@record
+class _Products:
+    """Shapes (G, 2, N) and a stop (A, N), whitened and less their levels.
+
+    gram : (G, 2, 2), products of the shapes; seen : (G, 2, A), of shapes and stop.
+    """
+
+    shapes: FloatArray
+    stop: FloatArray
+    gram: FloatArray
+    seen: FloatArray
+
+    @classmethod
+    def of(cls, waves: FloatArray, stop: FloatArray, memory: Memory) -> _Products:
+        """Take a stop (A, N) as it is, and waves that may be longer."""
+        level = _whitened(np.ones(stop.shape[1]), memory)
+        level /= np.sqrt(level @ level)
+        shapes = waves[..., : stop.shape[1]]
+        shapes = shapes - (shapes @ level)[..., None] * level
+        stop = _whitened(stop - stop.mean(axis=1, keepdims=True), memory)
+        stop = stop - (stop @ level)[:, None] * level
+        gram = shapes @ np.swapaxes(shapes, 1, 2)
+        # Two shapes that are nearly one, or the second that is none, must not divide by zero.
+        gram += 1e-9 * gram[..., :1, :1] * np.eye(2)
+        return cls(shapes, stop, gram, shapes @ stop.T)
+
+    @property
+    def explained(self) -> FloatArray:
+        """Sum of squares of each axis that each decay explains, (G, A)."""
+        return np.asarray((self.seen * np.linalg.solve(self.gram, self.seen)).sum(axis=1))
+
+    @property
+    def rest(self) -> FloatArray:
+        """The stop (A, N) without the first decay."""
+        fitted = np.linalg.solve(self.gram[0], self.seen[0])
+        return np.asarray(self.stop - fitted.T @ self.shapes[0])
+
+
+def _explained(
+    stops: Sequence[FloatArray], decays: Sequence[complex], memory: Memory
+) -> FloatArray:
+    """Sum of squares of all stops (A, N) that each decay explains, (G,)."""
+    waves = _waves(decays, max(stop.shape[1] for stop in stops), memory)
+    explained = [_Products.of(waves, stop, memory).explained for stop in stops]
+    return np.asarray(np.sum(explained, axis=(0, 2)))
+
+
 def _likeliest(stops: Sequence[FloatArray], width: float, memory: Memory) -> complex | None:
     """The decay that explains more of the stops (A, N) than of them read backwards by most."""
     most = round(_LONGEST / width)
-    forth = _Stops.of([stop[:, :most] for stop in stops], memory)
-    back = _Stops.of([stop[:, ::-1][:, :most] for stop in stops], memory)
     slowest = min(_SLOWEST / width, float(np.median([stop.shape[1] for stop in stops])))
     constants = np.geomspace(2.0, max(slowest, 4.0), _CONSTANTS)
     frequencies = np.geomspace(_LOWEST, min(_HIGHEST, 0.2 / width), _FREQUENCIES)
     decays = [
         complex(1.0 / tau, -2.0 * np.pi * f * width) for tau in constants for f in (0, *frequencies)
     ]
-    shapes = _Shapes(decays, forth.value.shape[2], memory)
-    begins, ends = shapes.explained(forth), shapes.explained(back)
+    forth = [stop[:, :most] for stop in stops]
+    begins = _explained(forth, decays, memory)
+    ends = _explained([stop[:, ::-1][:, :most] for stop in stops], decays, memory)
     best = int(np.argmax(begins - ends))
     # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
     dof = len(stops) * (1 if decays[best].imag == 0 else 2) * max(len(stops[0]) / 3.0, 1.0)
@@ -192,13 +188,10 @@ def _memory(stops: Sequence[FloatArray], decay: complex) -> list[tuple[float, Fl
 
     From the later halves of the stops (A, N), without the decay.
     """
-    whole = _Stops.of(stops, ())
-    shapes = _Shapes([decay], whole.value.shape[2], ())
-    fitted = np.linalg.solve(shapes.gram(whole.length), shapes.onto(whole.value))[:, 0]
-    rests = whole.value - np.swapaxes(fitted, 1, 2) @ shapes.wave[0]
+    waves = _waves([decay], max(stop.shape[1] for stop in stops), ())
     lags, count = np.zeros(_MEMORY + 1), 0
-    for stop, length in zip(rests, whole.length, strict=True):
-        rest = stop[:, length // 2 : length]
+    for stop in stops:
+        rest = _Products.of(waves, stop, ()).rest[:, stop.shape[1] // 2 :]
         rest = rest - rest.mean(axis=1, keepdims=True)
         lags += [np.sum(rest[:, k:] * rest[:, : rest.shape[1] - k]) for k in range(_MEMORY + 1)]
         count += rest.size
@@ -224,7 +217,7 @@ def _whitened(value: FloatArray, memory: Memory) -> FloatArray:
     return white
 
 
-def _refined(stops: _Stops, decay: complex, memory: Memory) -> complex:
+def _refined(stops: Sequence[FloatArray], decay: complex, memory: Memory) -> complex:
     """The decay that explains most, from one close to it: parabolas through ever closer decays."""
     at = np.array([np.log(decay.real), decay.imag][: 2 if decay.imag else 1])
     step = np.array([0.3, 0.15 * abs(decay.imag)][: len(at)])
@@ -232,7 +225,7 @@ def _refined(stops: _Stops, decay: complex, memory: Memory) -> complex:
     for _ in range(_ROUNDS):
         tried = at + step * around
         decays = [complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0) for x in tried]
-        explained = _Shapes(decays, stops.value.shape[2], memory).explained(stops)
+        explained = _explained(stops, decays, memory)
         best, top = around[np.argmax(explained)], _top_of_parabola(around, explained)
         if top is None or (np.abs(top) > 1.0).any():
             top = best
@@ -267,26 +260,20 @@ def _in_all_stops(
     memory: Memory,
 ) -> Ringing:
     """Amplitudes given the mode: normal, with a width that all stops show together."""
-    most = round(_LASTING / decay.real) + _SHORTEST
-    length = np.minimum(last - first, most)
-    shapes = _Shapes([decay], int(length.max()), memory)
-    gram = shapes.gram(length)[:, 0]  # (R, 2, 2)
-    inverse = np.linalg.inv(gram)
-    seen = np.empty((len(first), 2, len(value)))
+    length = np.minimum(last - first, round(_LASTING / decay.real) + _SHORTEST)
+    waves = _waves([decay], int(length.max()), memory)
+    gram, seen = np.empty((len(first), 2, 2)), np.empty((len(first), 2, len(value)))
     back, rough = np.empty((len(first), len(value))), np.empty((len(first), len(value)))
     for k, (a, b, n) in enumerate(zip(first, last, length, strict=True)):
-        stop = value[:, a : a + n]
-        seen[k] = shapes.onto(_levelled(stop, memory)[None])[0, 0]
-        fitted = (inverse[k] @ seen[k]).T @ shapes.wave[0, :, :n]
-        rough[k] = _of_long_means(_whitened(stop, memory) - fitted)
-        other = shapes.onto(_levelled(value[:, b - n : b][:, ::-1], memory)[None])[0, 0]
-        back[k] = (other * (inverse[k] @ other)).sum(axis=0)
+        own = _Products.of(waves, value[:, a : a + n], memory)
+        gram[k], seen[k], rough[k] = own.gram[0], own.seen[0], _of_long_means(own.rest)
+        back[k] = _Products.of(waves, value[:, b - n : b][:, ::-1], memory).explained[0]
     rank = 2 if decay.imag else 1
     # The stops read backwards show the noise, unless they ring to their ends; then what the mode
     # does not explain has to.
     variance = np.minimum(np.median(back, axis=0) / rank, np.median(rough, axis=0))
     variance = np.maximum(variance, noise**2)
-    explained = (seen * (inverse @ seen)).sum(axis=1) - rank * variance
+    explained = (seen * np.linalg.solve(gram, seen)).sum(axis=1) - rank * variance
     size = np.trace(gram, axis1=1, axis2=2).sum()
     prior = np.maximum(explained.sum(axis=0), 0.0) / size
     amplitude = np.zeros((len(first), 2, len(value)))
@@ -298,15 +285,6 @@ def _in_all_stops(
         amplitude[:, :rank, axis] = given[..., 0]
         power[:, axis] = (given**2).sum(axis=(1, 2)) + np.trace(covariance, axis1=1, axis2=2)
     return Ringing(decay, width, first, last, amplitude[:, 0] + 1j * amplitude[:, 1], power)
-
-
-def _levelled(stop: FloatArray, memory: Memory) -> FloatArray:
-    """A stop (A, N), whitened, less its level."""
-    white = _whitened(stop - stop.mean(axis=1, keepdims=True), memory)
-    if not memory:
-        return white
-    level = _whitened(np.ones(stop.shape[1]), memory)
-    return np.asarray(white - (white @ level / (level @ level))[:, None] * level)
 
 
 def _of_long_means(value: FloatArray) -> FloatArray:

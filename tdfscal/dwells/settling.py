@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 from scipy.special import chdtri
@@ -19,7 +19,6 @@ _BIAS = 0.5  # largest bias of the mean / its standard error where the stop is l
 _STEP = 50  # a cut advances by at least this fraction of what is left
 _CONSTANTS = 24  # time constants tried
 _LENGTHS = 2 ** np.arange(40)
-_USUAL = 1024  # bins; shapes of decays up to this length are kept for the next stop
 
 
 Left = Callable[[IntArray, int], FloatArray]
@@ -217,7 +216,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArra
         return None
     scaled = (value[noisy] - value[noisy].mean(axis=1, keepdims=True)) / long_run[noisy, None]
     longest = min(_SLOWEST / stretch.width, 2.0 * length)
-    tau, shapes, size = (_kept_decays if length <= _USUAL else _decays)(1.0, longest, length)
+    tau, shapes, size = _decays(1.0, longest, length)
     least = chdtri(int(noisy.sum()), SETTLING_DECAY)
     gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
     best = int(np.argmax(gain))
@@ -246,6 +245,3 @@ def _decays(shortest: float, longest: float, length: int) -> tuple[FloatArray, .
     shape -= shape.mean(axis=1, keepdims=True)
     size = np.sqrt((shape**2).sum(axis=1))
     return tau, shape / size[:, None], size
-
-
-_kept_decays = lru_cache(maxsize=8)(_decays)

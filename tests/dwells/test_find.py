@@ -133,17 +133,6 @@ def test_a_jolt_is_cut_out_of_its_dwell(length: float) -> None:
     assert dwells.count[3, 0] < 200 * (4.0 - length)
 
 
-def test_pieces_give_the_dwells_of_the_whole() -> None:
-    log = record(Recipe(rate=250, position_rate=50, stops=STOPS), origin=1.7e9).log
-    whole = find_dwells(log)
-    t = log.force[0].time[0]
-    pieces = find_dwells(iter(cut(log, [t + 3.3, t + 10.0, t + 31.4])))
-    np.testing.assert_array_equal(whole.start, pieces.start)
-    np.testing.assert_array_equal(whole.count, pieces.count)
-    np.testing.assert_allclose(whole.force, pieces.force, rtol=1e-12)
-    np.testing.assert_allclose(whole.force_cov, pieces.force_cov, rtol=1e-4, atol=1e-12)
-
-
 @pytest.mark.parametrize("wrong", [0.0005, 0.02])
 def test_wrong_positions_part_no_stop(wrong: float) -> None:
     recorded = record(Recipe(rate=200, stops=(4.0,) * 12, seed=3))
