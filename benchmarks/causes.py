@@ -224,10 +224,6 @@ def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
     except TdfscalError as error:
         return [f"refused: {error.what[:30]}"]
     said = [named(s.kind, s.support, _OF_CALIBRATE) for s in result.suspicions]
-    if result.channels is not None and not said:
-        sensors = {int(i) for i, _ in np.argwhere(result.channels > 1.3)}
-        said = [f"noise of {RIG.supports[i]}" for i in sensors]
-        said = said if len(sensors) < 3 else ["force noise"]
     if result.rejected and not said:
         said = ["contact"]
     return said

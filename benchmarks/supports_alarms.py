@@ -46,8 +46,6 @@ def questions(found: SelfCalibration) -> set[str]:
     asked = {doubt.kind or "frame" for doubt in found.suspicions[:1]}
     if found.rejected:
         asked.add("lost posture")
-    if found.channels is not None:
-        asked.add("unequal noise")
     if found.quality.p_value < MISFIT:
         asked.add("misfit")
     return asked

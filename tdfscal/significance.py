@@ -26,7 +26,7 @@ EXPANDED_COVERAGE: Final = erf(COVERAGE_FACTOR / sqrt(2.0))
 # The self-calibration -----------------------------------------------------------------------------
 
 #: That a faultless campaign, or log in motion, is questioned in any way: suspicions, outlying
-#: postures, unequal noise, a changed rig. The shares below make up the whole of it; what the tests
+#: postures, a changed rig. The shares below make up the whole of it; what the tests
 #: have in common, and the shapes of their rejections, leave it nearer six in a thousand.
 QUESTIONED: Final = 8e-3
 #: Of it: that a faultless campaign loses a posture as an outlier.
@@ -47,16 +47,9 @@ GEOMETRY_MISFIT: Final = 0.1 * QUESTIONED
 FRAME_MISFIT: Final = 0.025 * QUESTIONED
 #: That χ² of the residuals is reported; the Birge ratio has inflated already.
 MISFIT: Final = 0.075 * QUESTIONED
-#: That the campaign is weighted by unequal noise of its channels, which costs it little.
-UNEQUAL_NOISE: Final = 0.075 * QUESTIONED
 #: That in a log in motion a sensor is said to have turned, a zero to have jumped, or the delay to
 #: have changed.
 CHANGED_RIG: Final = 0.025 * QUESTIONED
-#: Beyond both of these a channel is not weighted as a noisy one, but rejected. A transducer and its
-#: amplifier that work keep within a thousandth of their load (class 0.1), whatever was stated, and
-#: a statement is a guess within a factor of ten; what scatters more was touched, or is broken.
-GROSS_NOISE_SHARE: Final = 1e-3
-GROSS_NOISE_FACTOR: Final = 10.0
 #: Share of postures or points left out above which not they are wrong, but the model (theory, 3).
 MOST_REJECTED: Final = 0.10
 #: How many times the positions' scatter, as stated and as the hinges' distances show it, a motion's

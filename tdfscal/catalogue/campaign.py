@@ -167,14 +167,6 @@ methods-disagree rejects
   -> calibrate by each method alone and compare: the tracker sees a sensor's body,
     self-calibration its sensing axes (tracker.misalignment states what may lie
     between)
-channel-broken rejects
-  {channel} scatters by {size}, {factor:.2g} times as much as stated and {share:.1%}
-  of the load, as no channel that works does: contact (postures {postures}{more:,
-  …|} do not fit), or a broken channel
-  ? alike ; about as likely {alike}
-  -> find what touched the terminal or a sensor at the postures that do not fit, and
-    record them again; where nothing did, look at {channel}, its cable and
-    amplifier, or leave that axis out of `axes` in rig.yaml
 posture-over-capacity warns
   the {axis} axis of the sensor of {subject} reaches its capacity of {size}
   -> squeeze less, carry less, or widen the range of sensor and amplifier (or
@@ -234,10 +226,6 @@ mounting-open warns
 mounting-ambiguous warns
   another mounting explains the motion about as well, {other}; the nominal one
   decided
-channels-noisy warns
-  the residuals show more noise than is stated in some channels, and the postures
-  were weighted by it: {channels}
-  -> look at these sensors and their cables
 sensitivity-in-situ notes
   gain and crosstalk of the sensors were decoupled in situ, from a prior of
   {number:.2%}: a reading needs rotation · sensitivity⁻¹
@@ -252,9 +240,7 @@ noise-overstated warns
   the residuals are only {number:.2g} times what the stated uncertainties explain:
   those may be overstated, and so the angles' own
   -> see whether the rig file states more noise or drift than there is, and write less
-    once a second campaign says so too{force_noise:; this one supports
-    `uncertainty.force_noise: ~` (N) beside the dwells' own scatter|}{positioner:; this
-    one supports `uncertainty.positioner: ~` (m)|}
+    once a second campaign says so too
 mass-exact warns
   the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
   the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and

@@ -185,9 +185,6 @@ noise-of-calibration notes
 noise-as-calibrated notes
   noise is taken as {number:.2f} times what is stated, as the calibration's
   residuals showed it (fit.birge)
-channels-as-calibrated notes
-  the channels' noise is taken as unequal as the calibration's residuals showed it
-  (fit.channel_noise)
 zeros-moved notes
   zeros that moved since the calibration, as a tare moves them, clearest that of
   {subject} along {axis}, by {size} ± {spread} (95 %),

@@ -131,7 +131,6 @@ def apply(
         head,
         log.given,
         posture_std=use.posture_std,
-        shares=use.sensor_shares,
         zero_variance=moved,
         tell=noises.append,
     )

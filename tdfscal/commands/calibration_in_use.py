@@ -69,15 +69,6 @@ class InUse:
             return 0.0
         return self.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
 
-    @property
-    def sensor_shares(self) -> FloatArray | None:
-        """Share (n,) of each sensor in a posture's noise, 1 on average; None where alike."""
-        fit = self.calibration.fit
-        if fit is None or fit.channel_noise is None:
-            return None
-        variance = np.sum(np.square(fit.channel_noise), axis=1)
-        return np.asarray(variance / variance.mean())
-
 
 def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None = None) -> InUse:
     """Load a calibration and find the logs to use it on, with their rig.

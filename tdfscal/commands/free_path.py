@@ -169,9 +169,8 @@ def planned_path(
 def _scatter(use: InUse, given: Calibrated) -> FloatArray:
     """Variance (6,) of the wrench at a posture beyond what the rig file declares."""
     each = by_sensor(given)
-    shares = np.ones(len(each)) if use.sensor_shares is None else use.sensor_shares
     excess = max(use.posture_std**2 - given.rig.declared.force_noise**2, 0.0)
-    return np.asarray(excess * (shares @ each))
+    return np.asarray(excess * each.sum(axis=0))
 
 
 def _readings(given: Calibrated, driven: Driven) -> FloatArray:

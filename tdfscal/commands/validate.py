@@ -204,10 +204,9 @@ def _known_noise(use: InUse) -> KnownNoise:
     fit = use.calibration.fit
     if fit is None:
         return AS_STATED
-    channels = None if fit.channel_noise is None else np.array(fit.channel_noise)
     if use.calibration.motion is not None:  # its noise is that of samples in motion
-        return KnownNoise(channels, fit.postures)
-    return KnownNoise(channels, fit.postures, max(1.0, fit.birge), fit.dof)
+        return AS_STATED
+    return KnownNoise(max(1.0, fit.birge), fit.dof)
 
 
 def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:

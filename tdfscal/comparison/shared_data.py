@@ -17,8 +17,10 @@ from scipy.special import gammainc, gammaln
 
 from tdfscal.frozen import record
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
-from tdfscal.significance import GROSS_NOISE_FACTOR, REPEATED_BY_CHANCE
+from tdfscal.significance import REPEATED_BY_CHANCE
 
+#: What is stated of a noise is a guess within this factor.
+_GUESS = 10.0
 #: first, second: the recordings of this one all went into the other too, which has more.
 Relation = Literal["apart", "first", "second", "same", "overlapping"]
 #: Share of the shorter of two parts that both may hold where one was cut after the other.
@@ -104,7 +106,7 @@ def readings(rig: Rig, dwells: Dwells) -> Readings:
     if len(dwells):  # what does not move within a dwell may be the same again
         noise = np.where(variance.all(axis=0), np.sqrt(np.median(variance, axis=0)), 0.0)
     if not dwells.force_cov.any():
-        noise = np.full(rig.axes.shape, rig.declared.force_noise / GROSS_NOISE_FACTOR)
+        noise = np.full(rig.axes.shape, rig.declared.force_noise / _GUESS)
     return Readings(np.where(rig.axes, dwells.force, 0.0), np.where(rig.axes, noise, 0.0))
 
 

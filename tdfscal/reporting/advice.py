@@ -185,7 +185,7 @@ def _cures(c: Calibration) -> Iterator[str]:
 
 def _suspected(c: Calibration) -> list[FindingResult]:
     """What the residuals say, one size for each suspect; those that reject first."""
-    found = {(f.code, f.subject): f for f in reversed(c.found(*SUSPECTS, "channel-broken"))}
+    found = {(f.code, f.subject): f for f in reversed(c.found(*SUSPECTS))}
     return list(reversed(found.values()))
 
 

@@ -158,19 +158,6 @@ class CrossValidation:
     after: FloatArray
     cov: FloatArray
 
-    @property
-    def kurtosis(self) -> float | None:
-        """Mardia's, of the residual wrenches over that of normal ones; None where it has none.
-
-        mean(q²) / mean(q)² of the squared lengths q by the covariance, whatever the scale, which is
-        (m + 2) / m for normal ones of m components (Biometrika 57, 1970).
-        """
-        e, full = self.after, np.linalg.matrix_rank(self.cov, hermitian=True).min(initial=ROWS)
-        if len(e) < 2 or full < ROWS:
-            return None
-        q = np.einsum("ka,ka->k", e, np.linalg.solve(self.cov, e[..., None])[..., 0])
-        return float(np.mean(q**2) / np.mean(q) ** 2 * ROWS / (ROWS + 2))
-
 
 def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     """Leave each used posture out in turn.

@@ -11,14 +11,14 @@ from tdfscal.acceptance.gate import assess_stated, judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information
-from tdfscal.estimation.score_tests import PARABOLAS, SCATTERS, Suspicion, likeliest
+from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
-from tdfscal.records import Dwells, FloatArray, Rig, Rotations
+from tdfscal.records import Dwells, Rig, Rotations
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import (
     Fit,
@@ -27,12 +27,10 @@ from tdfscal.selfcal.estimator import (
     evaluate,
     fit,
     joint_posterior,
-    worth,
 )
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.misreadings import Rests, check_readings
 from tdfscal.selfcal.monte_carlo import simulate
-from tdfscal.selfcal.noise_components import channel_noise, gross_noise, scaled
 from tdfscal.selfcal.outliers import (
     RobustFit,
     contact_worth,
@@ -57,8 +55,6 @@ from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
 MAX_TRIALS = 20_000
 #: Sensors up to which trials are made unasked: their work grows with the cube of that number.
 MOST_SIMULATED = 12
-#: Times that the noise of channels is sought again from the postures that it takes in.
-_ROUNDS = 3
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
 
@@ -88,7 +84,7 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
-    robust, told, channels = (
+    robust, told = (
         _likeliest_rotations(rig, usable)
         if estimator == "ml"
         else _linear(rig, usable, rng, max_trials or LINEAR_TRIALS)
@@ -125,9 +121,6 @@ def self_calibrate(
     if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined, move)
-    gross = None
-    if channels is not None:
-        gross = gross_noise(channels, result, usable.postures, usable.number)
     calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,
@@ -135,17 +128,14 @@ def self_calibrate(
         estimate=known,
         observability=seen,
         suspicions=doubts,
-        channels=channels,
         conformity=assess_stated(joint_posterior(result, uncertainty.covariance)),
         validation=cross_validate(result, known.parts),
         monte_carlo=trials,
         rejected=rejected,
     )
     found = (
-        *_reasons(calibration, gross),
-        *caveats(
-            calibration, set_aside, gross, measured_noise=usable.measured_noise, unasked=unasked
-        ),
+        *_reasons(calibration),
+        *caveats(calibration, set_aside, measured_noise=usable.measured_noise, unasked=unasked),
     )
     return replace(calibration, findings=found)
 
@@ -191,37 +181,33 @@ def _by_all(rig: Rig, result: Fit) -> Fit:
     return result if same else fit(rig, result.postures, result.state)
 
 
-def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told, FloatArray | None]:
-    """Maximum likelihood; without postures in contact that hide each other, or with unequal noise,
-    where either explains more than any other cause.
+def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told]:
+    """Maximum likelihood; without postures in contact that hide each other, or over which one
+    stayed, where that explains more than any other cause.
     """
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
     told = _Told(known, usable)
     if usable.measured_noise:
-        return robust, told, None
+        return robust, told
     # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
-    rivals: list[tuple[float, RobustFit, FloatArray | None]] = []
+    rivals: list[tuple[float, RobustFit]] = []
     whole, change = told.by_all(), told.change
-    named = [doubt.weight for doubt in whole.doubts if doubt.kind not in SCATTERS]
     if (touched := _hidden_contact(rig, usable, known)) is not None:
-        rivals.append((contact_worth(touched.fit, whole.known.fit), touched, None))
-    if (channels := channel_noise(known)) is not None:
-        channels, weighted = _weighted(rig, usable, robust, channels)
-        noise = worth(whole.known.fit, weighted.fit, int(np.sum(channels > 1.0)))
-        rivals.append((noise, weighted, channels))
+        rivals.append((contact_worth(touched.fit, whole.known.fit), touched))
+    named = 0.0
     if change is not None:
         weight = change.weight + contact_worth(robust.fit, whole.known.fit)
         if change.kind == "contact":
-            rivals.append((weight, _without(rig, usable, robust, change), None))
+            rivals.append((weight, _without(rig, usable, robust, change)))
         else:
-            named.append(weight)
+            named = weight
     if not rivals:
-        return robust, told, None
-    likelier, found, channels = max(rivals, key=lambda rival: rival[0])
-    if max(named, default=-np.inf) > likelier:
-        return robust, told, None
-    return found, _Told(estimate(found.fit), usable), channels
+        return robust, told
+    likelier, found = max(rivals, key=lambda rival: rival[0])
+    if max([named, *(doubt.weight for doubt in whole.doubts)]) > likelier:
+        return robust, told
+    return found, _Told(estimate(found.fit), usable)
 
 
 def _without(rig: Rig, usable: Usable, robust: RobustFit, change: Suspicion) -> RobustFit:
@@ -233,28 +219,6 @@ def _without(rig: Rig, usable: Usable, robust: RobustFit, change: Suspicion) -> 
     weight = np.where(touched, 0.0, 1.0)
     state = robust.fit.state
     return RobustFit.of(settled(rig, usable.postures, fit(rig, usable.postures, state, weight)))
-
-
-def _weighted(
-    rig: Rig, usable: Usable, robust: RobustFit, channels: FloatArray
-) -> tuple[FloatArray, RobustFit]:
-    """Fit by the noise of channels, (n, 3) over the stated one, and that noise anew.
-
-    What was out by the stated noise, and is none by the channels' own, tells of that noise too.
-    """
-    weighted = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
-    for _ in range(_ROUNDS):
-        if len(weighted.rejected) >= len(robust.rejected):
-            break
-        back = at_state(rig, usable.postures, weighted.fit.state, weighted.fit.weight)
-        again = channel_noise(estimate(back))
-        if again is None:
-            break
-        channels, before = again, weighted
-        weighted = _fit(rig, scaled(usable.postures, channels), weighted.fit.state)
-        if (weighted.fit.weight == before.fit.weight).all():
-            break
-    return channels, weighted
 
 
 def _hidden_contact(rig: Rig, usable: Usable, known: Estimate[Fit]) -> RobustFit | None:
@@ -279,7 +243,7 @@ def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
 
 def _linear(
     rig: Rig, usable: Usable, rng: np.random.Generator, trials: int
-) -> tuple[RobustFit, _Told, None]:
+) -> tuple[RobustFit, _Told]:
     """The paper's method, which would miss a component of a force that is not measured."""
     for i, j in np.argwhere(~rig.axes)[:1]:
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
@@ -288,7 +252,7 @@ def _linear(
     parts = information(result)
     spread = evaluate_linear(result, rng, trials)
     known = Estimate(result, parts, quality(result, parts), spread)
-    return RobustFit(result), _Told(known, usable), None
+    return RobustFit(result), _Told(known, usable)
 
 
 def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
@@ -320,7 +284,7 @@ def _slip_or(
     return doubts or likeliest(list(rivals)), ()
 
 
-def _reasons(of: SelfCalibration, gross: Finding | None) -> tuple[Finding, ...]:
+def _reasons(of: SelfCalibration) -> tuple[Finding, ...]:
     return judge(
         of.rig,
         Rotations(of.rig.supports, of.fit.state.rotation, of.uncertainty.covariance),
@@ -329,13 +293,10 @@ def _reasons(of: SelfCalibration, gross: Finding | None) -> tuple[Finding, ...]:
         used=len(of.dwells) - len(of.rejected),
         rejected=len(of.rejected),
         suspicions=[
-            *([] if gross is None else [gross]),
-            *(
-                finding
-                for doubt in of.suspicions
-                if doubt.harmful
-                for finding in doubt.findings(rejects=True)
-            ),
+            finding
+            for doubt in of.suspicions
+            if doubt.harmful
+            for finding in doubt.findings(rejects=True)
         ],
         conformity=of.conformity,
     )

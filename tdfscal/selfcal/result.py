@@ -22,7 +22,6 @@ from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.noise_components import noisier, supported
 from tdfscal.selfcal.outliers import CrossValidation, cross_validate
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
@@ -38,7 +37,7 @@ class SelfCalibration(Estimated[Fit]):
 
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
-    contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
+    contact wrench, where the rig file limits it.
     findings : all that was found.
     with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect from dwells and
     moves together, where the log holds moves.
@@ -49,7 +48,6 @@ class SelfCalibration(Estimated[Fit]):
     dwells: Dwells
     observability: Observability
     suspicions: tuple[Suspicion, ...]
-    channels: FloatArray | None
     conformity: Conformity | None
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
@@ -100,22 +98,19 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
 def caveats(
     of: SelfCalibration,
     set_aside: tuple[Suspicion, ...],
-    gross: Finding | None,
     *,
     measured_noise: bool,
     unasked: bool,
 ) -> tuple[Finding, ...]:
     """Collect what the user must know although the result may be good.
 
-    set_aside : suspicions about as likely as a slip. gross : of a channel touched or broken.
+    set_aside : suspicions about as likely as a slip.
     measured_noise : nobody states one. unasked : too many sensors for trials.
     """
     rig, trials = of.rig, of.monte_carlo
     found = list(of.dwells.findings)
     found += log_against_rig.turned(rig, of.dwells.position)
     found += _turned_sensors(rig, of.fit.state)
-    if of.channels is not None and gross is None:
-        found.append(noisier(of.channels, rig.supports))
     found += of.observability.findings
     if rig.declared.force_sensitivity > 0:
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
@@ -146,9 +141,7 @@ def _of_the_noise(known: Estimate[Fit], *, measured_noise: bool) -> list[Finding
     if stats.p_value < MISFIT:
         return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
     if stats.p_value > 1 - OVERSTATED_NOISE:
-        less: dict[str, Value] = {key: f"{size:g}" for key, size in supported(known).items()}
-        p_value = 1 - stats.p_value
-        return [Finding("noise-overstated", size=stats.birge, p_value=p_value, values=less)]
+        return [Finding("noise-overstated", size=stats.birge, p_value=1 - stats.p_value)]
     return []
 
 

@@ -16,7 +16,6 @@ from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.noise_components import scaled
 from tdfscal.significance import MISFIT
 
 
@@ -179,13 +178,10 @@ def basis(columns: FloatArray) -> FloatArray:
 class KnownNoise:
     """What a calibration's own postures say of the noise.
 
-    channels : (n, 3), standard deviation over the stated one, by so many postures; None where it is
-    as stated. birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too.
-    dof : behind that.
+    birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too. dof : behind
+    that.
     """
 
-    channels: FloatArray | None = None
-    postures: int = 0
     birge: float = 1.0
     dof: int = 0
 
@@ -199,8 +195,6 @@ class KnownNoise:
                 position_cov=variance * observed.position_cov,
                 moment_var=variance * observed.moment_var,
             )
-        if self.channels is not None:
-            observed = scaled(observed, self.channels)
         return observed
 
     @property
@@ -209,15 +203,11 @@ class KnownNoise:
         found = []
         if self.birge > 1.0 and chi2_sf(self.birge**2 * self.dof, self.dof) < MISFIT:
             found.append(Finding("noise-as-calibrated", size=self.birge))
-        if self.channels is not None:
-            found.append(Finding("channels-as-calibrated"))
         return tuple(found)
 
     @property
     def freedom(self) -> float:
         """Degrees of freedom with which the noise is known: ∞ as stated, or those that told it."""
-        if self.channels is not None:
-            return self.postures
         return self.dof if self.birge > 1.0 else np.inf
 
     def chi2_sf(self, square: float, freedom: int) -> float:

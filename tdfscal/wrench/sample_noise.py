@@ -106,14 +106,13 @@ def with_sample_noise(
     given: Calibrated,
     *,
     posture_std: float,
-    shares: FloatArray | None = None,
     zero_variance: Callable[[FloatArray], FloatArray] | None,
     tell: Callable[[SampleNoise], None],
 ) -> Iterator[Wrenches]:
     """Add the noise of a sample, and zeros that move, to the standard uncertainties.
 
     posture_std : N per axis, by which the calibration's own postures scattered beyond the
-    calibration. shares : (n,), of the sensors in that variance, 1 on average; None: all alike.
+    calibration.
     zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved since.
     tell : is told the noise before the first piece comes.
     """
@@ -126,8 +125,7 @@ def with_sample_noise(
         return
     each = by_sensor(given)
     slow = posture_std**2 - given.rig.declared.force_noise**2
-    alike = np.ones(len(each)) if shares is None else shares
-    noise = _noise(held, head, alike @ each, slow)
+    noise = _noise(held, head, each.sum(axis=0), slow)
     tell(noise)
     for piece in chain(held, pieces):
         variance = piece.std**2 + noise.std**2

@@ -125,7 +125,6 @@ def _tables_of_supports(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] |
     """Yield the tables that have a row for each support."""
     holders: list[tuple[Place, Any, tuple[str, ...]]] = [
         (("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high")),
-        (("fit",), c.fit, ("channel_noise",)),
         (("dwells",), c.dwells, ("force",)),
     ]
     for k, campaign in enumerate(c.campaigns):

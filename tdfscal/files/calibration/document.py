@@ -311,6 +311,8 @@ FORMER = (
     ("tracker", "rms_residual"),
     ("motion", "spectrum", "position_noise"),
     ("motion", "halves_p_value"),
+    ("fit", "channel_noise"),
+    ("fit", "kurtosis"),
 )
 
 

@@ -30,7 +30,6 @@ from tdfscal.files.field_types import (
     Strict,
     Text,
     Vector,
-    Vectors,
     fault,
     from_numpy,
     key,
@@ -278,8 +277,6 @@ class FitResult(Strict):
     birge: NotNegative = key("Birge ratio, √(χ²/dof)")
     rms_force: NotNegative = key("N: root mean square of the residual force")
     rms_moment: NotNegative = key("N·m: of the residual moment about the barycentre")
-    channel_noise: Vectors | None = key("over the stated one, where channels differ", None)
-    kurtosis: NotNegative | None = key("of the residuals; above 1: heavy tails", None)
 
 
 class AngleSeen(Strict):

@@ -58,8 +58,6 @@ def fit(
         said |= {
             "postures": len(result.dwells) - len(result.rejected),
             "rejected": rejected(result.dwells, result.rejected),
-            "channel_noise": result.channels,
-            "kurtosis": result.validation.kurtosis,
         }
     else:
         said["postures"] = result.dwells
