@@ -30,10 +30,8 @@ MAX_SKEW = 0.1
 MAX_CLOCK_OFFSET = 1.0
 """A usual offset of header time to log time beyond this is reported, s."""
 
-# Intervals are counted in bins of a relative width of 1 %, so that the memory is bounded.
-_BINS_PER_DECADE = 231
-_LOWEST, _HIGHEST = -10, 6
-_BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
+_ENOUGH = 4096
+"""Intervals at the begin whose median is the period."""
 
 
 class Clock:
@@ -41,19 +39,20 @@ class Clock:
 
     rows : with "postures" nothing is left out: a time that does not ascend is refused.
     after : s, the end of the file before; -∞ without one. The pause between is no gap.
-    count : samples. longest : of the intervals, s, and where it begins.
+    count : samples. longest : of the intervals, s, and where it begins. span : first and last time,
+    s; None without a sample, or where rows are postures.
     """
 
     def __init__(self, name: str, rows: Rows, after: float = -np.inf) -> None:
         self.name, self._rows = name, rows
         self._last = after
-        self._first = np.nan
-        self._at_start = True
+        self.span: tuple[float, float] | None = None
         self.count = 0
         self._duplicates = 0
         self._back = 0
         self._worst_back = 0.0
-        self._intervals = np.zeros(_BINS, dtype=np.int64)
+        self._opening = np.empty(0)
+        self._gaps = 0
         self.longest = (0.0, 0.0)
 
     def ascending(self, time: FloatArray) -> BoolArray | None:
@@ -65,7 +64,7 @@ class Clock:
             return None
         self.count += time.size
         step = np.diff(time, prepend=self._last)
-        pauses = step[int(self._at_start and not np.isfinite(self._last)) :]
+        pauses = step[int(not np.isfinite(self._last)) :]
         if self._rows != "postures" and pauses.max(initial=0.0) > MAX_PAUSE:
             k = int(np.argmax(pauses)) + time.size - pauses.size
             raise DataError(
@@ -148,43 +147,36 @@ class Clock:
             )
 
     def _note(self, time: FloatArray, step: FloatArray) -> None:
+        """Take in what ascends; step : from what was before. The pause between files is no gap."""
         if time.size == 0:
             return
-        if self._at_start:
-            self._first = float(time[0])
-        intervals = step[1:] if self._at_start else step
-        self._at_start = False
+        intervals = step[1:] if self.span is None else step
+        begin = self.span[0] if self.span is not None else float(time[0])
         self._last = float(time[-1])
-        if intervals.size == 0 or self._rows == "postures":
+        if self._rows == "postures":
+            return
+        self.span = begin, self._last
+        if intervals.size == 0:
             return
         k = int(np.argmax(intervals))
         if intervals[k] > self.longest[0]:
             at = float(time[k + time.size - intervals.size]) - float(intervals[k])
             self.longest = (float(intervals[k]), at)
-        size = np.array([intervals.min(), intervals.max()])
-        level = np.clip(np.rint((np.log10(size) - _LOWEST) * _BINS_PER_DECADE), 0, _BINS - 1)
-        if level[0] == level[1]:  # as a rule, and much faster
-            self._intervals[int(level[0])] += intervals.size
-        else:
-            level = np.rint((np.log10(intervals) - _LOWEST) * _BINS_PER_DECADE).astype(np.int64)
-            self._intervals += np.bincount(np.clip(level, 0, _BINS - 1), minlength=_BINS)
+        if self._opening.size >= _ENOUGH:
+            self._gaps += self._gaps_in(intervals)
+            return
+        seen = np.concatenate([self._opening, intervals])
+        self._opening = seen[:_ENOUGH]
+        self._gaps = self._gaps_in(seen)
 
-    @property
-    def span(self) -> tuple[float, float] | None:
-        """First and last time, s; None without a sample, or where rows are postures."""
-        if self._at_start or self._rows == "postures":
-            return None
-        return self._first, self._last
+    def _gaps_in(self, intervals: FloatArray) -> int:
+        return int(np.count_nonzero(intervals > GAP * np.median(self._opening)))
 
     def intervals(self) -> tuple[float, int]:
-        """Median interval, s, to about 1 %, and how many exceed GAP of it; 0 below two."""
-        total = int(self._intervals.sum())
-        if total < 2:
+        """Usual interval, s, and how many exceed GAP of it; 0 below two."""
+        if self._opening.size < 2:
             return 0.0, 0
-        middle = int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
-        beyond = middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1
-        period = 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
-        return period, int(self._intervals[beyond:].sum())
+        return float(np.median(self._opening)), self._gaps
 
 
 def apart(clocks: Sequence[Clock]) -> list[Finding]:

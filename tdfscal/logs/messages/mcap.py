@@ -2,11 +2,10 @@
 
 Read front to back, so that a recording without summary, index or chunks reads to the same messages
 as one that has them. A file without its mark at the end, zeros behind it aside, was cut short: what
-is whole of it is read.
-Records and fields that are not known are passed over. https://mcap.dev/spec
+is whole of it is read. Records and fields that are not known are passed over. https://mcap.dev/spec
 
-The library's own stream makes a tuple of each entry of a message index, which takes it longer than
-all that is done here.
+The library's own stream makes objects of each message and of each entry of a message index, which
+takes it longer than all that is done here.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import io
 import sys
 import zlib
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import BinaryIO, Final
 
@@ -31,22 +30,18 @@ from tdfscal.errors import DataError
 from tdfscal.logs.log_file import AGAIN, LIBRARY_FAULTS, reason
 from tdfscal.logs.messages.buffer import MESSAGE_HEAD, RECORD, Messages, gather
 from tdfscal.logs.messages.recording import Recording
-from tdfscal.records import IntArray
 
 MAX_CHUNK: Final = 256 << 20
 """Largest chunk, in bytes when decompressed, that is read."""
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _LOOSE_BYTES: Final = 4 << 20
-_MAX_RECORD: Final = 1 << 30
 _PIECE: Final = 1 << 20
 _SECTOR: Final = 512  # bytes, the least that is laid out in advance
 _READ: Final = frozenset(
-    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
+    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK}
     | {Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER}
 )
 _HINT: Final = "copy the recording again"
-
-Define = Callable[[int, bytes], None]
 
 
 class _CutShortError(Exception):
@@ -58,131 +53,106 @@ class McapFile(Recording):
 
     form, mark, kind = "mcap", _MAGIC, "MCAP file"
     _start = 0  # of the record at hand
-    _crc = (0, 0)  # before the record at hand, and after it
+    _before = 0  # checksum of the section before that record
     _covered = False  # by the checksum of the data
     _counted = False  # by statistics
 
     def stored(self) -> Iterator[Messages]:
         """Yield the messages chunk by chunk, in file order."""
-        self.checked, self._loose = True, bytearray()
+        self.checked, loose = True, bytearray()
         with self.path.open("rb") as file:
-            self._size = _written(file, self.path.stat().st_size)
-            file.seek(max(self._size - len(_MAGIC), 0))
+            size = _written(file, self.path.stat().st_size)
+            file.seek(max(size - len(_MAGIC), 0))
             ended = file.read() == _MAGIC
             file.seek(len(_MAGIC))
-            self._crc = (0, zlib.crc32(_MAGIC))
             try:
-                yield from self._in_order(file)
+                for opcode, content in self._records(file, size):
+                    if opcode == Opcode.MESSAGE:
+                        loose += RECORD.pack(opcode, len(content)) + content
+                        self.checked = False
+                    if loose and (opcode != Opcode.MESSAGE or len(loose) >= _LOOSE_BYTES):
+                        yield self._found(loose)
+                        loose = bytearray()
+                    if opcode == Opcode.CHUNK:
+                        with self._placed("a chunk is damaged"):
+                            messages = self._unpacked(content)
+                        yield messages
+                    elif opcode != Opcode.MESSAGE:
+                        with self._placed("a record is damaged"):
+                            self._take(opcode, content)
+                    self.position = file.tell()
             except _CutShortError:
-                yield from self._flushed()
+                if loose:
+                    yield self._found(loose)
                 if ended:
                     what = f"the record at byte {self._start} runs beyond the file's end"
                     raise DataError(what, hint=_HINT) from None
                 if not self.counts:
-                    what = f"the file was cut short at byte {self._size}, before its first message"
+                    what = f"the file was cut short at byte {size}, before its first message"
                     raise DataError(what, hint=AGAIN) from None
                 self.cut_at = self._start
 
-    def _in_order(self, file: BinaryIO) -> Iterator[Messages]:
-        chunk: tuple[int, bytes] | None = None
-        index: list[bytes] = []
-        opcode = 0
+    def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+        """Yield the records that are read here, to the footer.
+
+        size : bytes of the file that were written. Raises _CutShortError where a record is not
+        whole, DataError for bytes behind the end.
+        """
+        opcode, crc = 0, zlib.crc32(_MAGIC)
         while opcode != Opcode.FOOTER:
-            try:
-                opcode, content = self._record(file)
-            except _CutShortError:
-                if chunk is not None:
-                    yield from self._unpacked(*chunk, index)
-                raise
-            if opcode == Opcode.MESSAGE_INDEX:
-                index.append(content)
-                continue
-            if chunk is not None:
-                yield from self._unpacked(*chunk, index)
-                chunk = None
-            if opcode == Opcode.CHUNK:
-                chunk, index = (self._start, content), []
-            if opcode == Opcode.MESSAGE:
-                self._loose += RECORD.pack(opcode, len(content)) + content
-                self.checked = False
-            else:
-                self._take(opcode, content)
-            if opcode != Opcode.MESSAGE or len(self._loose) >= _LOOSE_BYTES:
-                yield from self._flushed()
-            self.position = file.tell()
+            self._start, self._before = file.tell(), crc
+            head = file.read(RECORD.size)
+            opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
+            # What was never written is zero, however little of it there is.
+            if not opcode or length > size - file.tell():
+                raise _CutShortError
+            content = file.read(length) if opcode in _READ else b""
+            crc, left = zlib.crc32(content, zlib.crc32(head, crc)), length - len(content)
+            while left:
+                piece = file.read(min(left, _PIECE))
+                crc, left = zlib.crc32(piece, crc), left - len(piece)
+            if opcode in _READ:
+                yield opcode, content
+            if opcode == Opcode.DATA_END:
+                crc = 0  # the summary's own begins
         self._start = file.tell()
-        if self._start + len(_MAGIC) > self._size:
+        if self._start + len(_MAGIC) > size:
             raise _CutShortError
-        if self._start + len(_MAGIC) < self._size:
+        if self._start + len(_MAGIC) < size:
             raise DataError(f"bytes follow the end of the recording at byte {self._start}")
         self.checked = self._covered or (self.checked and self._counted)
 
-    def _record(self, file: BinaryIO) -> tuple[int, bytes]:
-        """Return the next record that is read here; raises _CutShortError where there is none."""
-        while True:
-            self._start = file.tell()
-            before = self._crc[1]
-            head = file.read(RECORD.size)
-            if len(head) < RECORD.size:
-                raise _CutShortError
-            opcode, length = RECORD.unpack(head)
-            # What was never written is zero, however little of it there is.
-            if not opcode or length > self._size - file.tell():
-                raise _CutShortError
-            crc = zlib.crc32(head, before)
-            if opcode in _READ:
-                if length > _MAX_RECORD:
-                    what = f"the record at byte {self._start} has {length} bytes"
-                    raise DataError(what, hint="record in chunks")
-                content = file.read(length)
-                self._crc = before, zlib.crc32(content, crc)
-                return opcode, content
-            while length:
-                piece = file.read(min(length, _PIECE))
-                crc, length = zlib.crc32(piece, crc), length - len(piece)
-            self._crc = before, crc
-
     def _take(self, opcode: int, content: bytes) -> None:
         """Take in what is no message: definitions, counts, checksums of data and summary."""
-        with self._placed("a record is damaged", self._start):
-            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._define(opcode, content)
-            elif opcode == Opcode.STATISTICS:
-                self._counted = True
-                stated = Statistics.read(_stream(content))
-                by_channel = {c: n for c, n in stated.channel_message_counts.items() if n}
-                there = self.counts.total()
-                if there != stated.message_count or by_channel not in ({}, self.counts):
-                    what = f"{there} messages are there where the statistics state "
-                    raise ValueError(f"{what}{stated.message_count}")
-            elif opcode == Opcode.DATA_END:
-                crc = DataEnd.read(_stream(content)).data_section_crc
-                self._covered = crc != 0
-                if crc not in (0, self._crc[0]):
-                    raise ValueError("the checksum of the data section does not match")
-                self._crc = (0, 0)  # the summary's own begins
-            elif opcode == Opcode.FOOTER:
-                covered = RECORD.pack(opcode, len(content)) + content[:16]
-                if Footer.read(_stream(content)).summary_crc not in (
-                    0, zlib.crc32(covered, self._crc[0]),
-                ):  # fmt: skip
-                    raise ValueError("the checksum of the summary does not match")
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._define(opcode, content)
+        elif opcode == Opcode.STATISTICS:
+            self._counted = True
+            stated = Statistics.read(_stream(content))
+            by_channel = {c: n for c, n in stated.channel_message_counts.items() if n}
+            there = self.counts.total()
+            if there != stated.message_count or by_channel not in ({}, self.counts):
+                what = f"{there} messages are there where the statistics state "
+                raise ValueError(f"{what}{stated.message_count}")
+        elif opcode == Opcode.DATA_END:
+            crc = DataEnd.read(_stream(content)).data_section_crc
+            self._covered = crc != 0
+            if crc not in (0, self._before):
+                raise ValueError("the checksum of the data section does not match")
+        elif opcode == Opcode.FOOTER:
+            covered = RECORD.pack(opcode, len(content)) + content[:16]
+            crc = Footer.read(_stream(content)).summary_crc
+            if crc not in (0, zlib.crc32(covered, self._before)):
+                raise ValueError("the checksum of the summary does not match")
 
-    def _unpacked(self, start: int, content: bytes, index: list[bytes]) -> Iterator[Messages]:
-        with self._placed("a chunk is damaged", start):
-            chunk = Chunk.read(_stream(content))
-            data = decompressed(chunk)
-            self.checked &= chunk.uncompressed_crc != 0
-            messages = messages_of(data, index_offsets(index), self._define)
-        yield messages
+    def _unpacked(self, content: bytes) -> Messages:
+        chunk = Chunk.read(_stream(content))
+        self.checked &= chunk.uncompressed_crc != 0
+        return messages_of(decompressed(chunk), self._define)
 
-    def _flushed(self) -> Iterator[Messages]:
-        if self._loose:
-            data = bytes(self._loose)
-            self._loose.clear()
-            with self._placed("a message before it is damaged", self._start):
-                messages = messages_of(data, index_offsets(()), self._define)
-            yield messages
+    def _found(self, loose: bytearray) -> Messages:
+        with self._placed("a message before it is damaged"):
+            return messages_of(bytes(loose), self._define)
 
     def _define(self, opcode: int, content: bytes) -> None:
         """Take in a schema or a channel; one that comes again must say the same."""
@@ -196,12 +166,12 @@ class McapFile(Recording):
                 raise ValueError(f"channel {channel.id} is defined twice, differently")
 
     @contextmanager
-    def _placed(self, what: str, start: int) -> Iterator[None]:
+    def _placed(self, what: str) -> Iterator[None]:
         """Turn what a damaged record raises into a DataError with its place."""
         try:
             yield
         except (McapError, *LIBRARY_FAULTS) as error:
-            said = f"{what} ({reason(error)}) at byte {start}"
+            said = f"{what} ({reason(error)}) at byte {self._start}"
             raise DataError(said, hint=_HINT) from error
 
 
@@ -267,65 +237,27 @@ def decompressed(chunk: Chunk) -> bytes:
     return data
 
 
-def index_offsets(records: Sequence[bytes]) -> IntArray:
-    """Return the offsets that a chunk's message indexes give, ascending.
+def messages_of(data: bytes, define: Callable[[int, bytes], None]) -> Messages:
+    """Find every message in a buffer of records, going from one to the next.
 
-    A record is: channel u16, length u32 in bytes, then (time u64, offset u64) each.
+    define : takes the schemas and channels met, as (opcode, content).
+
+    Raises ValueError where the records do not fill the buffer.
     """
-    parts = [np.empty(0, dtype=np.int64)]
-    for content in records:
-        length = int.from_bytes(content[2:6], "little")
-        if length > len(content) - 6 or length % 16:
-            raise ValueError("a message index does not add up")
-        parts.append(np.frombuffer(content, dtype="<i8", offset=6, count=length // 8)[1::2])
-    return np.sort(np.concatenate(parts), kind="stable")
-
-
-def messages_of(data: bytes, indexed: IntArray, define: Define) -> Messages:
-    """Find every message in a buffer of records.
-
-    The index only saves walking: the records are walked unless the messages that it names tile the
-    buffer, so that the same messages are found whether it is whole, partial or missing.
-
-    indexed : offsets of messages, ascending. define : takes the schemas and channels met, as
-    (opcode, content).
-
-    Raises ValueError where the records do not tile the buffer.
-    """
-    offset = indexed if _tile(data, indexed) else _walked(data, define)
+    unpack, head, message = RECORD.unpack_from, RECORD.size, int(Opcode.MESSAGE)
+    start, last, found = 0, len(data) - RECORD.size, array("q")
+    while start <= last:
+        opcode, length = unpack(data, start)
+        if opcode == message:
+            found.append(start)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            define(opcode, data[start + head : start + head + length])
+        start += head + length
+    if start != len(data):
+        raise ValueError("a record is cut short")
+    offset = np.array(found, dtype=np.int64)
     length = gather(data, offset + 1, "<u8").astype(np.int64) - MESSAGE_HEAD
     if (length < 0).any():
         raise ValueError("a message is shorter than its head")
-    channel = gather(data, offset + RECORD.size, "<u2").astype(np.int64)
+    channel = gather(data, offset + head, "<u2").astype(np.int64)
     return Messages(data, offset, length, channel)
-
-
-def _tile(data: bytes, offset: IntArray) -> bool:
-    """Whether there are messages at these offsets, from the begin of the buffer to its end."""
-    if not offset.size or offset[0] != 0 or offset[-1] > len(data) - RECORD.size:
-        return False
-    length = gather(data, offset + 1, "<u8")
-    if int(length.max()) > len(data):
-        return False
-    ends = offset + RECORD.size + length.astype(np.int64)
-    joined = ends[-1] == len(data) and (ends[:-1] == offset[1:]).all()
-    return bool(joined and (gather(data, offset, "u1") == int(Opcode.MESSAGE)).all())
-
-
-def _walked(data: bytes, define: Define) -> IntArray:
-    """Go from record to record: where messages are; hand on schemas and channels."""
-    unpack, head, message = RECORD.unpack_from, RECORD.size, int(Opcode.MESSAGE)
-    start, stop, messages = 0, len(data), array("q")
-    while start < stop:
-        if start + head > stop:
-            raise ValueError("a record is cut short")
-        opcode, length = unpack(data, start)
-        end = start + head + length
-        if end > stop:
-            raise ValueError("a record is cut short")
-        if opcode == message:
-            messages.append(start)
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            define(opcode, data[start + head : end])
-        start = end
-    return np.array(messages, dtype=np.int64)

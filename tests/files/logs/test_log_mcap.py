@@ -16,7 +16,7 @@ from rosbags.interfaces import Nodetype
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.mcap import index_offsets, messages_of
+from tdfscal.logs.messages.mcap import messages_of
 from tdfscal.logs.messages.paths import Path as MessagePath
 from tdfscal.logs.messages.ros import definitions
 from tdfscal.records import LogMapping
@@ -104,7 +104,7 @@ def test_gathering_agrees_with_rosbags(
     raw = [bytes(random_message(kind, rng, little)) for _ in range(50)]
     types = definitions(kind, "ros2msg", definition(kind).decode())
     records = b"".join(b"\x05" + (22 + len(r)).to_bytes(8, "little") + bytes(22) + r for r in raw)
-    found = Gatherer(types, kind, path)(messages_of(records, index_offsets(()), lambda *_: None))
+    found = Gatherer(types, kind, path)(messages_of(records, lambda *_: None))
     for row, data in zip(found, raw, strict=True):
         message = STORE.deserialize_cdr(data, kind)
         for value, steps in zip(row, path, strict=True):
