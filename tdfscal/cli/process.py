@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import signature
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -279,20 +278,4 @@ def _on_stderr(*, quiet: bool) -> Progress:
     def tell(stage: str) -> None:
         say(f"[{time.monotonic() - started:5.1f} s] {stage} …")
 
-    return Progress(stage=tell, reading=_reading_bar)
-
-
-@contextlib.contextmanager
-def _reading_bar(paths: Sequence[Path]) -> Iterator[Callable[[float], None] | None]:
-    """Give what takes the share of the files that is read; None where nobody looks."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
-
-    size = sum(path.stat().st_size for path in paths if path.is_file())
-    columns = "reading", BarColumn(), DownloadColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=size)
-        yield lambda share: bar.update(task, completed=share * size)
+    return Progress(tell)

@@ -7,8 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import fields
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -28,32 +27,19 @@ Instant = str | float | datetime
 _UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?")
 
-#: Takes the share that is read, from 0 to 1.
-Share = Callable[[float], None]
-
 
 def _unheard(text: str) -> None:
     """Nobody listens."""
 
 
-def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
-    return nullcontext()
-
-
 @record
 class Progress:
-    """Called while a command works.
-
-    stage : with the name of each stage that begins.
-    reading : with the log files that are read; gives what takes the share of them, or None.
-    """
+    """Called while a command works. stage : with the name of each stage that begins."""
 
     stage: Callable[[str], None] = _unheard
-    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            expect(field.name, getattr(self, field.name), Callable, "a function")
+        expect("stage", self.stage, Callable, "a function")
 
     def __repr__(self) -> str:
         return "SILENT" if self == SILENT else object.__repr__(self)

@@ -13,7 +13,7 @@ from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.frozen import record, replace
-from tdfscal.logs import expand, is_log
+from tdfscal.logs import is_log
 from tdfscal.logs.describe import LogInfo, as_document, describe_logs
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
@@ -77,8 +77,8 @@ def info(
     loaded, fault = _rig(listed(paths), one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(paths, apart=apart)
-    with progress.reading(expand(logs)) as share:
-        found = describe_logs(logs, loaded, window=part, progress=share)
+    progress.stage("reading the log")
+    found = describe_logs(logs, loaded, window=part)
     return InfoResult(replace(found, problems=(*fault, *found.problems)))
 
 

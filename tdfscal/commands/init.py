@@ -16,7 +16,6 @@ from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.frozen import record
-from tdfscal.logs import expand
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
@@ -100,8 +99,8 @@ def init(
         are positions and forces.
     """
     logs = find_logs(paths)
-    with progress.reading(expand(logs)) as share:
-        info = describe_logs(logs, progress=share)
+    progress.stage("reading the log")
+    info = describe_logs(logs)
     first = info.contents[0]
     if info.mapping is None:
         raise DataError(

@@ -86,26 +86,19 @@ class LogPass:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
         logs, rig = self.campaign.logs, self.rig
         first, last = dict[int, float](), dict[int, float]()
-        with self.progress.reading(logs) as share:
-            for piece in iter_log(
-                logs,
-                self.campaign.rig.log,
-                rig.supports,
-                axes=rig.axes,
-                window=self.settings.window,
-                progress=share,
-            ):
-                self.inputs += piece.inputs
-                self.clocks += piece.clocks
-                self._note(piece.findings)
-                for number, series in enumerate((*piece.position, *piece.force)):
-                    if len(series.time):
-                        first.setdefault(number, float(series.time[0]))
-                        last[number] = float(series.time[-1])
-                self.begin = max(first.values(), default=self.begin)
-                self.end = min(last.values(), default=self.end)
-                self.ends += [max(last.values(), default=self.end)] * len(piece.inputs)
-                yield piece
+        mapping, window = self.campaign.rig.log, self.settings.window
+        for piece in iter_log(logs, mapping, rig.supports, axes=rig.axes, window=window):
+            self.inputs += piece.inputs
+            self.clocks += piece.clocks
+            self._note(piece.findings)
+            for number, series in enumerate((*piece.position, *piece.force)):
+                if len(series.time):
+                    first.setdefault(number, float(series.time[0]))
+                    last[number] = float(series.time[-1])
+            self.begin = max(first.values(), default=self.begin)
+            self.end = min(last.values(), default=self.end)
+            self.ends += [max(last.values(), default=self.end)] * len(piece.inputs)
+            yield piece
 
     def dwells(self) -> Dwells:
         """Read the logs and find the static dwells."""

@@ -140,7 +140,7 @@ def validation_document(
                 cause,
                 "kind value std chi2_explained=gain unknowns remaining_p_value=remaining_p",
                 support=None if cause.support is None else v.rig.supports[cause.support],
-                postures=[v.used[k] for k in cause.postures] if isinstance(v, Validation) else [],
+                indices=[v.used[k] for k in cause.postures] if isinstance(v, Validation) else [],
                 text=sentence(change(v, cause)),
             )
             for cause in v.suspected
@@ -175,7 +175,8 @@ def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
 def _of_the_postures(v: Validation) -> dict[str, Any]:
     wrenches = {"uncalibrated": v.nominal, "calibrated": v.calibrated, "std": v.std}
     return {
-        "postures": [
+        "postures": len(v.used),
+        "residuals": [
             {
                 "index": k,
                 "start": v.dwells.start[k],
