@@ -214,10 +214,6 @@ forces-behind refuses
   -> give the forces stamps that are {late:earlier|later} by that time, and see why the
     recorder writes them so
   @ log
-recorder-backwards refuses
-  the moves that the first recorder saw are those of the recorder {subject} run
-  backwards: the values of one of them stand in the reverse order of its times
-  -> bring its values, or its times, into the order in which they were recorded
 recorder-clock-open refuses
   the clock of the recorder {subject} is not determined: with offsets of
   {likelier:.6f} s and {other:.6f} s to the first recorder's clock its moves are

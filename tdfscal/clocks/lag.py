@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.clocks.search import ALIKE, ALSO, CLEAR, SAME, Search, is_clear
+from tdfscal.clocks.search import CLEAR, SAME, Search, is_clear
 from tdfscal.clocks.tracks import Peak, Track, Tracks, during
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
@@ -47,7 +47,7 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     ------
     DataError
         The two do not overlap by what is stated, their moves contradict it, or the moves of one
-        are not found in the other, or found backwards.
+        are not found in the other.
     NotIdentifiableError
         Two lags explain both alike.
     """
@@ -57,14 +57,7 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     if prior.exact:
         clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
     else:
-        try:
-            chosen = search.chosen(name)
-        except (DataError, NotIdentifiableError):
-            _check_order(search, name)
-            raise
-        if chosen.model is None and not np.isfinite(search.std):
-            _check_order(search, name)
-        clock = search.refined(chosen, name)
+        clock = search.refined(search.chosen(name), name)
     lag = clock.offset - (second.begin - first.begin)
     return replace(clock, activity=during(*search.courses, search.width, lag))
 
@@ -120,25 +113,3 @@ def _check_statement(search: Search, name: str) -> None:
     by_moves = best.model is None
     if by_moves or min(c.misfit for c in allowed) > CLEAR * best.misfit:
         raise DataError(Finding("recorder-clock-misstated", (name,), values=values))
-
-
-def _check_order(search: Search, name: str) -> None:
-    """Raise DataError where the second's moves are the first's, if they are read backwards.
-
-    Stops that follow each other evenly are alike at several lags either way: backwards they must
-    be far more alike, or balance far better, than they do forwards.
-    """
-    turned = Search(search.first, search.second.backwards(), ClockPrior())
-    try:
-        best = turned.chosen(name)
-    except (DataError, NotIdentifiableError):
-        return
-    forwards = search.judged(search.candidates())
-    alike = max((c.peak.evidence for c in forwards), default=0.0)
-    balanced = min((c.misfit for c in forwards), default=np.inf)
-    if best.model is None:
-        turned_round = ALSO * best.peak.evidence > alike
-    else:
-        turned_round = ALIKE * best.misfit < balanced
-    if turned_round:
-        raise DataError(Finding("recorder-backwards", (name,)))

@@ -27,7 +27,7 @@ _SPACING = 0.08  # s, of instants at the least
 _STEP = 0.3  # s, by which a statement may be off beside its uncertainty,
 SAME = 0.6  # and up to which two lags are one
 _DENSE = 10_000  # instants on which offset and rate are refined
-ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
+_ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
 CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
@@ -35,7 +35,7 @@ _CERTAIN = 20.0  # and its log-likelihood ratio
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
 _UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
-ALSO = 0.6  # share of it from which another lag is as likely
+_ALSO = 0.6  # share of it from which another lag is as likely
 
 
 @record
@@ -123,13 +123,13 @@ class Search:
         best, *others = sorted(found, key=lambda c: -c.peak.evidence)
         if best.peak.r < _LIKE or best.peak.evidence < _CHANCE * self.correlation_time:
             raise self._not_found(name)
-        if others and others[0].peak.evidence > ALSO * best.peak.evidence:
+        if others and others[0].peak.evidence > _ALSO * best.peak.evidence:
             raise self._undecided(name, best, others[0])
         return replace(best, model=None)  # whose moves do not balance
 
     def _alike(self, best: Candidate, other: Candidate, usual: float) -> bool:
         """Whether another lag explains both as well: moves that repeat, or few of them."""
-        if other.misfit > ALIKE * best.misfit:
+        if other.misfit > _ALIKE * best.misfit:
             return False
         if _evidence(other, self.balance, usual) > _HALF * _evidence(best, self.balance, usual):
             return True

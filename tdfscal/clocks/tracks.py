@@ -85,12 +85,6 @@ class Tracks:
                 streams.setdefault(number, Track.of(time, track.value))
         return replace(self, period=period, streams=dict(sorted(streams.items())))
 
-    def backwards(self) -> Tracks:
-        """The same with all values in the reverse order."""
-        span = self.end - self.begin
-        turned = {k: Track.of(span - t.time[::-1], t.value[::-1]) for k, t in self.streams.items()}
-        return replace(self, streams=turned)
-
 
 class Reduction:
     """Reduces the streams of one recorder while they pass."""

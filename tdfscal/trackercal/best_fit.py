@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from tdfscal.errors import TdfscalError
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
@@ -157,7 +157,7 @@ def _scale_beside(fit: Registration) -> tuple[float, float]:
 def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
     """One transform for all points; where only the single groups have one, the error says so."""
     try:
-        return fit_survey(points, noise, common_shift=True, least=3, what="points")
+        return _fit(points, noise)
     except TdfscalError as error:
         if not fit_one_by_one(points, noise):
             raise
@@ -165,45 +165,35 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
 
 
 def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> Finding | None:
-    """Say that a translation, or a transform, per group fits much better; None where it does not.
+    """Say that a transform per group fits much better; None where it does not.
 
     together : the fit of one transform for all.
     """
-    if len(points.groups) < 2:
-        return None
     if (sigma := together.fit.sigma) is not None:  # none was stated: that of the residuals
         noise = Noise({}, {"residuals": np.tile(sigma**2 * np.eye(3), (len(points), 1, 1))})
-    best, model = _spread([together]), ""
-    for fits, name in (
-        (_fits([(points, noise)], common_shift=False), "a translation"),
-        (fit_one_by_one(points, noise), "a transform"),
-    ):
-        enough = sum(fit.fit.dof for fit in fits) >= _LEAST_DOF
-        spread = max(_spread(fits), _ROUNDING)
-        if enough and best > _BETTER * spread:
-            best, model = spread, name
-    if not model:
+    alone = fit_one_by_one(points, noise)
+    if sum(fit.fit.dof for fit in alone) < _LEAST_DOF:
         return None
-    values: dict[str, Value] = {"model": model, "ratio": _spread([together]) / best}
-    return Finding("groups-moved-apart", points.groups, best, "m", values=values)
+    spread = max(_spread(alone), _ROUNDING)
+    ratio = _spread([together]) / spread
+    if ratio < _BETTER:
+        return None
+    return Finding("groups-moved-apart", points.groups, spread, "m", values={"ratio": ratio})
 
 
 def fit_one_by_one(points: MatchedPoints, noise: Noise) -> list[SurveyFit]:
     """Fits of the single groups; none where there is one group, or one that fails."""
     groups = [points.indices(name) for name in points.groups]
-    parts = [(points.take(which), noise.take(which)) for which in groups]
-    return _fits(parts, common_shift=True) if len(parts) > 1 else []
-
-
-def _fits(parts: Sequence[tuple[MatchedPoints, Noise]], *, common_shift: bool) -> list[SurveyFit]:
-    """Fits of all parts; none where one fails."""
+    if len(groups) < 2:
+        return []
     try:
-        return [
-            fit_survey(points, noise, common_shift=common_shift, least=3, what="points")
-            for points, noise in parts
-        ]
+        return [_fit(points.take(which), noise.take(which)) for which in groups]
     except TdfscalError:
         return []
+
+
+def _fit(points: MatchedPoints, noise: Noise) -> SurveyFit:
+    return fit_survey(points, noise, common_shift=True, least=3, what="points")
 
 
 def _spread(fits: Iterable[SurveyFit]) -> float:

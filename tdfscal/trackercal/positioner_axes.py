@@ -1,4 +1,4 @@
-"""Straightness and squareness of the NCPs' axes, from the residuals of their moves."""
+"""Scale and squareness of the NCPs' axes, from the residuals of their moves."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import LARGEST_MEANINGFUL_STD, Registration, extend
 from tdfscal.numerics.registration import register as solve
-from tdfscal.records import FloatArray
 from tdfscal.significance import POSITIONER_AXIS
 from tdfscal.trackercal.judged_registration import SurveyFit, affine_columns
 
@@ -37,12 +36,10 @@ def _fault(
 def examine_axes(moves: SurveyFit) -> tuple[Finding, ...]:
     """Fit each support's moves by themselves, and return what departs significantly.
 
-    An affine map has six parameters more than a rigid one: three scales and three squarenesses;
-    a bow is a parabola across and along each axis. Each axis is tested by the parameters that
-    are its own.
+    An affine map has six parameters more than a rigid one: three scales and three squarenesses.
     """
     names = moves.points.groups
-    limit = POSITIONER_AXIS / (7 * len(names) * 3)
+    limit = POSITIONER_AXIS / (7 * len(names))
     tests = (test for name in names for test in _tests(moves, name))
     return tuple(test for test in tests if test.p_value is not None and test.p_value < limit)
 
@@ -64,29 +61,6 @@ def _tests(moves: SurveyFit, support: str) -> Iterator[Finding]:
     for (axis, kind, unit), value, std in zip(_AFFINE, affine.value, stds, strict=True):
         p = float(chi2_sf((value / std) ** 2, 1))
         yield _fault(support, axis, kind, float(value), float(std), unit, p)
-    yield from _bows(fit, servo, support)
-
-
-def _bows(fit: Registration, servo: FloatArray, support: str) -> Iterator[Finding]:
-    """Bow of each axis, where the moves tell bows from the affine map."""
-    half = np.abs(servo).max(axis=0)
-    if fit.dof < 6 + 9 + 3 or half.min() == 0:
-        return
-    arc = (servo / half) ** 2
-    bows = np.einsum("nk,ia->niak", arc, np.eye(3)).reshape(len(servo), 3, 9, order="F")
-    columns = np.concatenate([affine_columns(servo), bows], axis=2)
-    columns = np.einsum("ij,njq->niq", fit.rotation, columns)
-    # Unit of a bow: m at the end of the travel; scaled so that a standard uncertainty of 1 is 1 mm.
-    columns[:, :, 6:] *= 1e-3
-    extension = extend(fit, columns)
-    if extension is None:
-        return
-    for k, axis in enumerate("xyz"):
-        own = slice(6 + 3 * k, 9 + 3 * k)
-        value, block = extension.value[own], extension.covariance[own, own]
-        p = float(chi2_sf(value @ np.linalg.solve(block, value), 3))
-        size, std = float(np.linalg.norm(value)), float(np.sqrt(np.trace(block) / 3))
-        yield _fault(support, f"{axis} axis", "bow", 1e-3 * size, 1e-3 * std, "m", p)
 
 
 def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[Finding]:

@@ -43,18 +43,18 @@ def in_groups(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("turn", "shift", "model"),
+    ("turn", "shift", "moved"),
     [
-        ((0, 0, 0), (0, 0, 0), None),
-        ((0, 0, 0), (0.0, 0.5, 0.0), "a translation of its own for each group"),
-        ((0, 0, 0.01), (0, 0, 0), "a transform of its own for each group"),
+        ((0, 0, 0), (0, 0, 0), False),
+        ((0, 0, 0), (0.0, 0.5, 0.0), True),
+        ((0, 0, 0.01), (0, 0, 0), True),
     ],
 )
 def test_groups_that_moved_against_each_other_are_named(
     pair: tuple[Path, Path],
     turn: tuple[float, ...],
     shift: tuple[float, ...],
-    model: str | None,
+    moved: bool,
     cli: Cli,
 ) -> None:
     """The files hold 0.01 mm of noise; the second group is moved by more than ten times that."""
@@ -65,11 +65,11 @@ def test_groups_that_moved_against_each_other_are_named(
     itself = cli("register", pair[0], pair[0], "--unit", "mm", "--json")
     assert (itself.status, texts(json.loads(itself.out))) == (0, [])
     said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
-    assert len(said) == (model is not None)
-    assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
+    assert len(said) == moved
+    assert all("(jig, second) fits " in w for w in said)
     # Before the numbers that it concerns.
     text = cli("register", *pair, "--unit", "mm").out
-    assert ("(jig, second)" in text.split("roll")[0]) == (model is not None)
+    assert ("(jig, second)" in text.split("roll")[0]) == moved
 
 
 def test_groups_in_frames_of_their_own(cli: Cli) -> None:
