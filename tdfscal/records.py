@@ -6,7 +6,7 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, Literal, Self
 
 import numpy as np
@@ -174,7 +174,8 @@ class JointPrior:
     rotation : (n, 3, 3), estimate. vector : (P,), estimates of the other constants.
     root : (m, P), W with WᵀW the information on a deviation from the estimate; SI, rad, BCS.
     chi2, dof : of the fits behind it. exact : (P,) rows, moves of the estimate by errors of what
-    they took as exact.
+    they took as exact. sources : (n, 3), share of each source in the variance of their roll, pitch,
+    yaw; none where that is not told.
     """
 
     rotation: FloatArray
@@ -183,6 +184,7 @@ class JointPrior:
     chi2: float
     dof: int
     exact: tuple[ExactMoves, ...] = ()
+    sources: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def places(self) -> BoolArray:

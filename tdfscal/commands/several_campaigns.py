@@ -98,7 +98,13 @@ def judged(read: Read) -> Judged:
         remark = Finding("campaign-remark", (read.name,), values={"said": said})
     return Judged(
         **{field.name: getattr(read, field.name) for field in fields(Read)},
-        recorded=Recorded(read.name, read.measured.month, rig, **given),
+        recorded=Recorded(
+            read.name,
+            read.measured.month,
+            rig,
+            contributions={} if alone is None else alone.uncertainty.contributions,
+            **given,
+        ),
         rejected=rejected,
         remark=remark,
     )
@@ -234,6 +240,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
     )
     origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
     remarks = [one.remark for one in reads if one is not read and one.remark]
+    remarks += [said for said in read.log.messages if said not in own.findings]
     own = replace(own, findings=(*reasons, *own.findings))
     return Calibration.of(from_self(own, origin, remarks))
 

@@ -127,7 +127,17 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         base=None if last is None else (last.sha256, last.created),
         pooled=bool(file.campaigns),
         exact=_exact(file, known.rig),
+        sources=_sources(file),
     )
+
+
+def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
+    """Shares (n, 3) of the sources in the variance of roll, pitch, yaw; none where not told."""
+    if file.budget is None:
+        return {}
+    shares = np.zeros((len(file.determined), 3, len(file.budget.sources)))
+    shares[file.determined] = file.budget.shares.reshape(-1, *shares.shape[1:])
+    return dict(zip(file.budget.sources, np.moveaxis(shares, 2, 0), strict=True))
 
 
 def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
@@ -275,6 +285,7 @@ def _updated(
         own = replace(own, findings=(*found, *said))
     own = replace(own, findings=(*own.findings, *beside))
     notes = [_could_have_missed(misfit, read.rig, earlier), *defects(earlier.name, earlier.file)]
+    notes += [said for said in read.log.messages if said not in own.findings]
     campaigns, history = (*earlier.campaigns, this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
     return Calibration.of(from_self(own, origin, notes))

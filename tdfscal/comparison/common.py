@@ -13,7 +13,7 @@ each campaign's own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -135,6 +135,27 @@ def scores_of_survey(
     posterior = np.zeros((size, len(survey.covariance)))
     posterior[: len(survey.covariance)] = inverse(survey.covariance)
     return tuple(one.by(posterior) for one in exact)
+
+
+#: Sources of the budget that are of the rig, or of a terminal: one error in all campaigns.
+_OF_ALL = ("sensitivity", "mass", "barycentre", "hinge", "datum", "gravity", "compliance")
+
+
+def sources_together(each: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+    """Shares (n, 3) of the sources in the variance of campaigns together, by those of each alone.
+
+    each : of a campaign, variances (n, 3) of roll, pitch, yaw by source. As of means weighted by
+    these variances: what is the rig's adds up, the others average out.
+    """
+    told = [one for one in each if one]
+    weights = [1.0 / np.maximum(sum(one.values()), np.finfo(float).tiny) for one in told]
+    found: dict[str, FloatArray] = {}
+    for name in dict.fromkeys(name for one in told for name in one):
+        std = [w * np.sqrt(one.get(name, 0.0)) for w, one in zip(weights, told, strict=True)]
+        together = np.square(np.sum(std, axis=0)) if name in _OF_ALL else np.sum(np.square(std), 0)
+        found[name] = np.asarray(together)
+    total = np.sum(list(found.values()), axis=0)
+    return {name: variance / total for name, variance in found.items()}
 
 
 @record

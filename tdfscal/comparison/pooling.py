@@ -7,7 +7,7 @@ of time, and each is held against the rest before anything is pooled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tdfscal.comparison.common import (
     scores_of_estimate,
     scores_of_fit,
     scores_of_survey,
+    sources_together,
     with_load,
 )
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
@@ -32,7 +33,7 @@ from tdfscal.estimation.observation import (
     unstated,
 )
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import Calibrated, free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
     CONSTANTS,
@@ -60,7 +61,8 @@ class Recorded:
     """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
 
     estimate : of a log in motion, by what its rig file states. survey : of a tracker.
-    exact : how either moves with errors of what it took as exact.
+    exact : how either moves with errors of what it took as exact. contributions : variances (n, 3)
+    of roll, pitch, yaw by source, as it knows them alone; empty where it does not.
     month : when it was measured, in months of 30.4375 days from any common instant.
     """
 
@@ -71,6 +73,7 @@ class Recorded:
     estimate: Calibrated | None = None
     survey: Rotations | None = None
     exact: tuple[ExactMoves, ...] = ()
+    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @record
@@ -80,7 +83,7 @@ class Member:
     reduced : what it says by itself. fit : at the common constants; None where it has no postures.
     state : its own parameters at the common constants; None for a survey.
     chi2, dof : of its residuals and of its departure from those before it. exact : scores (C,) of
-    what it says, by errors of what it takes as exact.
+    what it says, by errors of what it takes as exact. contributions : as in `Recorded`.
     """
 
     name: str
@@ -92,6 +95,7 @@ class Member:
     chi2: float
     dof: int
     exact: tuple[ExactMoves, ...] = ()
+    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def own(self) -> Information:
@@ -126,7 +130,8 @@ class Pool:
         at = self.common.places[index]
         moved = others_move(self.common, index, [m.exact for m in self.members], self.walk)
         here = [one.by(np.eye(self.common.size)[at]) for one in moved]
-        return joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
+        prior = joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
+        return replace(prior, sources=sources_together([m.contributions for m in chosen]))
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
@@ -198,7 +203,18 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         chi2 = _fresh(known, reduced[k])
         exact = _exact(item, fits[k], reduced[k], shared.places[k])
         members.append(
-            Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof, exact)
+            Member(
+                name=item.name,
+                month=item.month,
+                reduced=reduced[k],
+                fit=fits[k],
+                state=state,
+                rejected=rejected[k],
+                chi2=chi2,
+                dof=dof,
+                exact=exact,
+                contributions=item.contributions,
+            )
         )
     birge = scatter_of([within(part, walk.prior) for part in reduced])
     own = [item.scaled(ratio) for item, ratio in zip(walk.own, birge, strict=True)]

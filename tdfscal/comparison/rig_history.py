@@ -5,7 +5,7 @@ A calibration that stands on an earlier one counts only with what its own data a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, of_load, same_load, turned
 from tdfscal.model.parameters import State, deviation, nominal
+from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, JointPrior, Measured, Rig
 from tdfscal.significance import ALARMS_PER_YEAR
@@ -34,7 +35,8 @@ class EarlierCalibration:
     information : on the free constants (C,) of its rig, counted from `state`. determined : (n,),
     sensors whose turns it gives. chi2, dof : of all the fits behind it. sha256 : of its file.
     base : digest and date of the calibration that it stands on. pooled : of several campaigns.
-    exact : how its constants (C,) move with errors of what it took as exact.
+    exact : how its constants (C,) move with errors of what it took as exact. sources : (n, 3),
+    share of each source in the variance of its roll, pitch, yaw; none where that is not told.
     """
 
     name: str
@@ -49,6 +51,7 @@ class EarlierCalibration:
     base: tuple[str, str] | None = None
     pooled: bool = False
     exact: tuple[ExactMoves, ...] = ()
+    sources: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def prior(self, rig: Rig, month: float) -> JointPrior:
         """What it says of a rig's constants at a time in months, its walk since included.
@@ -62,9 +65,20 @@ class EarlierCalibration:
             one if alike or one.name not in OF_THE_TERMINAL else one.all_apart()
             for one in self.exact
         ]
-        return joint_prior(
+        prior = joint_prior(
             rig, self.state, known, self.chi2, self.dof, free=free, but=other, exact=exact
         )
+        return replace(prior, sources=self._with_walk(self.walk(rig, month)))
+
+    def _with_walk(self, walk: FloatArray) -> dict[str, FloatArray]:
+        """Shares of the sources after the angles walked with variance (C,)."""
+        if not self.sources:
+            return {}
+        size = 3 * self.rig.n
+        R, own = self.state.rotation, self.information.covariance[:size, :size]
+        before, walked = so3.rpy_variance(R, own), so3.rpy_variance(R, np.diag(walk[:size]))
+        left = before / (before + walked)
+        return {name: left * share for name, share in self.sources.items()} | {"walk": 1.0 - left}
 
     def walk(self, rig: Rig, month: float) -> FloatArray:
         """Variance by which a rig's angles may have walked since, at a time in months."""

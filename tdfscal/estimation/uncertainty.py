@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf, coverage_factor, propagate
 from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray, FloatArray, JointPrior
 from tdfscal.significance import INTERVAL_COVERAGE
 
 F = TypeVar("F", bound=Fitted)
@@ -218,6 +218,19 @@ def prior_shares(of: Fitted, posterior: FloatArray) -> dict[str, FloatArray]:
         del by[MOTION]
     halves = {name: posterior @ part.T for name, part in by.items()}
     return {name: half @ half.T for name, half in halves.items()}
+
+
+def with_sources_of_earlier(
+    contributions: Mapping[str, FloatArray], earlier: JointPrior | None
+) -> dict[str, FloatArray]:
+    """Variances (n, 3) by source, that of earlier campaigns by the sources that these had."""
+    found = dict(contributions)
+    if earlier is None or not earlier.sources or EARLIER not in found:
+        return found
+    whole = found.pop(EARLIER)
+    for name, share in earlier.sources.items():
+        found[name] = found.get(name, 0.0) + share * whole
+    return found
 
 
 def blind_turns(parts: Spectrum, count: int) -> FloatArray:

@@ -43,6 +43,7 @@ SOURCES = {
     "instrument range": ("the range of the tracker", ""),
     "noise spectrum": ("the spectrum of the noise", "a longer motion"),
     EARLIER: ("the calibration that was updated", ""),
+    "walk": ("the walk of the angles", "calibrating more often"),
     "undeclared error": (
         "an undeclared error that the residuals suspect",
         "declaring or mending what the residuals suspect",

@@ -14,6 +14,7 @@ from tdfscal.acceptance.gate import assess_stated, locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
+from tdfscal.estimation.uncertainty import with_sources_of_earlier
 from tdfscal.files.calibration import evidence, statistics
 from tdfscal.files.calibration import parts as keys
 from tdfscal.files.calibration.consistency import status_of
@@ -100,7 +101,7 @@ def from_self(
             state.rotation, found.covariance, determined, result.monte_carlo, found.coverage_factor
         ),
         (*result.reasons, *notes, *(one for one in result.findings if not one.rejects)),
-        found.contributions,
+        with_sources_of_earlier(found.contributions, result.fit.rig.earlier),
         exact_quantities(result.fit),
         parts | _state(state, std, result.rig),
     )
