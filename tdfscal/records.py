@@ -266,29 +266,11 @@ class ClockPrior:
 
 
 @record
-class RecorderActivity:
-    """How fast what two recorders hold changes, each by its own stamps, log scale.
-
-    width : s, of a bin. lag : s, of a move by the second's stamps, both counted from their own
-    first ones, behind the same move by the first's. start, first : s and (B,), the first
-    recorder's bins; second_start, second : the other's. NaN where nothing is known.
-    """
-
-    width: float
-    lag: float
-    start: float
-    first: FloatArray
-    second_start: float
-    second: FloatArray
-
-
-@record
 class RecorderClock:
     """A recorder's clock against the first one's, as found; times in s.
 
     reference : time of the first clock at which `offset` holds, its first stamp. offset : this
-    clock's stamp of that instant minus the first's. rate : by which the offset grows. activity :
-    of both recorders, for a look.
+    clock's stamp of that instant minus the first's. rate : by which the offset grows.
     """
 
     recorder: str
@@ -297,7 +279,6 @@ class RecorderClock:
     offset_std: float
     rate: float
     rate_std: float
-    activity: RecorderActivity | None = None
 
     def to_first(self, time: FloatArray) -> FloatArray:
         """Stamps (N,) of this clock as the first clock would have them."""

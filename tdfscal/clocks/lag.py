@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from tdfscal.clocks.search import CLEAR, SAME, Search, is_clear
-from tdfscal.clocks.tracks import Peak, Track, Tracks, during
+from tdfscal.clocks.tracks import Peak, Track, Tracks
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import ClockPrior, FloatArray, RecorderClock
@@ -55,11 +54,8 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     if np.isfinite(search.std):
         _check_statement(search, name)
     if prior.exact:
-        clock = RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
-    else:
-        clock = search.refined(search.chosen(name), name)
-    lag = clock.offset - (second.begin - first.begin)
-    return replace(clock, activity=during(*search.courses, search.width, lag))
+        return RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
+    return search.refined(search.chosen(name), name)
 
 
 def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> Finding | None:

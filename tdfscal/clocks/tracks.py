@@ -13,7 +13,7 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.records import BoolArray, FloatArray, RecorderActivity, RecorderClock, Series
+from tdfscal.records import BoolArray, FloatArray, RecorderClock, Series
 
 _WIDTH = 0.02  # s; well below any move's length
 _MOST = 1 << 18  # bins of a stream; from there on their width doubles
@@ -21,8 +21,6 @@ _HOLE = 5.0  # median intervals, and s at least, over which nothing is interpola
 _HOLE_TIME = 0.25
 _STRIDE = 3  # bins over which a change is taken
 _FLOOR = 3.0  # times the noise, below which a change is none
-_SHOWN = 300.0  # s of both recordings that are kept for a look,
-_DRAWN = 400  # in as many bins at most
 
 
 @record
@@ -210,27 +208,6 @@ def peaks(a: FloatArray, b: FloatArray, width: float, least: float, most: int) -
         if all(abs(lag[k] * width - peak.lag) > 2 * _STRIDE * width for peak in found):
             found.append(Peak(float(lag[k] * width), float(r[k]), float(overlap[k] * width)))
     return found
-
-
-def during(a: FloatArray, b: FloatArray, width: float, lag: float) -> RecorderActivity:
-    """Keep of courses a (B,) and b (B′,) the first minutes in which both recorders ran."""
-    shift = round(lag / width)
-    begin = max(0, -shift)
-    count = min(len(a) - begin, len(b) - begin - shift, int(_SHOWN / width))
-    wide = max(1, -(-count // _DRAWN))
-    cut = max(count - count % wide, 0)
-
-    def thinned(course: FloatArray, start: int) -> FloatArray:
-        return np.asarray(course[start : start + cut].reshape(-1, wide).mean(axis=1))
-
-    return RecorderActivity(
-        width * wide,
-        lag,
-        begin * width,
-        thinned(a, begin),
-        (begin + shift) * width,
-        thinned(b, begin + shift),
-    )
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

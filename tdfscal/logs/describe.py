@@ -275,7 +275,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
         "mapping_notes": list(info.guess.notes),
         "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
         "inputs": [asdict(file) for file in info.inputs],
-        "clocks": [asdict(replace(clock, activity=None)) for clock in info.clocks],
+        "clocks": [asdict(clock) for clock in info.clocks],
         "time_offset": offset,
         "dwells": dwells,
         "problems": list(info.problems),

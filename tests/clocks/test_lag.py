@@ -61,20 +61,6 @@ def test_of_few_postures_the_offset_is_as_uncertain_as_it_says() -> None:
     assert np.sqrt(np.mean(np.square(normalised))) < 1.81  # 99.9 % of χ² with eight
 
 
-def test_activity_is_kept_for_a_look() -> None:
-    """Brought together, both show the same moves; the second recorder began 2 s late."""
-    how = Apart(1.8e9, late=2.0)
-    moves, loads = recorded_apart(campaign("self", 3), how, np.random.default_rng(1))
-    both = find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq").activity
-    assert both is not None
-    assert both.lag == pytest.approx(-2.0, abs=0.1)
-    assert both.second_start + both.lag * -1 == pytest.approx(both.start, abs=0.5 * both.width)
-    known = np.isfinite(both.first) & np.isfinite(both.second)
-    assert known.sum() > 100
-    assert np.corrcoef(both.first[known], both.second[known])[0, 1] > 0.85
-    assert np.corrcoef(both.first[known][12:], both.second[known][:-12])[0, 1] < 0.5
-
-
 def test_in_motion() -> None:
     """The simulated sensors are 5 ms late besides."""
     error, std = found(campaign("motion", 3), Apart(-4.2, late=1.0))

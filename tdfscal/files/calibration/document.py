@@ -26,12 +26,10 @@ from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
 Array = TypeVar("Array", BoolArray, FloatArray)
 
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
-#: Lines of a draft that a sentence names.
-_LINES_SAID = 2
 
 
 def _read_only(array: Array) -> Array:
-    """What is written to it would be lost: it is made anew each time that it is asked for."""
+    """It is made anew each time that it is asked for: what is written to it would be lost."""
     array.setflags(write=False)
     return array
 
@@ -234,14 +232,14 @@ def defects(name: str, c: Calibration) -> tuple[Finding, ...]:
 
 
 def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
-    """The gate rejected it, or it rests on lines of a draft."""
+    """The gate rejected it, or it rests on lines of a draft, of which two are named."""
     if not c.accepted:
         why = "; ".join(reason.text for reason in c.reasons)
         return (Finding("rejected-in-use", (name,), values={"why": why}),)
     if c.status != "provisional":
         return ()
     lines = [line for entry in c.found(UNCONFIRMED) for line in entry.subject]
-    said = {"lines": lines[:_LINES_SAID]}
+    said = {"lines": lines[:2]}
     return (Finding("provisional-in-use", (name,), len(lines), values=said),)
 
 
@@ -310,19 +308,22 @@ FORMER = (
     ("tracker", "coplanar_targets"),
     ("tracker", "rms_residual"),
     ("motion", "spectrum", "position_noise"),
+    ("clocks", "activity"),
     ("motion", "halves_p_value"),
     ("fit", "channel_noise"),
     ("fit", "kurtosis"),
 )
 
 
-def _without(content: dict[str, Any], *place: str) -> dict[str, Any]:
-    """Return a copy without the key at a place."""
-    name, *deeper = place
-    inner = content.get(name)
-    if not deeper:
-        return {key: value for key, value in content.items() if key != name}
-    return content | {name: _without(inner, *deeper)} if isinstance(inner, dict) else content
+def _without(content: Any, name: str, *deeper: str) -> Any:
+    """Return a copy without the key at a place, in each entry where a list stands on the way."""
+    if isinstance(content, list):
+        return [_without(entry, name, *deeper) for entry in content]
+    if not isinstance(content, dict) or name not in content:
+        return content
+    if deeper:
+        return content | {name: _without(content[name], *deeper)}
+    return {key: value for key, value in content.items() if key != name}
 
 
 def _from_document(document: Document) -> Calibration:

@@ -228,30 +228,6 @@ class CampaignResult(Strict):
     readings: ReadingsTable | None = key("by which its recording is known again", None)
 
 
-def _without_nan(values: object) -> object:
-    """Write numbers, in hundredths; null where there is none."""
-    if isinstance(values, np.ndarray):
-        return [None if np.isnan(v) else round(float(v), 2) for v in values]
-    return values
-
-
-Course = Annotated[tuple[Number | None, ...], BeforeValidator(_without_nan)]
-
-
-class ActivityResult(Strict):
-    """Log of how fast the readings of two recorders change, in bins by each one's own stamps."""
-
-    width: Positive = key("s: of a bin")
-    lag: Number = key(
-        "s: of the same move by this recorder's stamps behind the first's, each counted from its "
-        "own first stamp"
-    )
-    start: Number = key("s: of the first bin, by the first recorder")
-    first: Course = key("of the first recorder; null where it holds nothing")
-    second_start: Number = key("s: of the first bin, by this recorder")
-    second: Course = key("of this recorder; null where it holds nothing")
-
-
 class ClockResult(Strict):
     """A recorder's clock against the first one's; the offset is its stamp of the instant of the
     first recorder's first stamp, less that, and grows by the rate.
@@ -262,7 +238,6 @@ class ClockResult(Strict):
     offset_std: NotNegative = key("s: standard uncertainty")
     rate: Number = key("relative: growth of the offset")
     rate_std: NotNegative = key("relative: standard uncertainty")
-    activity: ActivityResult | None = key("how fast both changed, for the page's figure", None)
 
 
 class Stretch(Strict):
