@@ -5,7 +5,6 @@ Starting points for a rig file, each to be confirmed from drawings and weighing:
 
 from __future__ import annotations
 
-import itertools
 from typing import Final
 
 import numpy as np
@@ -18,11 +17,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 
 _ROUNDS: Final = 10
-_ALONG: Final = 0.8  # cosine; a load further off an axis shows no quarter turn about the others
-_BETTER: Final = (
-    0.25  # a mounting is shown where its misfit is this small a share of the next one's
-)
-_MOST: Final = 6  # supports whose mountings are tried in all combinations
+_ALONG: Final = 0.8  # cosine; a load further off an axis shows no quarter turn
 
 
 @record
@@ -31,8 +26,9 @@ class RigSketch:
 
     hinge : (n, 3), m, in an LCS at the hinges' centre that is parallel to the BCS at `reference`.
     spread : m, RMS by which the distances of the hinges vary. mass : kg. barycentre : (2,), m, x
-    and y in that LCS. nominal_rpy : (n, 3), rad, quarter turns. upright : (n,), whether a sensor's
-    load lies along one of its axes. turned : whether the turns about the vertical are shown.
+    and y in that LCS. nominal_rpy : (n, 3), rad, quarter turns that hold the loads upright; turns
+    about the vertical are left to the calibration. upright : (n,), whether a sensor's load lies
+    along one of its axes.
     """
 
     hinge: FloatArray
@@ -41,7 +37,6 @@ class RigSketch:
     barycentre: FloatArray
     nominal_rpy: FloatArray
     upright: tuple[bool, ...]
-    turned: bool
     reference: int
 
 
@@ -68,9 +63,10 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
         raise DataError(Finding("instants-broken"))
     position, force = position[whole], force[whole]
     hinge, reference, spread = _shape(position)
-    rotation, upright, turned = _mounting(position, force)
+    rotation, upright = _mounting(force)
     load = np.einsum("nij,knj->kni", rotation, force)
-    total = load.sum(axis=1)
+    # Turns about the vertical leave what is upright as it is.
+    total = load.sum(axis=1)[:, 2:] if all(upright) else load.sum(axis=1)
     mass = float(np.median(np.linalg.norm(total, axis=1))) / gravity
     # Moments of vertical forces about the centre of the hinges, at the reference posture.
     share = load[reference, :, 2] / load[reference, :, 2].sum()
@@ -81,7 +77,6 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
         share @ hinge[:, :2],
         so3.to_rpy(rotation),
         upright,
-        turned,
         int(np.flatnonzero(whole)[reference]),
     )
 
@@ -102,49 +97,24 @@ def _shape(position: FloatArray) -> tuple[FloatArray, int, float]:
     return shape @ turn[0].T, reference, spread
 
 
-def _mounting(position: FloatArray, force: FloatArray) -> tuple[FloatArray, tuple[bool, ...], bool]:
-    """Quarter turns (n, 3, 3), whose load lies along an axis, and whether turns about Z show."""
+def _mounting(force: FloatArray) -> tuple[FloatArray, tuple[bool, ...]]:
+    """Quarter turns (n, 3, 3) that hold the mean loads upright, and whose lie along an axis."""
     mean = force.mean(axis=0)
-    size = np.linalg.norm(mean, axis=1)
     axis = np.abs(mean).argmax(axis=1)
-    n = len(mean)
-    upright = tuple(
-        bool(size[i] > 0 and abs(mean[i, axis[i]]) >= _ALONG * size[i]) for i in range(n)
-    )
-    candidates = np.stack(
-        [_upright(int(axis[i]), float(np.sign(mean[i, axis[i]]))) if upright[i]
-         else np.broadcast_to(np.eye(3), (4, 3, 3)) for i in range(n)]
-    )  # fmt: skip
-    if n > _MOST or not all(upright) or len(position) < 3:
-        return candidates[:, 0], upright, False
-    # Without contact the changes of the forces cancel, and so do their moments about the vertical,
-    # of which the weight has none; zero offsets and mass drop out with the mean.
-    arm = position - position.mean(axis=(0, 1))
-    load = np.einsum("ncij,knj->nkci", candidates, force - mean)
-    length = float(np.sqrt((arm**2).sum(axis=2).mean()))
-    whole = np.einsum("ncij,knj->nkci", candidates, force)
-    moment = np.cross(arm.transpose(1, 0, 2)[:, :, None], whole)[..., 2] / length
-    moment -= moment.mean(axis=1, keepdims=True)
-    rows = np.concatenate([load, moment[..., None]], axis=3)
-    gram = np.einsum("akci,bkdi->acbd", rows, rows)
-    combinations = np.array(list(itertools.product(range(4), repeat=n)))
-    misfit = np.zeros(len(combinations))
-    for a, b in itertools.product(range(n), repeat=2):
-        misfit += gram[a, combinations[:, a], b, combinations[:, b]]
-    best, second = np.argsort(misfit)[:2]
-    shown = bool(misfit[best] < _BETTER * misfit[second])
-    chosen = combinations[best] if shown else np.zeros(n, dtype=np.int64)
-    return candidates[np.arange(n), chosen], upright, shown
+    along = mean[np.arange(len(mean)), axis]
+    upright = np.abs(along) >= _ALONG * np.linalg.norm(mean, axis=1)
+    upright &= along != 0
+    rotation = [
+        _upright(int(i), float(np.sign(load))) if lies else np.eye(3)
+        for i, load, lies in zip(axis, along, upright, strict=True)
+    ]
+    return np.stack(rotation), tuple(upright.tolist())
 
 
 def _upright(axis: int, sign: float) -> FloatArray:
-    """Four rotations (4, 3, 3) that take an axis of the sensor to the vertical, 90° apart."""
-    up = np.zeros(3)
-    up[axis] = sign
-    level = np.roll(np.eye(3)[axis], 1)
-    base = np.stack([level, np.cross(up, level), up])
+    """A rotation that takes an axis of the sensor to the vertical."""
     if axis == 2 and sign > 0:
-        base = np.eye(3)
-    quarter = so3.from_rpy(np.array([[0.0, 0.0, k * np.pi / 2] for k in range(4)]))
-    turned: FloatArray = np.rint(quarter @ base)
-    return turned
+        return np.eye(3)
+    up = sign * np.eye(3)[axis]
+    level = np.roll(np.eye(3)[axis], 1)
+    return np.stack([level, np.cross(up, level), up])

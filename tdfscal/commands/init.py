@@ -146,15 +146,10 @@ def _notes(sketch: RigSketch, postures: int) -> dict[str, str]:
     upright = "as the loads lie along the sensors' axes"
     if not all(sketch.upright):
         upright = "but the loads lie between a sensor's axes"
-    turns = (
-        "turns about the vertical as the forces cancel"
-        if sketch.turned
-        else ("turns about the vertical are not shown by the log")
-    )
     return {
         "mass": f"from the forces of {postures} postures",
         "hinge": "from the positions: origin in the middle of the hinges, axes along those of the "
         f"BCS in posture {sketch.reference + 1} of {postures}, however that leans; no drawing's "
         f"axes; the distances vary by {sketch.spread:.2g} m",
-        "nominal_rpy": f"nominal mounting, {upright}; {turns}",
+        "nominal_rpy": f"nominal mounting, {upright}; turns about the vertical are calibrate's",
     }  # fmt: skip

@@ -181,7 +181,6 @@ def test_drafts_of_rig_files(text: str) -> None:
             barycentre=np.zeros(2),
             nominal_rpy=np.zeros((3, 3)),
             upright=(True,) * 3,
-            turned=True,
             reference=0,
         ),
         {"mass": "x", "hinge": "y", "nominal_rpy": "z"},
