@@ -29,8 +29,6 @@ STATED_BY = {
     "body against axes": "tracker.misalignment",
     "target drawing": "tracker.drawing",
 }
-#: Sensors beside each other in a table: 80 letters hold so many.
-_BESIDE = 3
 _CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
 _UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
           "of it": (100.0, "%")}  # fmt: skip
@@ -134,21 +132,17 @@ def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
     return sorted(c.taken_as_exact, key=lambda q: -float(_effects(q).max()))
 
 
-def exact_tables(c: Calibration) -> tuple[Table, ...]:
+def exact_table(c: Calibration) -> tuple[Table, ...]:
     """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
     names = [support.name for q in c.taken_as_exact[:1] for support in q.supports]
-    tables = []
-    for first in range(0, len(names), _BESIDE):
-        shown = slice(first, first + _BESIDE)
-        rows = tuple(
-            (
-                f"{quantity.name}, {_typical_error(quantity)}",
-                *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)[shown]),
-            )
-            for quantity in _by_effect(c)
+    rows = tuple(
+        (
+            f"{quantity.name}, {_typical_error(quantity)}",
+            *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)),
         )
-        tables.append(Table("" if first else _CAPTION, ("", *names[shown]), rows))
-    return tuple(tables)
+        for quantity in _by_effect(c)
+    )
+    return (Table(_CAPTION, ("", *names), rows),) if rows else ()
 
 
 def _effects(quantity: ExactQuantityResult) -> FloatArray:

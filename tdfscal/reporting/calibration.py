@@ -13,7 +13,7 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.assumptions import exact_tables
+from tdfscal.reporting.assumptions import exact_table
 from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.headline import half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
@@ -67,7 +67,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             *layout.illustrated(drawings, blocks),
             Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
-            Section("What is taken as exact", exact_tables(c)),
+            Section("What is taken as exact", exact_table(c)),
             *campaign(campaign_facts(c), c.rig.record()),
             provenance(c, digest),
         ),

@@ -228,26 +228,16 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
 
 
 def _angles(life: Life) -> Table:
+    """Where the sensors stand, by all checks together."""
     known = np.flatnonzero(life.known)
-    first = life.seen.argmax(axis=0)[known]
-    last = len(life.seen) - 1 - life.seen[::-1].argmax(axis=0)[known]
-    change = 1e3 * (life.rpy[last, known] - life.rpy[first, known])
-    half = 1e3 * COVERAGE_FACTOR * np.hypot(life.rpy_std[last, known], life.rpy_std[first, known])
     rows = by_angle(
         np.array(life.supports)[known].tolist(),
         mrad_with(life.path[-1, known], life.path_std[-1, known]),
-        lambda i, j: (
-            f"{signed(change[i, j], '+.3f')} ± {half[i, j]:.3f}" if last[i] > first[i] else ""
-        ),
     )
-    rows += tuple(
-        (name, "undetermined", "", "")
-        for name, seen in zip(life.supports, life.known, strict=True)
-        if not seen
-    )
-    caption = "Angles now (smoothed over all checks), and the last check minus the first; mrad, "
-    caption += f"k = {COVERAGE_FACTOR:g}"
-    return Table(caption, ("sensor", "angle", "now", "last − first"), rows, left=2)
+    names = zip(life.supports, life.known, strict=True)
+    rows += tuple((name, "undetermined", "") for name, seen in names if not seen)
+    caption = f"By all checks together, mrad, k = {COVERAGE_FACTOR:g}"
+    return Table(caption, ("sensor", "angle", "now"), rows, left=2)
 
 
 def history_document(

@@ -119,7 +119,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         sections=(
             Section("Calibrations", (Facts(files),)),
             *layout.illustrated(drawings, {}),
-            Section("Angles and E_n", (_angles(view), _en(view))),
+            Section("Angles and E_n", (_angles(view), *_en(view))),
             Section("Where this verdict comes from", (Facts(origin),)),
         ),
         warnings=_warnings(view),
@@ -170,12 +170,15 @@ def mrad_with(value: Any, std: Any) -> layout.Cell:
     return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
 
 
-def _en(view: Several) -> Table:
-    pairs = view.pairs
+def _en(view: Several) -> tuple[Table, ...]:
+    """E_n of each later one against the first, where the two are separate results."""
+    pairs = [pair for pair in view.pairs if np.isfinite(pair.p_value)]
+    if not pairs:
+        return ()
     rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
     together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
     header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
-    return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
+    return (Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2),)
 
 
 def _marked(en: Any) -> layout.Cell:

@@ -110,16 +110,13 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -
     cells = [list(header), *(list(row) for row in rows)]
     words = [c for c in range(len(header)) if c < left or not _numeric(row[c] for row in rows)]
     widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
-    room, whole = width(), widths.copy()
-    while words and 2 * len(widths) + sum(widths) > room:
-        widest = max(words, key=lambda c: widths[c])
-        if widths[widest] <= _NARROWEST:
-            break
-        widths[widest] -= 1
-    if 2 * len(widths) + sum(widths) > room:  # it folds anyhow: then as little as can be is cut
-        beside = sum(taken + 2 for taken in widths[:left])
-        fits = [c >= left and beside + whole[c] + 2 <= room for c in range(len(widths))]
-        widths = [w if fit else n for w, n, fit in zip(whole, widths, fits, strict=True)]
+    room = width()
+    over = 2 * len(widths) + sum(widths) - room
+    if 0 < over <= sum(max(widths[c] - _NARROWEST, 0) for c in words):
+        for _ in range(over):
+            widths[max(words, key=lambda c: widths[c])] -= 1
+    elif over > 0:  # it folds anyhow
+        widths = [min(each, room // 2) for each in widths]
     lines: list[str] = []
     for chosen in _folded(widths, left, room):
         lines += [""] if lines else []

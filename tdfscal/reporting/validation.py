@@ -135,16 +135,6 @@ def validation_document(
             "moved": v.zeros.moved,
             "supports": layout.each_named(v.rig.supports, change=moved, std=v.zeros.change_std),
         },
-        suspected=[
-            layout.document(
-                cause,
-                "kind value std chi2_explained=gain unknowns remaining_p_value=remaining_p",
-                support=None if cause.support is None else v.rig.supports[cause.support],
-                indices=[v.used[k] for k in cause.postures] if isinstance(v, Validation) else [],
-                text=sentence(change(v, cause)),
-            )
-            for cause in v.suspected
-        ],
         detectable_turn={
             "power": DETECTION_POWER,
             "supports": layout.each_named(v.rig.supports, **dict(turns)),

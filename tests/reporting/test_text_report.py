@@ -13,7 +13,7 @@ from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render as as_text
-from tdfscal.reporting.text import shown, table
+from tdfscal.reporting.text import shown
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
 from tests.words import found
 
@@ -93,14 +93,6 @@ def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch)
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == as_text(report)
     monkeypatch.setenv("NO_COLOR", "1")
     assert not re.search(r"\x1b\[[0-9;]*3[0-9]", shown(report))
-
-
-def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "40")
-    header = ("sensor", "value", "interval", "dominant source")
-    lines = table(header, [("ncp1", "-57.200", "-57.798 to -56.603", "earlier campaigns 99%")])
-    assert max(map(len, lines)) <= 40
-    assert any("earlier campaigns 99%" in line for line in lines)
 
 
 def test_touched_postures_are_named_first_where_they_are_many() -> None:
