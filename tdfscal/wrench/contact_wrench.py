@@ -22,7 +22,7 @@ from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.kinematics import Motion, dot, motion, poses, rotations
+from tdfscal.wrench.kinematics import Motion, motion, poses, rotations, vee
 from tdfscal.wrench.resampling import Samples
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -75,23 +75,13 @@ def contact_wrench(
     N, n = force.shape[:2]
     M, weight = sensing(state), state.mass * gravity(state, g)
     # S = Σ F_i + G and Y = Σ r_i F_iᵀ + r_m Gᵀ are linear in the readings: one product for all.
-    # Rows of [S; Y] times R are LCS components, and r × L the skew part of r Lᵀ.
+    # Rows of [S; Y] times R are LCS components, and r × L is twice the skew part of L rᵀ.
     lever = np.concatenate([np.ones((n, 1)), state.hinge], axis=1)
     lever_m = np.concatenate([[1.0], state.barycentre])
     mix = np.einsum("na,nbc->ncab", lever, M).reshape(3 * n, 12)
     constant = np.outer(lever_m, weight).ravel() - state.zero.ravel() @ mix
-    stacked = mix.T @ force.reshape(N, 3 * n).T
-    stacked += constant[:, None]
-    S, *Y = stacked.reshape(4, 3, N)
-    R = np.moveaxis(rotation, 0, 2)
-    out, part, other = np.empty((6, N)), np.empty(N), np.empty(N)
-    for c, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
-        dot(S, R[:, c], out[c], part)
-        np.negative(out[c], out=out[c])
-        dot(Y[b], R[:, a], out[3 + c], part)
-        dot(Y[a], R[:, b], other, part)
-        out[3 + c] -= other
-    return out.T
+    here = (force.reshape(N, 3 * n) @ mix + constant).reshape(N, 4, 3) @ rotation
+    return np.concatenate([-here[:, 0], 2 * vee(here[:, 1:])], axis=1)
 
 
 def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:

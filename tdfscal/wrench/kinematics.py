@@ -7,9 +7,8 @@ the terminal stands still, what a free wrench has more elsewhere is the motion's
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
@@ -21,8 +20,7 @@ from tdfscal.wrench.resampling import Samples
 
 #: Samples that share one exact registration; the others follow it by Gauss–Newton.
 _BLOCK = 128
-#: Largest last Gauss–Newton step, rad; its square, and its product with the hinges' relative
-#: misfit, is what remains.
+#: Largest last Gauss–Newton step, rad: the next one were its square.
 _CLOSE = 5.0e-6
 _STEPS = 12
 #: Degree of the local polynomial; an odd one costs the second derivative nothing.
@@ -54,79 +52,30 @@ def poses(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArr
     hinge : (n, 3), m, LCS.
     """
     R = rotations(hinge, position)
-    turned = np.tensordot(hinge.mean(axis=0), np.moveaxis(R, 0, 2), (0, 1)).T
-    return R, position.mean(axis=1) - turned
+    return R, position.mean(axis=1) - R @ hinge.mean(axis=0)
 
 
 def rotations(hinge: FloatArray, position: FloatArray) -> FloatArray:
     """Rotations (N, 3, 3), LCS → BCS, of the poses; arguments as `poses`.
 
-    The least-squares registration of `statics.register` to 1e-10 rad, many times faster: one
-    singular value decomposition per block of samples, Gauss–Newton from there. In memory each
-    component is one row.
+    The least-squares registration of `register`, some times faster: one singular value
+    decomposition per block of samples, Gauss–Newton from there. Seen from the terminal the hinges
+    lie at spokes ρ about their middle; a turn by I⁻¹ Σ ρ × Rᵀp, I their inertia, takes them there.
     """
-    N, n = position.shape[:2]
-    flat = position.reshape(N, 3 * n)
-    blocks = -(-N // _BLOCK)
-    rest = blocks * _BLOCK - N
-    whole = np.concatenate([flat, np.repeat(flat[-1:], rest, axis=0)]) if rest else flat
-    whole = whole.reshape(blocks, _BLOCK, 3 * n)
-    start, _ = register(hinge, whole.mean(axis=1).reshape(blocks, n, 3))
-    turned = _follow((hinge - hinge.mean(axis=0)) @ np.swapaxes(start, 1, 2), whole)
-    R = _product(turned, np.moveaxis(start, 0, 2)[..., None])
-    return np.moveaxis(R.reshape(3, 3, -1)[..., :N], 2, 0)
-
-
-def _product(A: FloatArray, B: FloatArray) -> FloatArray:
-    """Matrix products (3, 3, ...) of matrices (3, 3, ...)."""
-    out, part = np.empty(A.shape), np.empty(A.shape[2:])
-    for a, c in product(range(3), range(3)):
-        dot(A[a], B[:, c], out[a, c], part)
-    return out
-
-
-def _follow(arm: FloatArray, position: FloatArray) -> FloatArray:
-    """Rotations (3, 3, b, B) that turn arm (b, n, 3) on position (b, B, 3n), all near the identity.
-
-    arm : about the hinges' middle, which makes the gains blind to where the terminal stands.
-    Components come first: numpy is fast along long last axes only.
-    """
-    lever = so3.hat(arm)
-    inertia = np.einsum("bnca,bncd->bad", lever, lever)
-    gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
-    gain = np.swapaxes(gain, 2, 3).reshape(len(arm), -1, 3)
-    step = position @ gain  # of the arms themselves no gain makes a turn: ρ × ρ = 0
-    turned = _small_turn(step)
-    far = np.flatnonzero(np.abs(step).max(axis=(1, 2)) > _CLOSE)
+    first = np.arange(0, len(position), _BLOCK)
+    count = np.diff(np.append(first, len(position)))
+    start, _ = register(hinge, np.add.reduceat(position, first) / count[:, None, None])
+    R = np.repeat(start, count, axis=0)
+    spoke = hinge - hinge.mean(axis=0)
+    square = spoke.T @ spoke
+    back = np.linalg.inv(np.trace(square) * np.eye(3) - square)
+    moments = np.einsum("kna,nb->kab", position, spoke)
     for _ in range(_STEPS):
-        if not far.size:
+        step = 2 * vee(np.swapaxes(R, 1, 2) @ moments) @ back
+        R = R @ so3.exp(step)
+        if np.abs(step).max(initial=0.0) < _CLOSE:
             break
-        # Seen from the turned frame, the same fixed arms and gains serve again.
-        here = turned[:, :, far]
-        there = np.moveaxis(position[far].reshape(*position[far].shape[:2], -1, 3), (2, 3), (0, 1))
-        seen, part = np.empty(there.shape), np.empty(there.shape[2:])
-        for i, d in product(range(len(there)), range(3)):
-            dot(there[i], here[:, d], seen[i, d], part)
-        step = np.moveaxis(seen.reshape(-1, *seen.shape[2:]), 0, 2) @ gain[far]
-        turned[:, :, far] = _product(here, _small_turn(step))
-        far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
-    return turned
-
-
-def _small_turn(v: FloatArray) -> FloatArray:
-    """Rotations (3, 3, b, B) by vectors (b, B, 3), exact for |v| < 2: the unit quaternion
-    (v/2, √(1 − v²/4)) turns by 2 asin(|v|/2), which is |v| to the third order.
-    """
-    v = np.ascontiguousarray(np.moveaxis(v, 2, 0))
-    square = np.sum(v * v, axis=0)
-    w = np.sqrt(np.maximum(1.0 - 0.25 * square, 0.0))
-    out = 0.5 * v[:, None] * v
-    for a, (b, c) in enumerate(((1, 2), (2, 0), (0, 1))):
-        out[a, a] += 1.0 - 0.5 * square
-        turned = w * v[a]
-        out[c, b] += turned
-        out[b, c] -= turned
-    return np.asarray(out)
+    return np.asarray(R)
 
 
 def derivative_kernels(half: int) -> FloatArray:
@@ -182,19 +131,6 @@ def vee(M: FloatArray) -> FloatArray:
     """Vector (N, 3) of the skew part of M (N, 3, 3)."""
     skew = (M - np.swapaxes(M, 1, 2)) / 2
     return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
-
-
-def dot(
-    a: Sequence[FloatArray] | FloatArray,
-    b: Sequence[FloatArray] | FloatArray,
-    out: FloatArray,
-    part: FloatArray,
-) -> None:
-    """Write Σ aₖ bₖ into out; part, of the same shape, is overwritten."""
-    np.multiply(a[0], b[0], out=out)
-    for x, y in zip(a[1:], b[1:], strict=True):
-        np.multiply(x, y, out=part)
-        out += part
 
 
 @dataclass(slots=True)

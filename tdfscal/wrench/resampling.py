@@ -129,18 +129,10 @@ def _covers(node: FloatArray, time: FloatArray) -> BoolArray:
     return np.asarray(here | ((after > 0) & close[np.maximum(after - 1, 0)]))
 
 
-def _beside(values: list[FloatArray]) -> FloatArray:
-    """Put n arrays (N, 3) side by side, (N, n, 3); in memory each component is one row."""
-    rows = np.empty((len(values), 3, len(values[0])))
-    for row, value in zip(rows, values, strict=True):
-        row[...] = value.T
-    return np.moveaxis(rows, 2, 0)
-
-
 def _sound(time: FloatArray, values: list[FloatArray], tally: Tally) -> Iterator[Samples]:
     """Leave out samples that are not numbers."""
     n = len(values) // 2
-    found = Samples(time, _beside(values[:n]), _beside(values[n:]))
+    found = Samples(time, np.stack(values[:n], axis=1), np.stack(values[n:], axis=1))
     good = np.isfinite(found.position.sum(axis=(1, 2)) + found.force.sum(axis=(1, 2)))
     if not good.all():
         tally.unreadable += int(np.sum(~good))
