@@ -8,13 +8,11 @@ along in parallel from instant to instant,
     e' = T e,   T(t) = K^(1/2) N₀ N(t)ᵀ K^(-1/2),   T W = 0.
 
 White noise of the forces stays white, and e' keeps to one space of 6 − m dimensions, whatever way
-the terminal leans. Where T meets a derivative, that of a spline is taken as it is, and what the
-spline leaves is moved onto the taper as always: T x'' = (T x)'' − 2 (T' x)' + T'' x.
+the terminal leans. Where T meets a derivative, that is one of local cubics: T turns, and cannot
+stand beside the taper.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,39 +25,34 @@ from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.wrench.kinematics import derivatives
 
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
-
-#: Instants on either side that a local cubic takes in for the derivatives of T.
+#: Instants on either side that a local cubic takes in.
 _HALF = 3
-#: Instants between the knots of a spline, which leaves next to nothing of a slow motion.
-_KNOT = 5
 #: A direction whose share of the columns is below this is rounding.
 _ROUNDING = 1e-9
 
 
 @record
 class Across:
-    """T of a block's instants, and its first two derivatives; none where every axis is measured.
+    """T (N, 6, 6) of a block's instants; None where every axis is measured.
 
-    seen : (r, 6), brings e' to its own r coordinates. course : T, T', T'' (N, 6, 6) each, or none.
+    seen : (r, 6), brings e' to its own r coordinates.
     """
 
     block: Block
     seen: FloatArray
-    course: tuple[FloatArray, ...] = ()
+    course: FloatArray | None = None
 
     def wrench(self, columns: FloatArray) -> FloatArray:
         """T c of wrenches c (N, ..., 6, a)."""
-        if not self.course:
+        T = self.course
+        if T is None:
             return columns
-        T = self.course[0]
         return np.asarray(T.reshape(len(T), *(1,) * (columns.ndim - 3), 6, 6) @ columns)
 
     def transform(self, columns: FloatArray) -> ComplexArray:
         """Coefficients (F, 6, c) of wrenches (N, 6, c), most of which are zero."""
         out = np.zeros((len(self.block.frequency), *columns.shape[1:]), dtype=np.complex128)
-        if self.course:
+        if self.course is not None:
             there = columns.any(axis=(0, 1))
             out[..., there] = self.block.transform(self.wrench(columns[..., there]))
         else:
@@ -72,30 +65,13 @@ class Across:
 
         rows : of the force or of the moment. order : 1 or 2.
         """
-        transform = self.block.transform
-        if not self.course:
-            out = np.zeros((len(self.block.frequency), 6, signal.shape[2]), dtype=np.complex128)
-            out[:, rows] = transform(signal, derivative=order)
+        N, _, c = signal.shape
+        if self.course is None:
+            out = np.zeros((len(self.block.frequency), 6, c), dtype=np.complex128)
+            out[:, rows] = self.block.transform(signal, derivative=order)
             return out
-        T, first, second = (each[:, :, rows] for each in self.course)
-        # T may turn fast, and its derivatives are rough: let them act on what is left of a spline.
-        time, smooth = np.arange(len(signal)), _spline(signal)
-        known = T @ smooth(time, order) / self.block.step**order
-        left = signal - smooth(time)
-        out = transform(known) + transform(T @ left, derivative=order)
-        if order == 1:
-            return out - transform(first @ left)
-        return out - 2 * transform(first @ left, derivative=1) + transform(second @ left)
-
-
-def _spline(signal: FloatArray) -> BSpline:
-    """Quintic spline of least squares through (N, ...) at instants 0, 1, …; knots `_KNOT` apart."""
-    from scipy.interpolate import make_lsq_spline  # slow to import, seldom needed
-
-    last = len(signal) - 1
-    inner = np.linspace(0, last, max(2, round(last / _KNOT) + 1))
-    knots = np.concatenate([[0.0] * 5, inner, [float(last)] * 5])
-    return make_lsq_spline(np.arange(last + 1.0), signal, knots, k=5)
+        both = derivatives(signal.reshape(N, -1), self.block.step, _HALF)
+        return self.block.transform(self.course[:, :, rows] @ both[order - 1].reshape(N, 3, c))
 
 
 def filled(posture: Postures, driven: FloatArray, state: State, g: float) -> Postures:
@@ -155,8 +131,7 @@ def across(block: Block, at: Balance, measured: BoolArray) -> Across:
     basis = _carried(left[:, :, reached:])
     seen = np.linalg.solve(root.T, basis[0]).T
     T = root @ basis[0] @ np.swapaxes(np.linalg.solve(root.T, basis), 1, 2)
-    course = [d.reshape(T.shape) for d in derivatives(T.reshape(len(T), -1), block.step, _HALF)]
-    return Across(block, seen, (T, *course))
+    return Across(block, seen, T)
 
 
 def _carried(basis: FloatArray) -> FloatArray:

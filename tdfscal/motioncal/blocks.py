@@ -33,6 +33,8 @@ SHORTEST = 4.0
 _SLOW, _SEEN, _REST = 2.0e-4, 0.5, 1.5
 #: Rests at most that have unknowns of their own, the longest first.
 _MOST_RESTS = 60
+#: Way over which the positioners' errors are still those of the place, m.
+_LEAD = 0.01
 #: Fewest instants of a block.
 _FEWEST = 40
 
@@ -183,3 +185,19 @@ def _resting(slow: Slow, block: Block) -> list[slice]:
     still = [slice(run.start, run.stop + lag) for run in runs(way < _SLOW * lag * slow.step)]
     least = max(2, round(_REST / slow.step))
     return [run for run in still if run.stop - run.start >= least]
+
+
+def nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
+    """Share (N, R) of the positioners' error at every rest that each instant has in common."""
+    place = slow.position[block.index]
+    out = np.zeros((len(place), len(resting)))
+    for k, run in enumerate(resting):
+        gap = place - place[run].mean(axis=0)
+        way = np.sqrt(np.einsum("kna,kna->kn", gap, gap).max(axis=1))
+        near = np.exp(-0.5 * (way / _LEAD) ** 2)
+        # A place that is come back to counts as another rest.
+        far = np.flatnonzero(way > 3 * _LEAD)
+        near[: max(far[far < run.start], default=0)] = 0.0
+        near[min(far[far >= run.stop], default=len(near)) :] = 0.0
+        out[:, k] = near
+    return out

@@ -14,7 +14,7 @@ from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal.across import Across, across, filled
-from tdfscal.motioncal.blocks import Block, ComplexArray
+from tdfscal.motioncal.blocks import Block, ComplexArray, nearness
 from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import even_spline
@@ -29,8 +29,6 @@ _HALF = 3
 _WIDE = 6
 #: One of so many instants is enough for mean covariances: they change as the loads do.
 _EVERY = 4
-#: Way over which the positioners' errors are still those of the place, m.
-_LEAD = 0.01
 #: Largest shift of the poses for the derivatives by delay and rate, s.
 _SHIFT = 5.0e-3
 #: Rows of the force and of the moment.
@@ -128,7 +126,7 @@ def block_design(
     F = statics.forces(state, at.seen.force)
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
-    near = _nearness(slow, block, resting)
+    near = nearness(slow, block, resting)
     # What the unknown turns of the rests leave of the positioners' errors.
     left = np.maximum(1 - np.sum(near**2, axis=1), 0.0)[some] * weight
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
@@ -194,22 +192,6 @@ def _bins(block: Block, ratio: FloatArray) -> Bins:
     both, r = np.concatenate([f, f[1:]]), len(ratio)
     size = r * len(both)
     return Bins(np.repeat(both, r), np.tile(ratio, len(both)), np.full(size, block.share))
-
-
-def _nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
-    """Share (N, R) of the positioners' error at every rest that each instant has in common."""
-    place = slow.position[block.index]
-    out = np.zeros((len(place), len(resting)))
-    for k, run in enumerate(resting):
-        gap = place - place[run].mean(axis=0)
-        way = np.sqrt(np.einsum("kna,kna->kn", gap, gap).max(axis=1))
-        near = np.exp(-0.5 * (way / _LEAD) ** 2)
-        # A place that is come back to counts as another rest.
-        far = np.flatnonzero(way > 3 * _LEAD)
-        near[: max(far[far < run.start], default=0)] = 0.0
-        near[min(far[far >= run.stop], default=len(near)) :] = 0.0
-        out[:, k] = near
-    return out
 
 
 def _turns(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:

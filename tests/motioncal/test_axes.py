@@ -10,7 +10,7 @@ import pytest
 from tdfscal.errors import DataError
 from tdfscal.model import statics
 from tdfscal.motioncal import usable as checks
-from tdfscal.motioncal.across import Across, across
+from tdfscal.motioncal.across import across
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
@@ -18,7 +18,7 @@ from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import Rig
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.truth import make_rig
@@ -64,37 +64,10 @@ def test_no_free_force_is_left_and_white_noise_stays_white(
     assert found.seen.shape == (6 - len(missing), 6)
     assert np.abs(found.wrench(at.free)).max() < 1e-9
     K = np.einsum("knra,knsa->rs", at.wrench, at.wrench) / len(at.arm)
-    rows = found.seen @ found.course[0]
+    assert found.course is not None
+    rows = found.seen @ found.course
     whole = rows @ K @ np.swapaxes(rows, 1, 2)
     assert whole == pytest.approx(np.broadcast_to(np.eye(len(found.seen)), whole.shape), abs=1e-9)
-
-
-def test_derivatives_pass_a_projection_that_turns(
-    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
-) -> None:
-    """T x' and T x'' against the same with derivatives in closed form."""
-    block = half_minute[2][0]
-    t = block.step * np.arange(block.taper.shape[1])
-    rng = np.random.default_rng(0)
-    first, second = rng.standard_normal((2, 6, 6))
-    a, b = 0.9, 0.4
-
-    def course(one: FloatArray, other: FloatArray) -> FloatArray:
-        return np.asarray(one[:, None, None] * first + other[:, None, None] * second)
-
-    T = (
-        course(np.sin(a * t), np.cos(b * t)),
-        course(a * np.cos(a * t), -b * np.sin(b * t)),
-        course(-(a**2) * np.sin(a * t), -(b**2) * np.cos(b * t)),
-    )
-    turning = Across(block, np.eye(6), T)
-    rate = np.array([0.7, 1.1, 1.7])
-    x = [np.sin(rate * t[:, None] + k * np.pi / 2) * rate**k for k in range(3)]
-    for rows in (slice(0, 3), slice(3, 6)):
-        for order in (1, 2):
-            ours = turning.derivative(rows, x[0][..., None], order)
-            plain = block.transform(T[0][:, :, rows] @ x[order][..., None])
-            assert np.abs(ours - plain).max() < 1e-4 * np.abs(plain).max()
 
 
 def test_a_dead_channel_costs_what_it_told_and_no_more(
