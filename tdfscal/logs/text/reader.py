@@ -224,17 +224,14 @@ def _expanded(raw: BinaryIO, fresh: Callable[[], Any], size: int, *most: int) ->
 
     fresh : begins a stream. size : read at a time. most : of what it gives at a time, if it can.
     """
-    stream, begun, data = fresh(), False, b""
+    stream, data = fresh(), b""
     while data := data or raw.read(size):
-        if not begun and not (data := data.lstrip(b"\0")):
-            continue  # zeros behind all that was compressed
-        begun = True
-        yield stream.decompress(data, *most)
-        data = stream.unconsumed_tail
         if stream.eof:
-            stream, begun, data = fresh(), False, stream.unused_data
+            stream = fresh()
+        yield stream.decompress(data, *most)
+        data = stream.unused_data if stream.eof else stream.unconsumed_tail
     yield stream.flush()
-    if begun and not stream.eof:
+    if not stream.eof:
         raise EOFError
 
 

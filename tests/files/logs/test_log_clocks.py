@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.logs import iter_log, read_log
-from tdfscal.logs.clock import Clock, apart
+from tdfscal.logs.clock import Clock
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
@@ -115,23 +115,3 @@ def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> 
     assert warnings(0, 180) == ["/f ends 1.05 s before the others"]
     assert warnings(100, 201) == ["/f begins 5 s after the others"]
     assert warnings(60, 101) == ["/f begins 3 s after the others", "/f ends 5 s before the others"]
-
-
-def clock(name: str, time: np.ndarray, rows: str = "timeseries") -> Clock:
-    made = Clock(name, "postures" if rows == "postures" else "timeseries", after=-5.0)
-    made.ascending(time)
-    return made
-
-
-def test_what_is_long_depends_on_the_stream_s_period() -> None:
-    steady = clock("/p", np.arange(0.0, 100.0, 0.01))
-    for last, said in ((93.0, False), (88.0, True)):  # at 2 s periods, 10 s are allowed
-        slow = clock("/f", np.arange(0.0, last, 2.0))
-        assert bool(apart([steady, slow])) == said
-    early = [clock(name, np.arange(0.0, 45.0, 0.01)) for name in ("/f", "/g")]
-    (warning,) = apart([early[0], steady, early[1]])
-    assert (warning.code, warning.subject) == ("streams-early", ("/f", "/g"))
-    assert warning.size == pytest.approx(55.0, abs=0.5)
-    postures = [clock(n, np.arange(k), "postures") for n, k in (("/f", 5.0), ("/g", 50.0))]
-    assert apart(postures) == []
-    assert apart([clock("column time", np.arange(5.0))]) == []

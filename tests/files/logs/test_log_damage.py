@@ -25,12 +25,10 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import StoragePlugin
 
-import tdfscal
 from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, places
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.text.reader import open_text
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
     MAPPING,
@@ -269,23 +267,6 @@ def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:
         read_log([write(path, bytes(content))], MAPPING, SUPPORTS)
 
 
-@pytest.mark.parametrize("kind", ["gzip", "zstd"])
-def test_a_compressed_file_is_to_be_decompressed(tmp_path: Path, kind: str) -> None:
-    content = mcap_bytes(make_truth(3))
-    packed = gzip.compress(content) if kind == "gzip" else zstandard.compress(content)
-    with pytest.raises(DataError, match=r"(?i)decompress it first"):
-        read_log([write(tmp_path / "log.mcap", packed)], MAPPING, SUPPORTS)
-
-
-@pytest.mark.parametrize("declared", [1 << 40, 1 << 30, 0])
-def test_declared_sizes_are_bounded(tmp_path: Path, declared: int) -> None:
-    content = bytearray(mcap_bytes(make_truth(3)))
-    chunk = next(s for s in record_starts(bytes(content))[:-1] if content[s] == 6)
-    struct.pack_into("<Q", content, chunk + 9 + 16, declared)
-    with pytest.raises(DataError, match="a chunk is damaged"):
-        read_log([write(tmp_path / "log.mcap", bytes(content))], MAPPING, SUPPORTS)
-
-
 def test_statistics_must_agree(tmp_path: Path) -> None:
     content = bytearray(mcap_bytes(make_truth(3)))
     statistics = next(s for s in record_starts(bytes(content))[:-1] if content[s] == 0x0B)
@@ -293,16 +274,6 @@ def test_statistics_must_agree(tmp_path: Path) -> None:
     content[-12:-8] = bytes(4)  # without the summary's checksum
     with pytest.raises(DataError, match="45 messages are there where the statistics state 46"):
         read_log([write(tmp_path / "log.mcap", bytes(content))], MAPPING, SUPPORTS)
-
-
-def test_messages_of_a_channel_that_is_not_defined(tmp_path: Path) -> None:
-    content = mcap_bytes(make_truth(3), chunking=False, summary=False)
-    starts = record_starts(content)
-    channel = next(s for s in starts[:-1] if content[s] == 4)
-    (length,) = struct.unpack_from("<Q", content, channel + 1)
-    path = write(tmp_path / "log.mcap", content[:channel] + content[channel + 9 + length :])
-    with pytest.raises(DataError, match="belong to a channel that is not defined"):
-        read_log([path], MAPPING, SUPPORTS)
 
 
 def test_private_records_are_passed_over(tmp_path: Path) -> None:
@@ -361,33 +332,6 @@ def test_any_cdr_message(tmp_path: Path, data: st.DataObject) -> None:
     except DataError:
         return
     assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))
-
-
-def test_init_names_the_line_that_keeps_a_column_from_being_the_time(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    table(make_truth(1500)).to_csv(path, index=False)
-    lines = path.read_bytes().split(b"\n")
-    lines[1400] = b"\xff\xfe" + lines[1400]
-    path.write_bytes(b"\n".join(lines))
-    with pytest.raises(DataError, match=r"line 1401, column time"):
-        tdfscal.init(path)
-
-
-@pytest.mark.parametrize("compress", [gzip.compress, zstandard.compress])
-def test_zeros_behind_what_was_compressed_are_nothing(
-    compress: Callable[[bytes], bytes], tmp_path: Path
-) -> None:
-    text = b"a,b\n" + b"1.25,2.5\n" * 20_000
-    halves = compress(text[: len(text) // 2]), compress(text[len(text) // 2 :])
-    path = tmp_path / "log.csv.gz"
-    path.write_bytes(b"".join(halves) + bytes(1 << 17))
-    with open_text(path) as file:
-        assert b"".join(block for block, _ in file.blocks(0)) == text
-        assert file.cut_at is None
-    path.write_bytes(b"".join(halves)[:-9])
-    with open_text(path) as file:
-        list(file.blocks(0))
-        assert file.cut_at is not None
 
 
 def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Path) -> None:
