@@ -33,7 +33,6 @@ from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 from tdfscal.significance import DRIFT_PER_LOG, LEVEL_CHANGES_PER_LOG
 
 _ROUNDS = 4
-_SPAN = 2**12  # bins whose differences are taken at once; they stay in the cache
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
 SHORTEST = 0.2  # s, of a dwell sampled fast
@@ -52,8 +51,9 @@ def mark_changes(signal: Signals, noise: Noise, marked: BoolArray) -> BoolArray:
     """
     marked = marked.copy()
     limit = threshold(signal, noise)
-    for scale, excess in enumerate(_excesses(signal, limit)):
-        width = 2**scale
+    for scale, (width, difference) in enumerate(differences(signal.value, SCALES)):
+        np.abs(difference, out=difference)
+        excess = (difference - limit[scale][:, None]).max(axis=0)
         free = clean(marked, 2 * width)
         for first, last in zip(*runs((excess > 0) & free), strict=True):
             peak = first + int(np.argmax(excess[first:last]))
@@ -67,22 +67,6 @@ def mark_changes(signal: Signals, noise: Noise, marked: BoolArray) -> BoolArray:
                 end = last - 1 + 2 * width
             marked[begin:end] = True
     return marked
-
-
-def _excesses(signal: Signals, limit: FloatArray) -> list[FloatArray]:
-    """By how much the differences of each scale exceed their limit, the largest of all axes."""
-    bins = signal.value.shape[1]
-    reach = 2**SCALES - 1  # bins that the widest difference takes beyond its first
-    levels = [np.empty(max(bins - 2 ** (scale + 1) + 1, 0)) for scale in range(SCALES)]
-
-    for begin in range(0, bins, _SPAN):
-        some = slice(begin, begin + _SPAN)
-        rows = signal.value[:, begin : begin + _SPAN + reach]
-        for scale, (_, difference) in enumerate(differences(rows, SCALES)):
-            excess = np.abs(difference[:, :_SPAN], out=difference[:, :_SPAN])
-            excess -= limit[scale][:, None]
-            levels[scale][some] = excess.max(axis=0)
-    return levels
 
 
 def threshold(signal: Signals, noise: Noise) -> FloatArray:
