@@ -48,8 +48,7 @@ from tdfscal.records import (
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import MOVING, Options, Recorder, Run, reference_rig, run
-from tdfscal.simulation.campaign import Apart, recorded_apart
-from tests.cli.apart import write_apart
+from tests.cli.apart import Apart, recorded_apart, write_apart
 
 RATES = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0)
 LAGS = (0.0, 3.7, 600.0, 81234.5, 1.8e9)

@@ -13,10 +13,10 @@ import numpy as np
 
 from studies import campaigns
 from studies.campaigns import Setting
+from studies.control.terminal import stated
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import SurveyOptions, Truth, simulate_dwells
-from tdfscal.simulation.truth import stated
 
 #: What each controller knows.
 KNOWS = {

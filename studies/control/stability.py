@@ -14,11 +14,10 @@ import numpy as np
 from studies.control.contact import GearPair
 from studies.control.machine import transition
 from studies.control.runs import Controller
-from studies.control.terminal import Body, body, inertia_of
+from studies.control.terminal import Body, body, inertia_of, stated
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
-from tdfscal.simulation.truth import stated
 
 #: Factor by which a contact may be stiffer than stated before a designed loop shakes: 6 dB.
 GAIN_MARGIN = 2.0

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import rotations
+from tdfscal.simulation import Options, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle, springs
+from tdfscal.simulation.options import carriage_stiffness
 from tdfscal.simulation.truth import Truth
 
 #: Turn since the last linearisation, rad, from which it is made anew.
@@ -159,3 +160,24 @@ class Terminal:
         rate = self.rate[:, None, :3] - arm @ rotations.hat(self.rate[:, 3:]) - speed
         stretch += self._decay * rate
         return np.asarray(-(self._truth.stiffness @ stretch[..., None])[..., 0])
+
+
+def stated(rig: Rig, trials: int) -> Truth:
+    """The rig just as its file states it, leading axis (trials,): what is assumed uncalibrated."""
+    n = rig.n
+
+    def each(value: FloatArray, *shape: int) -> FloatArray:
+        return np.array(np.broadcast_to(value, (trials, *shape)), dtype=np.float64)
+
+    return Truth(
+        rotation=each(rotations.from_rpy(rig.nominal_rpy), n, 3, 3),
+        rpy=each(rig.nominal_rpy, n, 3),
+        zero=each(rig.zero.value, n, 3),
+        sensitivity=np.zeros((trials, n, 3, 3)),
+        mass=each(rig.mass.value),
+        barycentre=each(rig.barycentre.value, 3),
+        hinge=each(rig.hinge, n, 3),
+        datum=np.zeros((trials, n, 3)),
+        gravity=each(np.array([0.0, 0.0, -rig.gravity]), 3),
+        stiffness=each(carriage_stiffness(rig, Options()), n, 3, 3),
+    )

@@ -98,27 +98,6 @@ def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: in
     )
 
 
-def stated(rig: Rig, trials: int) -> Truth:
-    """The rig just as its file states it, leading axis (trials,): what is assumed uncalibrated."""
-    n = rig.n
-
-    def each(value: FloatArray, *shape: int) -> FloatArray:
-        return np.array(np.broadcast_to(value, (trials, *shape)), dtype=np.float64)
-
-    return Truth(
-        rotation=each(rotations.from_rpy(rig.nominal_rpy), n, 3, 3),
-        rpy=each(rig.nominal_rpy, n, 3),
-        zero=each(rig.zero.value, n, 3),
-        sensitivity=np.zeros((trials, n, 3, 3)),
-        mass=each(rig.mass.value),
-        barycentre=each(rig.barycentre.value, 3),
-        hinge=each(rig.hinge, n, 3),
-        datum=np.zeros((trials, n, 3)),
-        gravity=each(np.array([0.0, 0.0, -rig.gravity]), 3),
-        stiffness=each(carriage_stiffness(rig, Options()), n, 3, 3),
-    )
-
-
 GRAVITY = 9.80665
 
 

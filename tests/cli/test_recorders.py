@@ -23,8 +23,7 @@ from tdfscal.simulation import (
     run,
     simulate_campaign,
 )
-from tdfscal.simulation.campaign import Apart, recorded_apart
-from tests.cli.apart import write_apart
+from tests.cli.apart import Apart, recorded_apart, write_apart
 
 
 @cache

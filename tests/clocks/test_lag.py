@@ -11,7 +11,7 @@ from tdfscal.clocks import Reduction, Tracks, find_clock, forces_behind
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
 from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
-from tdfscal.simulation.campaign import Apart, recorded_apart
+from tests.cli.apart import Apart, recorded_apart
 
 
 def campaign(scenario: str, seed: int) -> Log:
