@@ -219,9 +219,6 @@ wrench-large warns
   weight in force
   -> unless that is contact, check log.force_unit, log.force_on, the force fields
     and the cabling
-turns-visible notes
-  a turn since {subject} would have been seen with {power:.0%} probability from this
-  size on, whatever the angle: {turns}
 postures-left-out warns
   {number:.0f} of {postures} postures were left out (mostly: {reason})
 campaign-unsound rejects

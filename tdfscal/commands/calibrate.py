@@ -98,34 +98,17 @@ def _check(
     method: Method | None, samples: Samples | None, estimator: Estimator, *, several: bool
 ) -> None:
     """Raise UsageError for what cannot be asked for together."""
-    dwells = f"--method {method}" if method in ("tracker", "joint") else ""
-    dwells = dwells or ("--estimator linear" if estimator == "linear" else "")
-    refusals = (
-        (
-            samples in ("moving", "all") and dwells,
-            f"{dwells} does not go with --samples {samples}: it needs static dwells alone",
-            "leave one of the two out",
-        ),
-        (
-            several and samples,
-            "--samples: of several campaigns each gives its dwells, or its motion where these "
-            "are few",
-            "leave it out, or calibrate the campaigns one by one",
-        ),
-        (
-            several and estimator != "ml",
-            "--estimator: the paper's linear method takes one campaign",
-            "calibrate the campaigns one by one, or use ml",
-        ),
-        (
-            several and method == "tracker",
-            "--method: several surveys are not pooled without a log",
-            "calibrate the surveys one by one, and compare them",
-        ),
-    )
-    for refused, what, hint in refusals:
-        if refused:
-            raise UsageError(what, hint=hint)
+    if samples in ("moving", "all") and (method in ("tracker", "joint") or estimator == "linear"):
+        raise UsageError(
+            f"--samples {samples} goes with neither --method tracker or joint, nor --estimator "
+            "linear: these need static dwells alone",
+            hint="leave one of the two out",
+        )
+    if several and (samples or estimator != "ml" or method == "tracker"):
+        raise UsageError(
+            "--samples, --estimator linear and --method tracker take one campaign",
+            hint="leave them out, or calibrate the campaigns one by one and compare them",
+        )
 
 
 def _calibrated(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,10 +21,10 @@ from tdfscal.commands.arguments import (
     one,
     triple,
 )
-from tdfscal.commands.campaign import resolve, rig_named
+from tdfscal.commands.campaign import no_log, resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_angle
+from tdfscal.commands.result import Result
 from tdfscal.commands.samples import delay_of
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError, UsageError
@@ -50,21 +50,26 @@ DEFAULT_NOISE = 1.0
 """N per axis and posture, where nothing is recorded yet and the rig file states no force noise."""
 DEFAULT_DENSITY = 0.1
 """N, of a force's mean over a second in motion."""
-#: Ways from home as `--travel` writes them, or by the NCP's name.
-Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
+#: Ways from home as `--travel` writes them.
+Travel = float | str | Sequence[str | float]
 
 
 @record(eq=False)
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 
-    output : the file. command : for it. notes : what the command says beside it.
+    output : the file. command : for it.
     """
 
     plan: Plan | MovingPlan
     output: Path | None
     command: str
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What keeps the home from being known."""
+        return tuple(map(told, self.findings))
 
     def to_report(self) -> Report:
         """Return what to drive, and what to expect of it."""
@@ -88,12 +93,6 @@ class PlanResult(Result):
         import pandas as pd
 
         return pd.read_csv(io.StringIO(self.content), comment="#")
-
-    def expected_frame(self) -> pd.DataFrame:
-        """One row per angle: standard uncertainty to expect, in rad."""
-        import pandas as pd
-
-        return pd.DataFrame(by_angle(self.plan.rig.supports, std=self.plan.expected.rpy_std))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the uncertainties to expect."""
@@ -191,7 +190,7 @@ def plan(
         )
     known = rig_named(rig)
     seen, level, at = None, np.eye(3), np.zeros(3)
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     if given or home is None:
         try:
             seen, centres = _recorded(known, listed(given), progress)
@@ -199,7 +198,7 @@ def plan(
         except TdfscalError as error:
             if given:
                 raise
-            notes = (told(Finding("home-unknown", values={"why": error.what})),)
+            findings = (Finding("home-unknown", values={"why": error.what}),)
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),
         squeeze=squeeze,
@@ -236,7 +235,7 @@ def plan(
         else:
             aim, telling = 1e-3 * target, progress.stage
             found = plan_for_target(known.rig, request, aim, rng, given=before, progress=telling)
-    return PlanResult(found, one(output), command, notes)
+    return PlanResult(found, one(output), command, findings)
 
 
 def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
@@ -246,7 +245,7 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
     """
     campaign = resolve(given or [rig.path.parent], rig.path)
     if not campaign.logs:
-        raise UsageError("there is no log to build on", where=", ".join(map(str, given)))
+        raise no_log(given, "there is no log to build on")
     log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
 
     def watched() -> Iterator[Log]:
@@ -261,8 +260,6 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
 
 
 def _travels(travel: Travel) -> dict[str | None, tuple[float, ...]]:
-    if isinstance(travel, Mapping):
-        return {name: numbers("--travel", value) for name, value in travel.items()}
     found = {}
     for text in [travel] if isinstance(travel, str | float | int) else travel:
         name, equals, value = str(text).rpartition("=")

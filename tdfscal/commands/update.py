@@ -42,7 +42,7 @@ from tdfscal.files.calibration.from_results import from_self, published_std
 from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
 from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.files.calibration.statistics import campaign
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import (
     Calibrated,
@@ -56,7 +56,7 @@ from tdfscal.numerics.information import contrast
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
 from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.significance import DETECTION_POWER, alarm_level
+from tdfscal.significance import alarm_level
 
 _TOUCHED = "stretch-touched"
 
@@ -284,7 +284,7 @@ def _updated(
             said = tuple(f for f in said if not f.rejects or f.code in PRECISION)
         own = replace(own, findings=(*found, *said))
     own = replace(own, findings=(*own.findings, *beside))
-    notes = [_could_have_missed(misfit, read.rig, earlier), *defects(earlier.name, earlier.file)]
+    notes = list(defects(earlier.name, earlier.file))
     notes += [said for said in read.log.messages if said not in own.findings]
     campaigns, history = (*earlier.campaigns, this), earlier.history()
     origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
@@ -296,15 +296,6 @@ def _by_itself(rig: Rig, read: Read, estimate: Calibrated, level: float) -> Misf
     reference = starting_state(rig)
     part = of_estimate(estimate, stated(Priors(read.rig), reference), reference)
     return misfit_of(rig, read.name, part, level)
-
-
-def _could_have_missed(misfit: Misfit, rig: Rig, earlier: Earlier) -> Finding:
-    """Smallest turns that would have been seen, per sensor by its least visible angle."""
-    assert misfit.detectable is not None
-    least = zip(rig.supports, misfit.detectable.max(axis=1), strict=True)
-    seen = [f"{n} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{n} none" for n, x in least]
-    values: dict[str, Value] = {"power": DETECTION_POWER, "turns": seen}
-    return Finding("turns-visible", (earlier.name,), values=values)
 
 
 def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit, CampaignResult]:

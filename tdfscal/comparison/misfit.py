@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.comparison.common import Common
-from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.walk import Walk
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, stated
@@ -37,8 +36,6 @@ class Misfit:
     both of the terminal's; None where no single one does. sensor : name of the one that turned,
     where the cause is a rotation; turn : (3,), rad, BCS, its most likely turn. p_value : that
     chance alone departs as much, in any of the tests made; above `level` it is no misfit.
-    detectable : (n, 3), rad, smallest change of each angle alone that would have been seen with
-    probability `significance.DETECTION_POWER`; None where not asked for.
     """
 
     campaign: str
@@ -47,7 +44,6 @@ class Misfit:
     turn: FloatArray
     p_value: float
     level: float = 0.0
-    detectable: FloatArray | None = None
 
 
 def within(part: Observation, prior: Information) -> tuple[float, int]:
@@ -118,8 +114,7 @@ def misfit_of(rig: Rig, name: str, part: Observation, level: float) -> Misfit:
     departure = contrast(known, part.information.scaled(own), prior.scaled(birge))
     at = np.arange(len(known.score))
     found = _named(rig, name, departure, prior, _probability(rig, departure), at)
-    seen = smallest_changes(rig.earlier.rotation, departure, 3, level / (rig.n + 1))
-    return replace(found, level=level, detectable=seen)
+    return replace(found, level=level)
 
 
 def _probability(rig: Rig, departure: Contrast) -> float:
