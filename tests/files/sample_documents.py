@@ -65,6 +65,16 @@ acceptance:
   contact: {force: 5.0, torque: 3.0, rpy: [0, 0, 0.1]}
 """
 
+MINIMAL = """\
+format: tdfscal-rig/1
+name: minimal
+terminal: {mass: {value: 500, std: 0}, barycenter: {value: [0, 0, 0.25], std: 0}}
+supports:
+  - {name: a, hinge: [1, 0, 0]}
+  - {name: b, hinge: [0, 1, 0]}
+  - {name: c, hinge: [-1, 0, 0]}
+"""
+
 NAMES = ("ncp1", "ncp2", "ncp3")
 _BASE = "F_bcs = rotation · {}(F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
 CONVENTION = _BASE.format("")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,10 @@ import pytest
 from pydantic_core import PydanticCustomError
 from scipy.spatial.transform import Rotation
 
+from tdfscal.errors import RigError
 from tdfscal.files.rig.model import check_hinges, check_inertia
-from tdfscal.files.rig.recorders import LogBlock, check_recorders
+from tdfscal.files.rig.reading import parse_rig
+from tests.files.sample_documents import MINIMAL
 
 Place = tuple[str | int, ...]
 
@@ -66,78 +67,31 @@ def test_hinges_that_coincide_or_stand_in_a_row() -> None:
             check_hinges(names[:3], size * row + shift)
 
 
-def block(
-    fields: Mapping[tuple[str, str], tuple[str, ...]], files: str | None, **more: Any
-) -> LogBlock:
-    """A recorder's block of these fields."""
-    supports: dict[str, dict[str, tuple[str, ...]]] = {}
-    for (name, what), named in fields.items():
-        supports.setdefault(name, {})[what] = named
-    return LogBlock.model_validate({"files": files, "supports": supports, **more})
+APART = """
+log:
+  - {files: "cnc*.csv", supports: {a: {position: pa}, b: {position: pb}, c: {position: pc}}}
+  - {files: "daq*.csv", supports: {a: {force: fa}, b: {force: fb}, c: {force: fc}}}
+"""
 
 
-def check_mapping(
-    names: Sequence[str], *fields: Mapping[tuple[str, str], tuple[str, ...]], one: bool = True
+def test_several_recorders_may_name_their_fields_alike() -> None:
+    alike = APART.replace("force: f", "force: p")
+    assert len(parse_rig((MINIMAL + alike).encode(), "rig.yaml").log) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "word"),
+    [
+        ("c: {force: fc}", "c: {force: fc, position: pc}", "log[1].supports.c.position", "already"),
+        (", b: {force: fb}", "", "log", "lacks the force of `b`"),
+        ('files: "daq*.csv", ', "", "log[1]", "lacks `files`"),
+        ('files: "daq*.csv"', 'files: "daq*.csv", rows: postures', "log[1].rows", "no time"),
+    ],
+)
+def test_several_recorders_give_each_quantity_once(
+    old: str, new: str, place: str, word: str
 ) -> None:
-    blocks = [block(own, None if one else f"{k}*.csv") for k, own in enumerate(fields)]
-    check_recorders(names, blocks[0] if one and len(blocks) == 1 else blocks)
-
-
-FIELDS = {
-    (name, what): tuple(f"{name}.{what}.{axis}" for axis in "xyz")
-    for name in ("a", "b", "c")
-    for what in ("position", "force")
-}
-
-
-def test_a_mapping_serves_every_support_with_fields_of_its_own() -> None:
-    names = ["a", "b", "c"]
-    check_mapping(names, FIELDS)
-    for name in names:
-        rest = {key: fields for key, fields in FIELDS.items() if key[0] != name}
-        assert place_of(check_mapping, names, rest) == ("log", "supports")
-    more = FIELDS | {("d", "force"): ("q",)}
-    assert place_of(check_mapping, names, more) == ("log", "supports", "d")
-    twice = copy.copy(FIELDS)
-    twice["c", "force"] = ("c.force.x", "a.position.y", "c.force.z")
-    assert place_of(check_mapping, names, twice) == ("log", "supports", "c", "force")
-
-
-def test_several_recorders_give_each_quantity_once() -> None:
-    names = ["a", "b", "c"]
-    apart = partial(check_mapping, names, one=False)
-    moves, loads = (
-        {key: fields for key, fields in FIELDS.items() if key[1] == what}
-        for what in ("position", "force")
-    )
-    apart(moves, loads)
-    apart(moves, {key: moves[key[0], "position"] for key in loads})  # in other files
-    assert place_of(apart, moves, FIELDS) == ("log", 1, "supports", "a", "position")
-    fewer = {key: fields for key, fields in loads.items() if key[0] != "b"}
-    assert place_of(apart, moves, fewer) == ("log",)
-    assert place_of(check_mapping, names, moves, loads) == ("log", 0)  # no files named
-
-
-@pytest.mark.parametrize("odd", ["ncp3", "qqq"])
-def test_a_support_that_is_misspelt_is_told_which_one_is_meant(odd: str) -> None:
-    """The only one without fields."""
-    fields = {(name, "force"): (name,) for name in ("ncp1", odd, "arm")}
-    with pytest.raises(PydanticCustomError) as refused:
-        check_mapping(["ncp1", "ncp2", "arm"], fields)
-    assert refused.value.context is not None
-    assert "`ncp2`" in refused.value.context["hint"]
-
-
-def test_temperatures_are_one_for_all_or_one_each() -> None:
-    names = ["a", "b", "c"]
-    for fine in (["T"], ["T1", "T2", "T3"], {"a": "T1", "b": "T2", "c": "T3"}):
-        check_recorders(names, block(FIELDS, None, temperature=fine))
-    for wrong, odd in (([], None), (["T1", "T2"], None), (["T"] * 4, None),
-                       ({"a": "T1", "b": "T2"}, "c"),
-                       ({"a": "T1", "b": "T2", "c": "T3", "d": "T4"}, "d")):  # fmt: skip
-        with pytest.raises(PydanticCustomError) as refused:
-            check_recorders(names, block(FIELDS, None, temperature=wrong))
-        assert refused.value.context is not None
-        assert refused.value.context["place"][:2] == ("log", "temperature")
-        if odd:
-            assert f"`{odd}`" in refused.value.context["said"]
+    assert APART.count(old) == 1
+    with pytest.raises(RigError, match=re.escape(word)) as refused:
+        parse_rig((MINIMAL + APART.replace(old, new)).encode(), "rig.yaml")
+    assert str(refused.value.where).endswith(place)
