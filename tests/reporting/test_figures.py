@@ -95,14 +95,6 @@ def test_axes_name_their_units(kind: str) -> None:
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
 
 
-def test_text_from_files_is_never_taken_for_mathematics() -> None:
-    c = sample(touched=True).calibration
-    content = c.model_dump()
-    content["fit"]["rejected"][0]["reason"] = r"$\frac{1}{ <b>x_2$ \undefined"
-    timeline = {d.name: d for d in drawings(Calibration.model_validate(content))}["timeline"]
-    assert "<b>" not in to_svg(timeline)
-
-
 def test_many_postures_stay_small() -> None:
     c = sample().calibration
     table = c.model_dump()["postures"]

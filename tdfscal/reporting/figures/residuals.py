@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import LeftOutStretch, PostureTable
@@ -129,9 +128,7 @@ def _over_time(
         fig, axes = _before_and_after(4.0, x, old, new, said, line, line)
         for ax in axes:
             for s in left_out:
-                why = s.reason if isinstance(s, LeftOutStretch) else sentence(s.reason)
-                words = f"{s.begin:.1f} to {s.end:.1f} s: {why}"
-                style.tip(ax.axvspan(s.begin, s.end, color=ink.PALE), words)
+                ax.axvspan(s.begin, s.end, color=ink.PALE)
         axes[1].set_xlabel("time in the log, s")
         return fig
 

@@ -21,7 +21,6 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from tdfscal.errors import visible
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures import Drawing as Drawing
@@ -31,7 +30,6 @@ WIDTH = 7.3
 """Inches: the text width of an A4 page."""
 _DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
-_TIP = "tip: "
 _DRAWN: WeakKeyDictionary[Drawing, str] = WeakKeyDictionary()
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -107,11 +105,6 @@ def logarithmic(ax: Axes, which: str = "y") -> None:
         axis.set_minor_formatter(FuncFormatter(partial(_between_decades, axis)))
 
 
-def tip(artist: Artist, text: str) -> None:
-    """Give a mark words that a page shows where the pointer rests on it, without a script."""
-    artist.set_gid(f"{_TIP}{visible(text)}")
-
-
 def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> None:
     """Small words beside a place in the axes, `off` points to its right, or to its left below 0."""
     ax.annotate(
@@ -166,7 +159,6 @@ def _svg(drawing: Drawing) -> str:
         canvas.print_svg(stream, metadata={"Date": None})
     text = stream.getvalue()
     body = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
-    body = re.sub(f'<g id="{_TIP}([^"]*)">', r"<g><title>\1</title>", body)
     # Several figures share one page, and identifiers must differ between them.
     return re.sub(
         r'(\bid="|url\(#|href="#)', lambda match: f"{match.group(1)}{drawing.name}-", body

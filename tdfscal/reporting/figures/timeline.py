@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from tdfscal.catalogue import sentence
 from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, PostureTable
@@ -34,8 +32,8 @@ _MARKERS = "osD^vPX*"
 _LINES = ("-", "--", ":")
 #: Instants of a line at most; more are not to be told apart.
 _INSTANTS = 1500
-#: Begin and end of what was left out, s of the axis, and why.
-Gone = Sequence[tuple[float, float, str]]
+#: Begin and end of what was left out, s of the axis.
+Gone = Sequence[tuple[float, float]]
 
 
 @record
@@ -85,13 +83,13 @@ def _paint(log: DwellLog) -> Figure:
 
     used = [ends(*pair) for pair in zip(table.start, table.end, strict=True)]
     rejected = [r for r in log.rejected if r.start is not None]
-    gone = [(*ends(r.start, r.end), f"posture {r.index + 1}: {r.reason}") for r in rejected]
-    pieces = [(*ends(s.start, s.end), s.reason) for s in table.left_out or ()]
+    gone = [ends(r.start, r.end) for r in rejected]
+    pieces = [ends(s.start, s.end) for s in table.left_out or ()]
     heights = [0.34 * (3 if pieces else 2)] + ([_PANEL] * 3 if dwells is not None else [])
     labels = ("", *_FORCES)[: len(heights)]
     fig, axes = panels(0.75 + sum(heights), labels, gridspec_kw={"height_ratios": heights})
     _lanes(axes[0], used, gone, pieces)
-    for r, (_, end, _) in zip(rejected, gone, strict=True):
+    for r, (_, end) in zip(rejected, gone, strict=True):
         style.beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
     if dwells is not None:
         middle = np.mean([ends(*pair) for pair in zip(dwells.start, dwells.end, strict=True)], 1)
@@ -106,26 +104,20 @@ def _paint(log: DwellLog) -> Figure:
     return fig
 
 
-def _lanes(ax: Axes, used: Sequence[tuple[float, float]], gone: Gone, pieces: Gone) -> None:
+def _lanes(ax: Axes, used: Gone, gone: Gone, pieces: Gone) -> None:
     """Dwells in the fit, rejected ones, stretches that are no dwells."""
     pixels = style.raster(len(used))
-
-    def bars(lane: int, spans: Sequence[tuple[float, float]], **look: Any) -> PolyCollection:
-        lengths = [(begin, end - begin) for begin, end in spans]
-        return ax.broken_barh(lengths, (lane - 0.36, 0.72), **look)
-
-    bars(0, used, facecolor=ink.FILLS[0], edgecolor=ink.BLACK, linewidth=0.0 if pixels else 0.5,
-         rasterized=pixels)  # fmt: skip
-    for begin, end, why in gone:
-        style.tip(bars(1, [(begin, end)], linewidth=0.9, **ink.REJECTED), why)
+    plain: dict[str, Any] = {"facecolor": ink.FILLS[0], "edgecolor": ink.BLACK}
+    plain |= {"linewidth": 0.0 if pixels else 0.5, "rasterized": pixels}
+    dotted = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "hatch": "...", "linewidth": 0.4}
+    lanes = [("in the fit", used, plain), ("rejected", gone, {"linewidth": 0.9, **ink.REJECTED})]
+    lanes += [("no dwell", pieces, dotted)] if pieces else []
+    for lane, (_, spans, look) in enumerate(lanes):
+        ax.broken_barh([(a, b - a) for a, b in spans], (lane - 0.36, 0.72), **look)
     if not gone:
         ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
-    for begin, end, why in pieces:
-        look = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "hatch": "...", "linewidth": 0.4}
-        style.tip(bars(2, [(begin, end)], **look), why)
-    lanes = ["in the fit", "rejected"] + (["no dwell"] if pieces else [])
     ax.set_ylim(len(lanes) - 0.45, -0.5)
-    ax.set_yticks(range(len(lanes)), lanes)
+    ax.set_yticks(range(len(lanes)), [name for name, *_ in lanes])
     ax.grid(axis="y", visible=False)
 
 
@@ -140,17 +132,15 @@ def _forces(
 ) -> None:
     """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
     for k, ax in enumerate(axes):
-        for begin, end, why in gone:
-            style.tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), why)
+        for begin, end in gone:
+            ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED)
         for i, name in enumerate(supports):
             y = force[:, i, k]
             if np.isfinite(y).any():
-                (drawn,) = ax.plot(
+                ax.plot(
                     time, y, color=ink.LINES[i % len(ink.LINES)], label=name,
                     marker=markers[i % len(markers)], **line,
                 )  # fmt: skip
-                said = f"{name} {_FORCES[k][:2]}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N"
-                style.tip(drawn, said)
 
 
 def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
@@ -161,7 +151,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
         fig, axes = panels(3.4, _FORCES)
         every = max(1, len(slow.time) // _INSTANTS)
         x, force = slow.time[::every] - time.origin, slow.force[::every]
-        gone = [(s.begin - time.origin, s.end - time.origin, sentence(s.reason)) for s in rejected]
+        gone = [(s.begin - time.origin, s.end - time.origin) for s in rejected]
         _forces(axes, slow.supports, x, force, gone, " ", linewidth=1.1)
         axes[-1].set_xlabel(time.label)
         legend_outside(fig, *axes)
