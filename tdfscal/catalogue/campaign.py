@@ -242,14 +242,12 @@ noise-overstated warns
   -> see whether the rig file states more noise or drift than there is, and write less
     once a second campaign says so too
 mass-exact warns
-  the mass is called exact, and the zeros rest on it: an error of 0.1 % would move
-  the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and
-  hardly a residual
+  the mass is stated as exact: an error of 0.1 % would move the zero {zero} by {moved:N}
+  ({shift:.2g} of its standard uncertainties) and hardly show in a residual
   -> write its own as `terminal.mass.std`, or tare
 barycentre-exact warns
-  the barycentre is called exact, and the zeros rest on it: an error of 1 mm would
-  move the zero {zero} by {moved:N}, {shift:.2g} of its standard uncertainties, and
-  hardly a residual
+  the barycentre is stated as exact: an error of 1 mm would move the zero {zero} by {moved:N}
+  ({shift:.2g} of its standard uncertainties) and hardly show in a residual
   -> write its own as `terminal.barycenter.std`, or tare
 parabola-estimated notes
   the residuals ask for more than a slope of the zeros in time: a parabola was

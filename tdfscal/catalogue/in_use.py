@@ -134,18 +134,18 @@ calibration-unsealed warns
   {subject} has no `content_sha256`: it was edited since it was written, or another
   program wrote it, and what stands in it once only is taken on trust
 calibrations-compatible notes
-  metrologically compatible: {first} and {second} agree within their uncertainties
-  (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f}; {p})
+  metrologically compatible: {first} and {second} agree within their uncertainties ({p};
+  largest difference: {angle} of {support}, {difference:+.3g} mrad, E_n = {en:.2f})
   ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, where
   chance makes {by_chance:.2g} on average
 calibrations-incompatible rejects
-  not compatible: {support} stands in {first} turned against {second}, beyond the
+  not compatible: the angles of {support} differ between {first} and {second} by more than the
   uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.3g} mrad,
   E_n = {en:.2f}
 calibrations-incompatible-together rejects
-  not compatible: all differences of {first} and {second} together are beyond their
-  uncertainties ({p}), no sensor so much by itself (worst: {angle} of {support}:
-  {difference:+.3g} mrad, E_n = {en:.2f})
+  not compatible: all angles together differ between {first} and {second} by more than the
+  uncertainties of both ({p}), though no sensor does so by itself (largest: {angle} of
+  {support}, {difference:+.3g} mrad, E_n = {en:.2f})
 compared-rejected rejects
   not verified: {names} was rejected by the quality gate
   -> mend what the gate names, calibrate again, and compare that
@@ -186,12 +186,12 @@ noise-as-calibrated notes
   noise is taken as {number:.2f} times what is stated, as the calibration's
   residuals showed it (fit.birge)
 zeros-moved notes
-  zeros that moved since the calibration, as a tare moves them, clearest that of
-  {subject} along {axis}, by {size} ± {spread} (95 %),
-  explain these readings; so may a sensor's turn that is too small to be sure of
+  the readings fit zeros that have moved since the calibration, as by a tare, most clearly
+  that of {subject} along {axis}, by {size} ± {spread} (95 %); a sensor's turn that is too small to
+  be sure of would fit as well
   -> if they were tared, bring the new ones in by `tdfscal update`
 zeros-beside-change notes
-  the zeros, estimated together with that change, are off the calibration's, clearest
+  together with that change the zeros come out other than the calibration's, most clearly
   that of {subject} along {axis}, by {size} ± {spread} (95 %)
 change-unexplained rejects
   the residual wrench is not what the stated uncertainties explain, and no single

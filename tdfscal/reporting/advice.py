@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import ceil
 
 import numpy as np
@@ -90,14 +90,24 @@ def _to_confirm(c: Calibration) -> Iterator[str]:
 
 def _by_block(lines: Iterable[str]) -> str:
     """Lines of a draft, each as `key: value (line N)`, counted by the rig file's block."""
-    blocks: dict[str, list[str]] = {}
+    blocks: dict[str, list[int]] = {}
     for line in lines:
         key, _, number = line.rstrip(")").rpartition(" (line ")
-        blocks.setdefault(re.split("[.:]", key)[0] or line, []).append(number)
-    return ", ".join(
-        f"{block} (line{'s' * (len(at) > 1)} {', '.join(at)})" if all(at) else block
-        for block, at in blocks.items()
-    )
+        at = blocks.setdefault(re.split("[.:]", key)[0] or line, [])
+        at += [int(number)] if number.isdecimal() else []
+    return ", ".join(f"{block}{_spans(at)}" for block, at in blocks.items())
+
+
+def _spans(numbers: Sequence[int]) -> str:
+    """Numbers in brackets, those that follow each other as one span."""
+    spans: list[list[int]] = []
+    for number in numbers:
+        if spans and spans[-1][-1] == number - 1:
+            spans[-1][1:] = [number]
+        else:
+            spans.append([number])
+    said = ", ".join("–".join(map(str, span)) for span in spans)
+    return f" (line{'s' * (len(numbers) > 1)} {said})" if said else ""
 
 
 def _to_mend(c: Calibration) -> Iterator[str]:

@@ -67,7 +67,7 @@ def test_zeros_that_moved_are_no_proof_that_nothing_turned() -> None:
         assert v.zeros.moved
         assert v.detectable[:, :2].max() > 5e-4
         said = written(v)[1]
-        assert "explain these readings; so may a sensor's turn that is too small" in said
+        assert "a sensor's turn that is too small to be sure of would fit as well" in said
         assert "would have shown it with 95% probability, even behind a new tare" in said
 
 
