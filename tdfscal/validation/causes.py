@@ -201,11 +201,8 @@ def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
     if 1 < K <= _CONNECTED:
         elapsed = given.at.course.time - given.at.course.time.min()
         walk = np.minimum(elapsed[:, None], elapsed) / max(float(elapsed.max()), 1e-9)
-        wander = [
-            _scatter(given, models, "zeros wander", None, zero.reshape(K, 6, -1), together)
-            for together in (_octaves(K), walk, 0.5 * (1.0 + walk))
-        ]
-        found.append(max(wander, key=WEIGHT))
+        columns = zero.reshape(K, 6, -1)
+        found.append(_scatter(given, models, "zeros wander", None, columns, walk))
     return found
 
 
@@ -221,17 +218,6 @@ def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:
         return np.asarray(columns - (U * shrink) @ (U.T @ columns))
 
     return _scatter_cause(given, models, "zeros moved", None, weighted, theta, gain)
-
-
-def _octaves(K: int) -> FloatArray:
-    """Correlation (K, K) of 1/f noise between postures, from less than one to more than the log.
-
-    It is a sum of relaxations of equal variance whose times are octaves apart (van der Ziel,
-    Physica 16, 1950).
-    """
-    apart = np.abs(np.subtract.outer(np.arange(K), np.arange(K)))
-    times = 0.5 * 2.0 ** np.arange(np.ceil(np.log2(8 * K)) + 1)
-    return np.asarray(np.mean(np.exp(-apart[..., None] / times), axis=2))
 
 
 def _scatter(

@@ -295,25 +295,6 @@ def test_the_same_data_are_no_second_result(
     assert "ompatible" not in run(capsys, "compare", *files, "-q").out
 
 
-@pytest.mark.parametrize("pair", [("a", "b"), ("a", "ab"), ("ab", "pooled"), ("ab", "bc")])
-def test_a_report_judges_by_what_is_common_as_compare_does(
-    made: dict[str, Path],
-    pair: tuple[str, str],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    earlier, later = (made[name] for name in pair)
-    page = tmp_path / "page.html"
-    done = run(capsys, "report", earlier, later, "--json", "--html", page, "-q")
-    (told,) = json.loads(done.out)["comparison"]["against_first"]
-    names = (told["of"], told["against"])
-    (found,) = json.loads(run(capsys, "compare", *names, "--json", "-q").out)["comparisons"]
-    for key in ("p_value", "dof", "en", "difference_rpy_std", "verified"):
-        assert told[key] == found[key]
-    known = found["p_value"] is not None
-    assert ("NOT SEPARATE RESULTS" in page.read_text()) is not known
-
-
 @pytest.mark.parametrize(
     ("begin", "related"), [(0.0, "same"), (74.0, "apart"), (50.0, "overlapping")]
 )

@@ -42,18 +42,3 @@ def test_a_turn_is_that_of_generalised_least_squares(kind: Kind, onset: int, sen
     weighted = np.linalg.solve(V, columns)
     np.testing.assert_allclose(seen.matrix, columns.T @ weighted, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(seen.score, weighted.T @ y.ravel(), rtol=1e-9, atol=1e-9)
-
-
-def test_no_more_checks_are_held_than_a_turn_may_go_back() -> None:
-    """After many checks the last ones are asked for, and by their own index."""
-    rng = np.random.default_rng(5)
-    root = rng.standard_normal((3, SIZE))
-    own = Information(root.T @ root, root.T @ rng.standard_normal(3))
-    now = begin(Information(np.eye(SIZE), np.zeros(SIZE)), own, SENSORS)
-    for _ in range(60):
-        now = now.then(own, np.zeros(SIZE), 1.0)
-    turn = now.likeliest(0, 50, 55, ("step",))
-    assert turn is not None
-    assert 51 <= turn.onset <= 55
-    assert turn.chi2 == max(now.of("step", 0, k).chi2()[0] for k in range(51, 56))
-    assert now.likeliest(0, 55, 55) is None

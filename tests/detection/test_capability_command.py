@@ -202,16 +202,6 @@ def test_a_covariance_of_zeros_is_refused(places: Places) -> None:
         tdfscal.capability(bare, places.free)
 
 
-def test_a_covariance_in_part_is_said(places: Places) -> None:
-    loaded = tdfscal.load_calibration(places.calibration)
-    apart = loaded.model_copy(update={"parameters": None})
-    found = tdfscal.capability(apart, places.free)
-    assert "covariance-in-part" in {finding.code for finding in found.findings}
-    assert np.all(
-        found.capability.calibration_std >= 0.99 * places.plain.capability.calibration_std
-    )
-
-
 def test_moves_that_shake_beyond_the_threshold_reject_the_path(
     places: Places, cli: Cli, tmp_path: Path
 ) -> None:

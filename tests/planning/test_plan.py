@@ -12,7 +12,7 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Request
 from tdfscal.planning.plan import Plan, make_plan, plan_for_target
-from tdfscal.planning.predicted_information import Forecast, Sight, leaning
+from tdfscal.planning.predicted_information import Forecast
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
@@ -164,12 +164,3 @@ def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
     found = np.sqrt(np.mean(np.square(stated), axis=0))
     assert np.allclose(plan.expected.rpy_std[:2] / found, 1.0, atol=0.2)
     assert np.mean(plan.expected.rpy_std[:2] / found) == pytest.approx(1.0, abs=0.1)
-
-
-def test_a_rig_with_all_axes_is_forecast_at_its_nominal_mounting() -> None:
-    rig = reference_rig()
-    sight = Sight.of(rig, 1.0)
-    assert leaning(sight) == (sight,)
-    rig = replace(rig, axes=np.array([[True] * 3, [True] * 3, [False, False, True]]))
-    rpy = [so3.to_rpy(each.state.rotation) for each in leaning(Sight.of(rig, 1.0))]
-    assert np.std(rpy, axis=0).mean() == pytest.approx(0.02, rel=0.3)

@@ -73,21 +73,6 @@ def test_a_wiring_that_explains_the_wrench_is_named(
     assert said in note
 
 
-def test_a_long_log_is_thinned_evenly_and_its_pieces_let_go() -> None:
-    seen = samples()
-    inspection = Inspection(MANY.given[0])
-    many = [Samples(seen.time + k * seen.time.size, seen.position, seen.force) for k in range(40)]
-    assert list(inspection.watch(many)) == many
-    kept = inspection.kept
-    assert kept is not None
-    assert 512 <= kept.time.size <= 1024
-    everything = np.concatenate([piece.time for piece in many])
-    assert np.array_equal(
-        kept.time, everything[:: len(everything) // kept.time.size][: len(kept.time)]
-    )
-    assert not any(np.shares_memory(kept.force, piece.force) for piece in many)
-
-
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("inspection") / "cal.yaml"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -105,14 +104,3 @@ def test_it_is_a_result_and_no_log(applied: Path, cli: Cli) -> None:
         np.testing.assert_allclose(frame[name], values, rtol=0, atol=1e-9 if name == "time" else 0)
     done = cli("info", folder, "--json", "-q", ends=0)
     assert [Path(f["path"]).name for f in json.loads(done.out)["files"]] == ["log.parquet"]
-
-
-def test_times_before_1970_are_refused(applied: Path, tmp_path: Path, cli: Cli) -> None:
-    folder = Path(shutil.copytree(SAMPLES / "parquet", tmp_path / "early"))
-    log = pq.read_table(folder / "log.parquet")
-    early = log.set_column(log.column_names.index("time"), "time", pc.subtract(log["time"], 1e4))
-    pq.write_table(early, folder / "log.parquet")
-    out = tmp_path / "w.mcap"
-    done = cli("apply", applied / "c.yaml", folder, "-o", out, "-q", ends=3)
-    assert ".parquet instead" in done.err
-    assert not out.exists()

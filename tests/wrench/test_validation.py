@@ -10,9 +10,8 @@ import pytest
 from scipy import stats
 
 from tdfscal.errors import DataError
-from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
-from tdfscal.records import Dwells, UncertainValue
+from tdfscal.records import Dwells
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.simulation import Faults, ZeroShift
 from tdfscal.validation.residual_wrench import validate
@@ -98,17 +97,3 @@ def test_no_dwell_and_no_noise_are_refused() -> None:
     v = validate(world(TRIALS).given[0], silent, rig=quiet, noise=0.2)
     assert v.holds
     assert "residuals of the calibration" in in_words(v.findings)[0]
-
-
-def alone(given: Calibrated) -> Calibrated:
-    """The same calibration, as its file says it without the block of all parameters."""
-    place, std = layout(3), np.sqrt(np.diagonal(given.covariance))
-    turns = place["rotation"]
-    return independent(
-        given.rig,
-        given.state.rotation,
-        given.covariance[turns, turns],
-        zero=UncertainValue(given.state.zero, std[place["zero"]].reshape(3, 3)),
-        mass=UncertainValue(given.state.mass, std[place["mass"]][0]),
-        barycentre=UncertainValue(given.state.barycentre, std[place["barycentre"]]),
-    )

@@ -106,26 +106,6 @@ def test_an_unmeasured_axis_leaves_open_what_it_reaches() -> None:
     assert found.value[0, 2] == pytest.approx(weight / 3, rel=1e-12)
 
 
-def test_short_blocks_share_an_uncertainty_and_long_ones_do_not() -> None:
-    """A load that grows in steps: within a quarter of a second, and within 512 samples."""
-    for step, block in ((1e-3, 250), (1e-4, 512)):
-        time, position, force = standing(1100)
-        time = step * np.arange(1100.0)
-        force = force * np.linspace(1, 2, 1100)[:, None, None]
-        std = wrenches(given(), time, position, force).calibration_std[:, 0]
-        edges = np.flatnonzero(np.diff(std)) + 1
-        # Rounding of the clock may put a border one sample off.
-        expected = np.unique(np.concatenate([np.arange(block, 1100, block)] + (
-            [np.arange(512, 1100, 512)] if block == 250 else []
-        )))  # fmt: skip
-        expected = expected[expected < 1100]
-        assert len(edges) == len(expected)
-        assert np.abs(edges - expected).max() <= 1
-        mean = np.linspace(1, 2, 1100)[: edges[0]].mean()
-        plain = wrenches(given(), *standing(1)).calibration_std[0, 0]
-        assert std[0] == pytest.approx(mean * plain, rel=1e-9)
-
-
 @pytest.mark.parametrize("half", [2, 5, 40])
 def test_kernels_are_savitzky_and_golays(half: int) -> None:
     found = derivative_kernels(half)
