@@ -26,6 +26,8 @@ Proc. Camb. Phil. Soc. 44, 50-57.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.special import fdtrc
 
@@ -46,6 +48,8 @@ _FEWEST = 2
 #: Splits of a long campaign that count as tests of their own: one misplaced by half their distance
 #: loses 1.5 % of χ². Of a run's ends as many are looked at together.
 _SPLITS = 32
+#: By how much finer a grid of ends is than the one before.
+_FINER = 8
 #: Changes that are about as likely as the likeliest, itself among them, named at most.
 _NAMED = 6
 #: Kind of a suspicion by what changed.
@@ -119,36 +123,36 @@ class _Normal:
             wrench[:, :3, :3] = wrench[:, 3:, 3:] = at.rotation
         columns = (self.fit.root @ wrench)[self.order]
         ends = np.append(np.flatnonzero(self.counts), len(self.order))
-        near, found = np.arange(len(ends)), None
-        while True:
-            some = np.unique(near[np.linspace(0, len(near) - 1, _SPLITS).round().astype(np.int64)])
-            found = self._run(frame, columns, ends, some)
-            if found is None or len(some) == len(near):
-                return found
-            apart = int(np.diff(some).max()) - 1
+        each = np.concatenate([self.active, columns, self.residual[..., None]], axis=2)
+        apart = max(1, len(ends) // _SPLITS)
+        some = np.unique([*range(0, len(ends), apart), len(ends) - 1])
+        while (found := self._run(frame, columns, each, ends, some)) and apart > 1:
             best = np.searchsorted(ends, [found.first, found.last])[:, None]
-            near = np.unique(best + np.arange(-apart, apart + 1))
-            near = near[(near >= 0) & (near < len(ends))]
+            finer = max(1, apart // _FINER)
+            some = np.unique(best + np.unique([0, *range(-apart, apart + 1, finer)]))
+            some = some[(some >= 0) & (some < len(ends))]
+            apart = finer
+        return found
 
     def _run(
-        self, frame: str, columns: FloatArray, ends: IntArray, some: IntArray
+        self, frame: str, columns: FloatArray, each: FloatArray, ends: IntArray, some: IntArray
     ) -> _Change | None:
-        """The likeliest run between two of some ends; ends : postures that count, and the last."""
+        """The likeliest run between two of some ends.
+
+        columns : (K, 6, c), of its wrench. each : (K, 6, p + c + 1), the fit's, these, residuals.
+        ends : of postures that count, and the last.
+        """
         i, j = np.triu_indices(len(some), 1)
         inside = some[j] - some[i]
         enough = (inside >= _FEWEST) & (len(ends) - 1 - inside >= _FEWEST)
         i, j = i[enough], j[enough]
         if not len(i):
             return None
-        totals = []
-        for other in (self.active, columns, self.residual[..., None]):
-            parts = [
-                columns[a:b].reshape(-1, columns.shape[2]).T
-                @ other[a:b].reshape(-1, other.shape[2])
-                for a, b in zip(ends[some[:-1]], ends[some[1:]], strict=True)
-            ]
-            totals.append(np.cumsum([np.zeros_like(parts[0]), *parts], axis=0))
-        cross, own, score = (total[j] - total[i] for total in totals)
+        cut, at = ROWS * ends[some], np.cumsum([self.active.shape[2], columns.shape[2]])
+        flat, by = each.reshape(-1, each.shape[2]), columns.reshape(-1, columns.shape[2])
+        parts = [by[a:b].T @ flat[a:b] for a, b in pairwise(cut)]
+        total = np.cumsum([np.zeros_like(parts[0]), *parts], axis=0)
+        cross, own, score = np.split(total[j] - total[i], at, axis=2)
         best = self._likeliest(frame, 0, cross, own, score[..., 0])
         first, last = (int(ends[some[end[best.first]]]) for end in (i, j))
         return replace(best, first=first, last=last)

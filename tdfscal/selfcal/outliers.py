@@ -31,6 +31,8 @@ from tdfscal.wrench.contact_wrench import to_origin
 
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12
+#: Share of outlying postures up to which they pull the fit too little to hide others.
+_FEW = 0.01
 #: Times that a lower minimum is gone to.
 _MOVES = 3
 
@@ -98,10 +100,12 @@ def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
     """Fit from one start; postures that fail are left out until no verdict changes."""
     everyone = np.ones(len(postures), dtype=bool)
     result = fit(rig, postures, start)
-    if sound(result, everyone).all():
-        return result
-    result = _reweighted(rig, postures, result.state)
     used = sound(result, everyone)
+    if used.all():
+        return result
+    if np.mean(~used) > _FEW:
+        result = _reweighted(rig, postures, result.state)
+        used = sound(result, everyone)
     return settled(rig, postures, fit(rig, postures, result.state, used.astype(np.float64)))
 
 

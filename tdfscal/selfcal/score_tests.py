@@ -155,7 +155,7 @@ _ROUNDING, _NO_MODE = 1e-12, 1e-9
 _ASKED = 1.5
 #: Columns of walks that are looked at, of the slowest modes of all channels together: ten modes
 #: already hold 96 % of a walk's variance.
-_COLUMNS = 1200
+_COLUMNS, _COLUMNS_OF_MANY = 1200, 180
 #: Of a walk's intensity, N/√h in N/√s.
 _ROOT_HOUR = 60.0
 
@@ -313,8 +313,8 @@ def _lowest(cost: Callable[[float], float], size: float, at_zero: float) -> tupl
 def _walks(fit: Fit, time: FloatArray) -> Iterator[tuple[str, int, FloatArray]]:
     """Whitened columns (6 K, m) of the modes of walks of 1 N/√s."""
     n, K = fit.rig.n, len(fit.weight)
-    modes = walk_modes(1.0, time)[0]
-    modes = modes[:, np.argsort(-np.linalg.norm(modes, axis=0))[: max(1, _COLUMNS // (3 * n))]]
+    modes, most = walk_modes(1.0, time)[0], _COLUMNS if K <= _MANY else _COLUMNS_OF_MANY
+    modes = modes[:, np.argsort(-np.linalg.norm(modes, axis=0))[: max(1, most // (3 * n))]]
     by_zero = fit.slopes[:, :, layout(n, fit.state.motions)["zero"]]
     J = (by_zero * fit.rig.axes.ravel()).reshape(K, ROWS, n, 3)
     each = [np.einsum("kaj,kg->kagj", J[:, :, i], modes).reshape(ROWS * K, -1) for i in range(n)]

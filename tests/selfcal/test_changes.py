@@ -12,7 +12,11 @@ from tdfscal import simulation
 from tdfscal.api import calibrate, simulate
 from tdfscal.findings import Finding
 from tdfscal.model.postures import register
+from tdfscal.model.statics import postures
 from tdfscal.records import Rig
+from tdfscal.selfcal.changes import find_change
+from tdfscal.selfcal.estimator import estimate
+from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (
@@ -196,6 +200,15 @@ def test_a_contact_that_stays_is_named_with_its_run_and_no_zero_wanders(
     assert not [code for code in others if code.startswith(("zero", "channel", "sensor"))]
     assert result.reasons
     assert result.quality.birge < 1.5
+
+
+def test_the_run_is_found_among_many_postures() -> None:
+    options = Options(squeeze=100.0, postures=400, faults=_held(range(137, 303)))
+    batch = simulation.simulate_dwells(RIG, options, np.random.default_rng(4), 1)
+    fit = estimate(fit_robust(RIG, postures(RIG, batch.dwells(0))).fit)
+    found = find_change(fit, batch.dwells(0).start, np.arange(1, 401))
+    assert found is not None
+    assert [found.causes[0].values[end] for end in ("posture", "last")] == [138, 303]
 
 
 def test_a_load_laid_on_the_terminal_is_a_contact_too() -> None:
