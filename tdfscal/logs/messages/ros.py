@@ -28,7 +28,6 @@ from tdfscal.records import FloatArray
 
 _STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))
 _SHOWN: Final = 12
-_LONGEST: Final = 1 << 18  # characters of a definition
 
 
 class Ros:
@@ -121,8 +120,6 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
 
     Raises ValueError where the text is no message definition, or of an unknown encoding.
     """
-    if len(text) > _LONGEST:
-        raise ValueError(f"the definition of {name} has {len(text)} characters")
     try:
         if encoding == "ros2" and not text:
             types = _standard()
@@ -145,10 +142,6 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
         result.setdefault(f"builtin_interfaces/msg/{known}", pair)
     if full_name(name) not in result:
         raise ValueError(f"the definition of {name} is of another message")
-    for key, fields in result.items():
-        names = [n for n, _ in fields]
-        if len(set(names)) < len(names):
-            raise ValueError(f"the definition of {key} has a field twice")
     return result
 
 

@@ -247,9 +247,8 @@ def decoded(head: bytes) -> str:
     Raises DataError where the text is UTF-16 or none at all, or its first line has no end.
     """
     opening = head[:_OPENING]
-    # ASCII as UTF-16 without a mark at its start: one of two bytes is NUL, the other is not.
-    nul = [opening[k::2].count(0) / max(len(opening[k::2]), 1) for k in (0, 1)]
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (min(nul) < 0.1 and max(nul) > 0.9):
+    # ASCII as UTF-16 has a NUL in every second byte.
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or opening.count(0) > 0.4 * len(opening) > 0:
         raise DataError("the text is UTF-16", hint="export it as UTF-8")
     if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
         hint = "export the recording as CSV, or name the file by what it is"
