@@ -47,6 +47,7 @@ class BlockDesign:
     turned : (N, 6, 3), e at every instant by three independent turns of its pose, as servo errors
     of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
+    arm, force : (N, n, 3), m and N, BCS, of every instant. across : what unmeasured forces leave.
     rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
     uncertainties; place : these among the turns at all rests of the log.
     """
@@ -57,6 +58,9 @@ class BlockDesign:
     bins: Bins
     lever: FloatArray
     turned: FloatArray
+    arm: FloatArray
+    force: FloatArray
+    across: Across
     rests: ComplexArray
     place: slice
 
@@ -120,8 +124,16 @@ def block_design(
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
-    rows, lag = block.index, moving.lag(_after(slow, block.index))
-    at, seen, position = block_balance(rig, slow, block, state, moving)
+    rows, after, course = block.index, _after(slow, block.index), _course(slow, block.index)
+    lag = moving.lag(after)
+    position = course(lag) if lag.any() else slow.position[rows]
+    observed = instants(rig, slow, position, rows)
+    if not rig.axes.all():
+        R = rotations(state.hinge, position - state.datum)
+        driven = inertia_wrench(R, position - state.datum, block.step, state, moving)
+        observed = filled(observed, driven, state, rig.gravity)
+    at = statics.balance(observed, state, state.barycentre, rig.gravity)
+    seen = across(block, at, rig.axes)
     moved = _moving_columns(seen, at.rotation, position, state)
     F = statics.forces(state, at.seen.force)
     some = slice(None, None, _EVERY)
@@ -132,8 +144,7 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    course = _course(slow, rows)
-    delayed = _delayed(seen, F, lambda h: course(lag + h), _after(slow, rows), state, moving)
+    delayed = _delayed(seen, F, lambda h: course(lag + h), after, state, moving)
     columns = [seen.transform(at.design), moved, delayed]
     suspects = suspected(rig, slow)
     if suspects is not None:
@@ -150,28 +161,13 @@ def block_design(
         bins=_bins(block, ratio),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
         turned=turned,
+        arm=at.arm,
+        force=F,
+        across=seen,
         rests=seen.transform(_turns(rig, at, near, resting)),
         place=place,
     )
     return result, statics.balance(at.seen.subset(slice(0, 1)), state, at.centre, rig.gravity)
-
-
-def block_balance(
-    rig: Rig, slow: Slow, block: Block, state: State, moving: Moving
-) -> tuple[Balance, Across, FloatArray]:
-    """The static balance of a block's instants, and what of it no unmeasured force reaches.
-
-    Last, the servo positions (N, n, 3) where the forces were felt.
-    """
-    position = shifted(slow, block.index, moving)
-    observed = instants(rig, slow, position, block.index)
-    if not rig.axes.all():
-        place = position - state.datum
-        R = rotations(state.hinge, place)
-        driven = inertia_wrench(R, place, block.step, state, moving)
-        observed = filled(observed, driven, state, rig.gravity)
-    at = statics.balance(observed, state, state.barycentre, rig.gravity)
-    return at, across(block, at, rig.axes), position
 
 
 def _independent(

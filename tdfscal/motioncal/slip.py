@@ -16,8 +16,9 @@ from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model import statics
+from tdfscal.model.parameters import sensing
 from tdfscal.motioncal.blocks import ComplexArray
-from tdfscal.motioncal.design import BlockDesign, block_balance
+from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import rows_of
 from tdfscal.motioncal.uncertainty import MovingEstimate
@@ -124,16 +125,13 @@ class _Steps:
 
 def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
     """Change of e (N, 6, 6 n + 1) by turns and zeros of all sensors, and by the forces' delay."""
-    rig, state, block = fit.rig, fit.still, item.block
-    at, seen, _ = block_balance(rig, fit.slow, block, state, fit.state.moving)
-    F = statics.forces(state, at.seen.force)
-    turns = at.wrench @ -so3.hat(F)
-    zeros = -at.noise_force
-    change = derivatives(F.reshape(len(F), -1), block.step, _HALF)[0].reshape(F.shape)
-    delay = np.einsum("knra,kna->kr", at.wrench, change)
-    both = np.concatenate([turns, zeros], axis=1)
+    F, B = item.force, statics.wrench(item.arm)
+    zeros = -B @ sensing(fit.still)
+    change = derivatives(F.reshape(len(F), -1), item.block.step, _HALF)[0].reshape(F.shape)
+    delay = np.einsum("knra,kna->kr", B, change)
+    both = np.concatenate([B @ -so3.hat(F), zeros], axis=1)
     columns = np.moveaxis(both, 1, 2).reshape(len(F), 6, -1)
-    return seen.wrench(np.concatenate([columns, delay[..., None]], axis=2))
+    return item.across.wrench(np.concatenate([columns, delay[..., None]], axis=2))
 
 
 def likeliest_step(fit: MovingFit, determined: BoolArray | None = None) -> Step | None:
