@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from itertools import combinations
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
+from tdfscal.comparison.shared_data import readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
 
@@ -106,10 +108,30 @@ class LogPass:
         return self.noted(find_dwells(self.pieces()))
 
     def noted(self, dwells: Dwells) -> Dwells:
-        """Keep what the dwells say of the log."""
+        """Keep what the dwells say of the log.
+
+        Raises DataError where one file holds the recording of another, by another clock.
+        """
         self._note(dwells.findings)
         self.stops = _lost_stops(dwells, self.rig)
+        if len(self.inputs) > 1 and dwells.force_cov.any():
+            self._refuse_copies(dwells)
         return dwells
+
+    def _refuse_copies(self, dwells: Dwells) -> None:
+        whole, file = readings(self.rig, dwells), np.searchsorted(self.ends[:-1], dwells.start)
+        parts = [
+            (entry.path, replace(whole, force=whole.force[file == k]))
+            for k, entry in enumerate(self.inputs)
+        ]
+        for (name, first), (other, second) in combinations(parts, 2):
+            if 0 < len(second.force) <= 2 * repeated(first, second).sum():
+                raise DataError(
+                    f"holds the recording of {name} again, by another clock: the mean forces "
+                    "agree far below their uncertainty",
+                    where=str(other),
+                    hint="keep one of the two in the folder; twice the same data are no more data",
+                )
 
     def files_at(self, times: FloatArray) -> list[InputFile]:
         """Return the files (T,) that hold these times, s of the log's clock."""

@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from pyarrow import csv
 
 import tdfscal
 from tdfscal.errors import DataError
@@ -104,6 +105,17 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
         assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
         assert f"{limit:g} N in all" in seen.err
         assert seen.status == 3
+
+
+def test_a_copy_by_another_clock_in_another_format_is_refused(
+    campaign: Path, tmp_path: Path, cli: Cli
+) -> None:
+    table = pq.read_table(campaign / "log.parquet")
+    later = set_to("time", lambda time: time + 12345.678)(table)
+    csv.write_csv(later, campaign / "log2.csv")
+    done = cli("calibrate", campaign, "-o", tmp_path / "b.json", "--trials", 0, "-q", ends=3)
+    assert "holds the recording of" in done.err
+    assert not (tmp_path / "b.json").exists()
 
 
 def test_forces_seconds_behind_the_positions_are_named(
