@@ -9,7 +9,6 @@ import math
 import re
 import struct
 import tempfile
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import StoragePlugin
 
@@ -274,19 +273,6 @@ def test_statistics_must_agree(tmp_path: Path) -> None:
     content[-12:-8] = bytes(4)  # without the summary's checksum
     with pytest.raises(DataError, match="45 messages are there where the statistics state 46"):
         read_log([write(tmp_path / "log.mcap", bytes(content))], MAPPING, SUPPORTS)
-
-
-def test_private_records_are_passed_over(tmp_path: Path) -> None:
-    """They count in the checksum of the data, and not as the begin of the record behind them."""
-    content = mcap_bytes(make_truth(3), summary=False, index_types=IndexType.NONE, data_crc=True)
-    end = next(s for s in record_starts(content)[:-1] if content[s] == 0x0F)
-    data = content[:end] + struct.pack("<BQ", 0x90, 3) + b"own"
-    closing = struct.pack("<BQI", 0x0F, 4, zlib.crc32(data))
-    log = read_log(
-        [write(tmp_path / "log.mcap", data + closing + content[end + 13 :])], MAPPING, SUPPORTS
-    )
-    assert log.force[0].time.size == 12
-    assert log.inputs[0].integrity == "verified"
 
 
 @FUZZ

@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from tdfscal.errors import DataError
@@ -91,23 +89,6 @@ def test_messages_with_nan(tmp_path: Path) -> None:
     said = r"not finite \(/ncp3/wrench.wrench.force.y.*write `axes: \[x, z\]` for ncp3"
     with pytest.raises(DataError, match=said):
         read_log([path], LOG_TIME, LOG_TIME.supports)
-
-
-@pytest.mark.parametrize("nan", [False, True])
-def test_parquet_without_the_columns_or_with_nan_in_them(
-    folders: dict[str, Path], tmp_path: Path, nan: bool
-) -> None:
-    folder, path = folders["parquet"], tmp_path / "log.parquet"
-    table = pq.read_table(folder / "log.parquet")
-    for name in ("ncp3.fx", "ncp3.fy", "ncp4.fx", "ncp4.fy", "ncp4.fz"):
-        at = table.schema.get_field_index(name)
-        nothing = pa.array(np.full(table.num_rows, np.nan))
-        table = table.set_column(at, name, nothing) if nan else table.remove_column(at)
-    pq.write_table(table, path)
-    whole = read(folder / "log.parquet", folder)
-    assert_lacks(read(path, folder, AXES), whole)
-    with pytest.raises(DataError, match=r"write `axes: \[.*\]` for ncp3 in rig.yaml"):
-        read(path, folder)
 
 
 def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:

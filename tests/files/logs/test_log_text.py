@@ -13,7 +13,7 @@ import pytest
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.logs import read_log
-from tdfscal.logs.text.rows import RowParser
+from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import write
 
@@ -64,6 +64,32 @@ def assert_plain(log: Log, length: float = 1.0, force: float = 1.0) -> None:
 )
 def test_header_quirks(tmp_path: Path, content: bytes) -> None:
     assert_plain(read(tmp_path, content))
+
+
+PREAMBLES = (
+    "recorder 7",
+    "Rate,50\nGain,2.5\nChannels,7,,",
+    "note,of,several,words",
+    "X_Dimension,Time,Time,Time,Time,Time,Time\nX0,0.0,0.0,0.0,0.0,0.0,0.0",
+)
+
+
+@pytest.mark.parametrize("preamble", PREAMBLES)
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_the_table_is_found_below_whatever_stands_above(
+    tmp_path: Path, preamble: str, separator: str
+) -> None:
+    content = text(preamble, HEADER, *ROWS).decode().replace(",", separator).encode()
+    assert_plain(read(tmp_path, content))
+    (stream,) = describe_logs([tmp_path / "log.csv"]).contents[0].streams
+    assert [field.name for field in stream.fields] == HEADER.split(",")
+    assert stream.count == len(ROWS)
+
+
+def test_a_wider_table_below_hides_no_row(tmp_path: Path) -> None:
+    wider = (f"{HEADER},more", *(f"{row},1" for row in ROWS), "0.2,1,2,3,4,5,6,1")
+    with pytest.raises(DataError, match="line 4: the line has 8 cells, the header 7"):
+        read(tmp_path, text(HEADER, *ROWS, *wider))
 
 
 def test_decimal_comma_only_where_declared(tmp_path: Path) -> None:
@@ -170,22 +196,6 @@ def test_mapping_is_checked(tmp_path: Path) -> None:
         read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, force=(("X", "FY", "FZ"),)))
     with pytest.raises(RigError, match="no fields for support b"):
         read_log([write(tmp_path / "l.csv", b"")], MAPPING, ("b",))
-
-
-TRAILING = (
-    text(HEADER, *(f"{row}," for row in ROWS)),
-    text(f"{HEADER},", *ROWS),
-    text(HEADER, "s,m,m,m,N,N,N,", *(f"{row}," for row in ROWS)),
-    text(f"{HEADER},", "s,m,m,m,N,N,N", *ROWS),
-)
-
-
-def test_a_separator_at_the_end_is_parsed_fast(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delattr(RowParser, "slow")
-    for content in TRAILING:
-        assert_plain(read(tmp_path, content))
 
 
 @pytest.mark.parametrize(
