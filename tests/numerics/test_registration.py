@@ -156,3 +156,11 @@ def test_three_points_show_their_errors_in_their_plane_only() -> None:
         total += fit.normalised**2
     low, high = (stats.chi2.ppf(p, draws) for p in (1e-5, 1 - 1e-5))
     assert ((low < total) & (total < high)).all()
+
+
+def test_an_extension_that_the_points_do_not_show_is_none() -> None:
+    x = np.random.default_rng(14).uniform(size=(5, 3)) * [1, 1, 0]
+    fit = register(x, x, stacked(COV, 5))
+    columns = np.zeros((5, 3, 1))
+    columns[:, 2, 0] = x[:, 2]
+    assert extend(fit, columns) is None

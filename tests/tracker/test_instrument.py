@@ -12,7 +12,6 @@ from scipy import stats
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.trackercal import register
-from tdfscal.trackercal.best_fit import fit_one_by_one
 from tdfscal.trackercal.judged_registration import fit_survey
 from tdfscal.trackercal.noise import (
     Noise,
@@ -124,19 +123,6 @@ def test_rounded_coordinates_are_uniform_within_their_last_digit() -> None:
     C, D = point_noise(points, None, {}).totals(6)  # nothing stated: the residuals show it
     assert not C.any()
     assert not D.any()
-
-
-STATED = {"residual": isotropic(1e-5, 12)}
-
-
-def test_groups_that_register_one_by_one() -> None:
-    noise = Noise(STATED, {})
-    assert fit_one_by_one(matched(7, groups=2), noise)
-    assert not fit_one_by_one(matched(7), Noise({"x": isotropic(1e-5, 6)}, {}))
-    spoilt = matched(7, groups=2)
-    x, y = spoilt.reference.xyz.copy(), spoilt.measured.xyz.copy()
-    x[6:] = y[6:] = np.linspace(0, 1, 6)[:, None] * [0.1, 0.2, 0.3]
-    assert not fit_one_by_one(but(spoilt, measured_xyz=y, reference_xyz=x), noise)
 
 
 def test_an_uncertainty_of_zero_in_some_direction_is_refused() -> None:
