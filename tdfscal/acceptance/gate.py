@@ -132,18 +132,6 @@ class Limited:
         """U ≤ limit."""
         return self.expanded <= self.limit
 
-    @property
-    def smallest_contact(self) -> float:
-        """Smallest contact along its worst component that a machine sees, at best, N or N·m.
-
-        With the usual false stops in an hour and the usual probability, without noise and drift.
-        """
-        from tdfscal.detection.capability import UNTIMED, Request  # where a limit is stated
-        from tdfscal.detection.threshold import contact_in_doubt
-
-        asked = Request()
-        return contact_in_doubt(float(self.std.max()), asked.probability(UNTIMED), asked.detect)
-
 
 @record
 class Conformity:
@@ -165,19 +153,9 @@ class Conformity:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What does not conform, for the quality gate; and contacts of the limit's size, unseen."""
+        """What does not conform, for the quality gate."""
         parts = self.force, self.torque
-        return (
-            *(_finding(part, self.rpy) for part in parts if not part.conforms),
-            *(
-                Finding(
-                    "contact-below-threshold", (part.quantity,), part.smallest_contact, part.unit,
-                    values={"limit": part.limit},
-                )
-                for part in parts
-                if part.conforms and part.smallest_contact > part.limit
-            ),
-        )  # fmt: skip
+        return tuple(_finding(part, self.rpy) for part in parts if not part.conforms)
 
 
 def assess_stated(given: Calibrated) -> Conformity | None:

@@ -10,7 +10,6 @@ _SHIFT = "({p}), which would move {angle} by {shift:.1f} of its standard uncerta
 _BESIDES = """
   ? zero and the zero {zero} by {zero_shift:.1f}
   ? held ; till it is mended, the stated uncertainty holds that move
-  ? slip ; a slip explains it as well
 """
 SUSPECTS: dict[str, Entry] = entries(
     """
@@ -148,11 +147,6 @@ contact-uncertain rejects
   the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty
   of {size} (k = 2, 95.45 %), above the limit of {limit:g}; its error exceeds the limit
   with a probability of {exceeding:.1g}
-contact-below-threshold warns
-  of the {subject} that must be told from none, {limit:g}, a machine sees {size} at
-  best: one false stop in ten hours, 95 % seen, without noise and drift
-  -> look along its path: `tdfscal capability`; more postures and a harder squeeze
-    lower it
 motion-left-out rejects
   {number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}
 moments-unlike-noise rejects

@@ -191,7 +191,7 @@ def surveyed(
 
 
 #: What is said of the contact wrench, which both methods together judge anew.
-_OF_CONTACT = ("contact-uncertain", "contact-below-threshold")
+_OF_CONTACT = ("contact-uncertain",)
 
 
 def _with_survey(

@@ -14,7 +14,6 @@ from tdfscal.records import BoolArray, FloatArray, Rig
 
 #: An angle known better than half its prior owes more to the data than to the prior.
 PRIOR_SHARE = 0.5
-_CORRELATED = 0.8
 #: Turning a sensor about its load is what no datum shows: within this angle it is the cause.
 _ALONG_LOAD = np.radians(20.0)
 #: Less than this across its load, N, and a sensor carries none.
@@ -49,17 +48,8 @@ class Weakness:
 
 
 @record
-class Correlation:
-    """Two angles whose errors go together."""
-
-    a: str
-    b: str
-    value: float
-
-
-@record
 class Observability:
-    """The verdict: every angle, the weak ones with cause and advice, and close couples.
+    """The verdict: every angle, and the weak ones with cause and advice.
 
     undetermined : sensors that lack an axis and have an angle that the data do not determine;
     they go without a number. weak : their weaknesses last. spread : (n,), rad, angle about the mean
@@ -68,7 +58,6 @@ class Observability:
 
     angles: tuple[Angle, ...]
     weak: tuple[Weakness, ...]
-    correlations: tuple[Correlation, ...]
     spread: FloatArray
     undetermined: tuple[str, ...] = ()
 
@@ -187,7 +176,6 @@ def verdict(
     return Observability(
         angles,
         tuple(sorted(weak, key=lambda w: w.angle.support in lacks)),
-        _couples(angles, covariance),
         spread,
         undetermined=tuple(n for n in rig.supports if n in {w.angle.support for w in weak} & lacks),
     )
@@ -218,14 +206,3 @@ def _round_up(value: float) -> str:
     """Two significant digits, upwards."""
     digits = 10 ** (np.floor(np.log10(value)) - 1)
     return f"{np.ceil(value / digits) * digits:.0f}"
-
-
-def _couples(angles: tuple[Angle, ...], covariance: FloatArray) -> tuple[Correlation, ...]:
-    """Pairs of angles with a correlation above 0.8, the closest first."""
-    std = np.sqrt(np.diagonal(covariance))
-    R = covariance / np.outer(std, std)
-    pairs = [
-        Correlation(angles[a].name, angles[b].name, float(R[a, b]))
-        for a, b in np.argwhere(np.triu(np.abs(R), 1) > _CORRELATED)
-    ]
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))

@@ -190,7 +190,7 @@ def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     best = {(doubt.kind, doubt.support): doubt for doubt in sorted(found, key=_weight)}
     ranked = sorted(best.values(), key=_weight, reverse=True)
     near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
-    return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))
+    return tuple(replace(doubt, tied=doubt.tied or k > 0) for k, doubt in enumerate(near))
 
 
 #: Share of the columns' size below which what stands out of the fit's is rounding.

@@ -98,7 +98,6 @@ def self_calibrate(
     _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust)
     doubts = misplaced_hinges(known)
     move = doubts[0].move if doubts and not doubts[0].harmful else None
-    set_aside: tuple[Suspicion, ...] = ()
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
         placed = doubts
@@ -108,8 +107,7 @@ def self_calibrate(
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
             again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
-        doubts, set_aside = _slip_or(doubts, told)
-        doubts = (*placed, *doubts)
+        doubts = (*placed, *_with_change(doubts, told))
     if move is not None:  # till it is mended, the stated uncertainty holds that move
         noise = usable.measured_noise
         uncertainty = evaluate(
@@ -135,7 +133,7 @@ def self_calibrate(
     )
     found = (
         *_reasons(calibration),
-        *caveats(calibration, set_aside, measured_noise=usable.measured_noise, unasked=unasked),
+        *caveats(calibration, measured_noise=usable.measured_noise, unasked=unasked),
     )
     return replace(calibration, findings=found)
 
@@ -268,20 +266,14 @@ def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     return tuple(doubt for doubt in doubts if doubt.weight > -CAUSES_APART)
 
 
-def _slip_or(
-    doubts: tuple[Suspicion, ...], told: _Told
-) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
-    """Hold a slip against the other doubts: the likelier, and what is about as likely.
+def _with_change(doubts: tuple[Suspicion, ...], told: _Told) -> tuple[Suspicion, ...]:
+    """Hold a change on the way against the other doubts: the likeliest, and those about as likely.
 
     What spoils the whole campaign may look like a slip, and a slip like much that does.
     """
-    slip = told.change
-    if slip is None:
-        return doubts, ()
-    rivals = doubts or wandering(told.known, told.usable.time)
-    if all(slip.weight > doubt.weight for doubt in rivals):
-        return (slip,), tuple(d for d in doubts if d.weight > slip.weight - CAUSES_APART)
-    return doubts or likeliest(list(rivals)), ()
+    if told.change is None:
+        return doubts
+    return likeliest([told.change, *(doubts or wandering(told.known, told.usable.time))])
 
 
 def _reasons(of: SelfCalibration) -> tuple[Finding, ...]:

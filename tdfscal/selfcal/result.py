@@ -97,14 +97,12 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
 
 def caveats(
     of: SelfCalibration,
-    set_aside: tuple[Suspicion, ...],
     *,
     measured_noise: bool,
     unasked: bool,
 ) -> tuple[Finding, ...]:
     """Collect what the user must know although the result may be good.
 
-    set_aside : suspicions about as likely as a slip.
     measured_noise : nobody states one. unasked : too many sensors for trials.
     """
     rig, trials = of.rig, of.monte_carlo
@@ -119,8 +117,6 @@ def caveats(
     for doubt in of.suspicions:
         if not doubt.harmful:
             found += doubt.findings(rejects=False, held=doubt.move is not None)
-    for doubt in set_aside:
-        found += doubt.findings(rejects=False, slip=True)
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
         found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))
