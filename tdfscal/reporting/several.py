@@ -115,7 +115,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         verdict=verdict,
         accepted=view.agrees,
         provisional=any(c.status == "provisional" for c in view.content),
-        reasons=tuple(_verdict(step) for step in view.pairs if not step.verified),
+        reasons=tuple(begun(_verdict(step), ".") for step in view.pairs if not step.verified),
         sections=(
             Section("Calibrations", (Facts(files),)),
             *layout.illustrated(drawings, {}),

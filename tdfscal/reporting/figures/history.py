@@ -36,7 +36,7 @@ _CROWDED = 60
 
 
 def draw(life: Life) -> tuple[Drawing, ...]:
-    """One figure per sensor that is known: three angles, and how surprising each check was.
+    """One figure per sensor that is known: its three angles.
 
     Those with alarms come first, the least probable first of all; an alarm of all sensors together
     stands in every one.
@@ -77,16 +77,15 @@ def _said(life: Life, alarm: Alarm) -> str:
 
 
 def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
-    labels = (*(f"{angle}, mrad" for angle in ANGLES), "surprise,\n−log₁₀ p")
-    fig, axes = panels(5.6, labels, gridspec_kw={"height_ratios": [3, 3, 3, 2]})
+    fig, axes = panels(4.6, [f"{angle}, mrad" for angle in ANGLES], sharey=True)
     dates = np.array([date_of(month) for month in life.month])
-    for j, ax in enumerate(axes[:3]):
-        ax.sharey(axes[0])
+    for j, ax in enumerate(axes):
         _angle(ax, life, i, j, dates)
-    _surprise(axes[3], life, i, dates)
-    for ax in axes:
         for alarm in own:
             ax.axvline(dates[alarm.onset], linewidth=1.2, **_ALARMS[alarm.kind == "creep"])
+    locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
+    axes[-1].xaxis.set_major_locator(locator)
+    axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     keys = [
         Line2D(
             [], [], marker="o", linestyle="", color=ink.BLUE, markersize=4, label="check, k = 2"
@@ -123,16 +122,3 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
         )  # fmt: skip
     now = f"now {signed(1e3 * float(life.path[-1, i, j]), '+.3f')} ± {band[-1]:.3f} mrad"
     ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
-
-
-def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
-    """How improbable the least probable test of a check is, against the level of the alarm."""
-    p = np.clip(life.smallest[1:, i], 1e-12, 1.0)
-    colours = np.where(p <= life.level[1:], ink.RED, ink.BLUE)
-    width = 0.5 * float(np.median(np.diff(life.month))) * _DAYS if len(dates) > 2 else 10.0
-    ax.bar(dates[1:], -np.log10(p), width=max(width, 1.0), color=colours)
-    ax.plot(dates[1:], -np.log10(life.level[1:]), color=ink.GREY, linestyle="--", linewidth=0.9)
-    ax.set_ylim(0, 12.5)
-    locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
