@@ -82,20 +82,11 @@ def test_oldest_first_and_e_n_by_hand() -> None:
     assert rows["support_1", "yaw"] == ("0.00", "0.00")
 
 
-def test_text_has_eighty_columns_and_the_verdict_first() -> None:
-    text = render(several([("j" * 60, JANUARY), ("f", FEBRUARY), ("m", MARCH)]))
-    assert text.startswith("Test rig: NOT COMPATIBLE\n")
-    assert "! 2.65" in text
-    many = [
-        (
-            f"{day}.yaml",
-            of_another_log(changed(JANUARY, created=f"2026-01-{day:02}T00:00:00Z"), str(day)),
-        )
-        for day in range(1, 29)
-    ]
+def test_many_are_told_in_eighty_columns() -> None:
+    many = [(f"{k}.yaml", of_another_log(JANUARY, str(k))) for k in range(28)]
     long = render(several(many))
     assert long.startswith("Test rig: COMPATIBLE")
-    assert max(map(len, (text + long).splitlines())) <= 80
+    assert max(map(len, long.splitlines())) <= 80
     assert [letter(i) for i in (0, 25, 26, 51, 52)] == ["A", "Z", "A2", "Z2", "A3"]
 
 
