@@ -202,8 +202,8 @@ def simulate_dwells(rig: Rig, options: Options, rng: np.random.Generator, trials
     """`trials` independent campaigns, each with a rig of its own, as means of their dwells.
 
     The same physics as `simulate_campaign`. A mean's noise is `Recorder.mean_sd`, or follows
-    from the sample noise, the rate and the dwell less its settling. Vibration
-    and settling are taken to be cut away; drifts are proportional to the posture's number.
+    from the sample noise, the rate and the dwell less its settling. Vibration,
+    settling and jolts are taken to be cut away; drifts are proportional to the posture's number.
 
     Raises as `simulate_campaign`.
     """
@@ -226,10 +226,9 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         mean_sd = np.full((trials, K, n), recorder.mean_sd)
     position_sd = recorder.encoder_sd / np.sqrt(np.floor(used * recorder.position_rate) + 1.0)
 
-    force = _mean_forces(rig, options, stage, dwell)
     place = Place(np.arange(K, dtype=np.float64), np.arange(K) / max(K - 1, 1))
     signal = (
-        reading(stage.truth, faults.turned_away(options.faults, force, place))
+        reading(stage.truth, faults.turned_away(options.faults, stage.rest.force, place))
         + stage.force_offset
         + faults.zero_offset(options.faults, n, place)
         + faults.zero_walk(options.faults, n, _share(end), walk_rng)
@@ -255,20 +254,6 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         temperature=faults.temperature(options.faults, place)[:, None] * each if warm else None,
     )
     return Batch(stage.truth, stage.rest.force, means, mean_sd)
-
-
-def _mean_forces(rig: Rig, options: Options, stage: Stage, dwell: FloatArray) -> FloatArray:
-    """True forces, with what blows within a dwell add to its mean."""
-    if not options.faults.jolts:
-        return stage.rest.force
-    contact = stage.load.contact.copy()
-    for jolt in options.faults.jolts:
-        # A half sine's mean is 2/π of its peak.
-        share = (2.0 / np.pi) * jolt.duration / dwell[:, jolt.posture, None]
-        contact[:, jolt.posture, 0] += share * np.asarray(jolt.force)
-    _, where = stand(stage.truth, options, stage.postures.target(rig.hinge), stage.repeat)
-    load = replace(stage.load, contact=contact)
-    return settle(stage.truth, where, load, stage.rest.pose).force
 
 
 def _share(time: FloatArray) -> FloatArray:

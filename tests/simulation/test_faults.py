@@ -26,10 +26,7 @@ from tdfscal.simulation import (
     reference_rig,
     run,
     simulate_campaign,
-    simulate_dwells,
 )
-
-from .rigs import SILENT
 
 K = 6
 
@@ -109,17 +106,6 @@ def test_jolt_is_a_half_sine() -> None:
     lift = PLAIN.postures.pose.rotation[4][2, 2] * 200.0
     assert total[:, 2].max() == pytest.approx(lift, rel=1e-2)
     assert total[:, 2].sum() * 0.01 == pytest.approx(lift * 0.4 * 2.0 / np.pi, rel=1e-2)
-
-
-def test_jolt_in_dwell_means_is_its_mean() -> None:
-    jolt = Faults(jolts=(Jolt(1, (0.0, 0.0, -200.0), duration=0.4),))
-    rig, rng = reference_rig(), np.random.default_rng
-    plain = simulate_dwells(rig, Options(postures=3, recorder=SILENT), rng(3), 4)
-    hit = simulate_dwells(rig, Options(postures=3, recorder=SILENT, faults=jolt), rng(3), 4)
-    moved = np.einsum("bnij,bknj->bki", plain.truth.rotation, hit.means.force - plain.means.force)
-    np.testing.assert_allclose(moved[:, [0, 2]], 0.0, atol=1e-6)
-    dwell = (plain.means.end - plain.means.start)[:, 1]
-    np.testing.assert_allclose(moved[:, 1, 2], 200.0 * 0.8 / np.pi / dwell, rtol=1e-2)
 
 
 def test_dead_axis_repeats_itself() -> None:
