@@ -52,7 +52,7 @@ from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import POOL_SHARE, alarm_level
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
-_SETTLED = 1e-4
+_SETTLED = 1e-6
 _ROUNDS = 8
 
 
@@ -83,19 +83,27 @@ class Member:
     reduced : what it says by itself. fit : at the common constants; None where it has no postures.
     state : its own parameters at the common constants; None for a survey.
     chi2, dof : of its residuals and of its departure from those before it. exact : scores (C,) of
-    what it says, by errors of what it takes as exact. contributions : as in `Recorded`.
+    what it says, by errors of what it takes as exact.
     """
 
-    name: str
-    month: float
+    recorded: Recorded
     reduced: Observation
     fit: Fit | None
     state: State | None
     rejected: dict[int, Finding]
     chi2: float
     dof: int
-    exact: tuple[ExactMoves, ...] = ()
-    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
+    exact: tuple[ExactMoves, ...]
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.recorded.name
+
+    @property
+    def month(self) -> float:
+        """When it was measured."""
+        return self.recorded.month
 
     @property
     def own(self) -> Information:
@@ -131,7 +139,7 @@ class Pool:
         moved = others_move(self.common, index, [m.exact for m in self.members], self.walk)
         here = [one.by(np.eye(self.common.size)[at]) for one in moved]
         prior = joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
-        return replace(prior, sources=sources_together([m.contributions for m in chosen]))
+        return replace(prior, sources=sources_together([m.recorded.contributions for m in chosen]))
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
@@ -174,10 +182,9 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     gaps = np.maximum(np.diff(months, prepend=months[0]), 0.0)
     shared = common([item.rig for item in ordered])
     steps = [turned(rig, rig.drift.angle * float(np.sqrt(gap)), shared.size) for gap in gaps]
-    fits, rejected = _first_round(ordered, shared)
-    references = _known_states(rig, ordered, fits, shared)
-    rounds, settled = 0, False
-    while True:
+    fits, rejected, references = _first_round(ordered, shared)
+    settled = False
+    for rounds in range(_ROUNDS + 1):
         reduced = _reduced(ordered, fits, references, shared)
         walk = Walk([part.information for part in reduced], shared.stated(references), steps)
         if settled or rounds == _ROUNDS:
@@ -185,13 +192,12 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         posterior = walk.others()[-1] + walk.own[-1]
         move = posterior.mean
         fits = [
-            _moved(item, f, part, reference, shared.step(k, move), move)
-            for k, (item, f, part, reference) in enumerate(
+            None if at is None else _moved(item, at, part, reference, shared.step(k, move), move)
+            for k, (item, at, part, reference) in enumerate(
                 zip(ordered, fits, reduced, references, strict=True)
             )
         ]
         references = shared.moved(references, move)
-        rounds += 1
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = []
     for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True)):
@@ -199,21 +205,16 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         dof = reduced[k].rows
         if shared.terminal[k] == k:
             dof -= unstated(Priors(item.rig), load_alone=k > 0)
-        state = _own_state(item, fits[k], reduced[k], references[k])
-        chi2 = _fresh(known, reduced[k])
-        exact = _exact(item, fits[k], reduced[k], shared.places[k])
         members.append(
             Member(
-                name=item.name,
-                month=item.month,
+                recorded=item,
                 reduced=reduced[k],
                 fit=fits[k],
-                state=state,
+                state=_own_state(item, fits[k], reduced[k], references[k]),
                 rejected=rejected[k],
-                chi2=chi2,
+                chi2=_fresh(known, reduced[k]),
                 dof=dof,
-                exact=exact,
-                contributions=item.contributions,
+                exact=_exact(item, fits[k], reduced[k], shared.places[k]),
             )
         )
     birge = scatter_of([within(part, walk.prior) for part in reduced])
@@ -246,8 +247,11 @@ def _fresh(known: Information, part: Observation) -> float:
 
 def _first_round(
     ordered: Sequence[Recorded], shared: Common
-) -> tuple[list[Fit | None], list[dict[int, Finding]]]:
-    """Fit each campaign with what those with more postures know; outliers are left out here."""
+) -> tuple[list[Fit | None], list[dict[int, Finding]], list[State]]:
+    """Fit each campaign with what those with more postures know; outliers are left out here.
+
+    Returned with the references: constants of a motion or of the most postures, loads as stated.
+    """
     fits: list[Fit | None] = [None] * len(ordered)
     rejected: list[dict[int, Finding]] = [{} for _ in ordered]
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
@@ -276,26 +280,7 @@ def _first_round(
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
         known = known + shared.embedded(k, eliminate(result, references[k]).information)
-    return fits, rejected
-
-
-def _known_states(
-    rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | None], shared: Common
-) -> list[State]:
-    """Constants by the campaign with the most postures, or one in motion, as a first reference.
-
-    Each terminal's by the campaign with the most postures under it.
-    """
-    sizes = np.array([0 if item.postures is None else len(item.postures) for item in ordered])
-    moving = [item.estimate.state for item in ordered if item.estimate is not None]
-    largest = fits[int(np.argmax(sizes))]
-    state = largest.state if largest is not None else [*moving, nominal(rig)][0]
-    found = []
-    for item, first in zip(ordered, shared.terminal, strict=True):
-        best = fits[int(np.argmax(np.where(np.array(shared.terminal) == first, sizes, -1)))]
-        load = nominal(item.rig) if best is None else best.state
-        found.append(with_load(with_motions(state, 0), load))
-    return found
+    return fits, rejected, references
 
 
 def _observed(item: Recorded, at: Fit | None, reference: State) -> Observation:
@@ -337,22 +322,20 @@ def _own_state(item: Recorded, at: Fit | None, part: Observation, reference: Sta
 
 def _moved(
     item: Recorded,
-    at: Fit | None,
+    at: Fit,
     part: Observation,
     reference: State,
     constants: FloatArray,
     move: FloatArray,
-) -> Fit | None:
+) -> Fit:
     """The campaign's fit a step (P,) of the constants from the reference, the others at their best.
 
     move : (C,), the same step of all that the campaigns have in common.
     """
-    if at is None or item.postures is None:
-        return None
     state = _with_constants(at.state, reference)
     step = np.pad(constants, (0, len(at.active) - len(constants)))
     step[part.places] = part.own + part.give @ move
-    return at_state(item.rig, item.postures, retract(state, step), at.weight)
+    return at_state(item.rig, at.postures, retract(state, step), at.weight)
 
 
 def _with_constants(state: State, reference: State) -> State:
