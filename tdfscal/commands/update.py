@@ -216,26 +216,20 @@ def update(
     groups = campaign_folders(paths, rig)
     reads, unusable = read_campaigns(groups, settings, rig, like=(earlier.name, earlier.rig))
     _check(earlier, reads)
-    while reads:
-        standing, known = earlier, len(unusable)
-        beside = list(unusable.findings)
-        for read in reads:
-            with unusable.noting(read.name):
-                if read is reads[-1]:
-                    updated = _updated(standing, read, trials, beside)
-                    continue
-                own = judged(read)
-                if own.rejected is None:
-                    updated = _updated(standing, read, 0)
-                    if any(reason.code not in PRECISION for reason in updated.reasons):
-                        # It fits in itself, and what follows would fit no better.
-                        return _updated(standing, read, trials, beside)
-                    standing = read_earlier(updated)
-                beside += [said for said in (own.rejected or own.remark,) if said]
-        if len(unusable) == known:
-            return updated
-        reads = [read for read in reads if read.name not in unusable]
-    raise unusable.first
+    if not reads:
+        raise unusable.first
+    standing, beside = earlier, list[Finding]()
+    for read in reads[:-1]:
+        with unusable.noting(read.name):
+            own = judged(read)
+            if own.rejected is None:
+                updated = _updated(standing, read, 0)
+                if any(reason.code not in PRECISION for reason in updated.reasons):
+                    # It fits in itself, and what follows would fit no better.
+                    return _updated(standing, read, trials, [*unusable.findings, *beside])
+                standing = read_earlier(updated)
+            beside += [said for said in (own.rejected or own.remark,) if said]
+    return _updated(standing, reads[-1], trials, [*unusable.findings, *beside])
 
 
 def _check(earlier: Earlier, reads: Sequence[Read]) -> None:

@@ -59,7 +59,7 @@ def called(line: str) -> Any:
 FAST = "--postures 4"
 #: What both the command line and Python may be asked.
 CASES = [
-    Case("apply own.yaml campaign -o out/w.csv --filter kalman", 0, "largest: force"),
+    Case("apply own.yaml campaign -o out/w.csv --filter kalman", 0, "filter kalman"),
     Case("apply own.yaml badrig -o out/kept.csv", 2, "mass"),
     Case("apply own.yaml damaged -o out/kept.csv", 3, "log.parquet"),
     Case("calibrate campaign --trials 20 -o out/c.yaml", 0, "ACCEPTED"),
