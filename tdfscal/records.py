@@ -337,13 +337,12 @@ class Series:
 
 @record
 class InputFile:
-    """A file that went into a result; note : what is odd about where it lies."""
+    """A file that went into a result."""
 
     path: str
     sha256: str
     bytes: int
     integrity: Integrity
-    note: str | None = None
 
 
 @record

@@ -160,7 +160,7 @@ def surveyed(
 
     Raises UsageError where the rig file declares none, DataError where its files are unusable.
     """
-    from tdfscal.files.hashing import input_file, note_outside
+    from tdfscal.files.hashing import input_file
     from tdfscal.files.points.reading import read_tracker_session
     from tdfscal.trackercal import calibrate_tracker
 
@@ -183,10 +183,7 @@ def surveyed(
     result = calibrate_tracker(
         campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
     )
-    inputs = [
-        input_file(path, "unverified", note_outside(path, rig.parent, rig.name))
-        for path in files.paths
-    ]
+    inputs = [input_file(path, "unverified") for path in files.paths]
     return result, inputs, found
 
 

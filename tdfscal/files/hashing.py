@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -18,22 +17,16 @@ from tdfscal.records import InputFile, Integrity
 _BLOCK = 1 << 22
 
 
-def input_file(path: Path, integrity: Integrity, note: str | None = None) -> InputFile:
+def input_file(path: Path, integrity: Integrity) -> InputFile:
     """Describe a file by its content, read in blocks.
 
     path : the file; its text goes into the record as it was given. integrity : how far the reader
-    could check the content. note : what is odd about where it lies.
+    could check the content.
 
     Raises UsageError where the file is not there or cannot be opened.
     """
     with fingerprint(path) as described:
-        return described(integrity, note)
-
-
-def note_outside(path: Path, folder: Path, named_by: str) -> str | None:
-    """What to note of an input that a file in `folder` names and that does not lie in there."""
-    inside = Path(os.path.abspath(path)).is_relative_to(os.path.abspath(folder))  # noqa: PTH100
-    return None if inside else f"outside the folder of the {named_by} that names it"
+        return described(integrity)
 
 
 def printable(text: str) -> str:
@@ -60,7 +53,7 @@ def _without_nulls(value: Any) -> Any:
 
 
 @contextmanager
-def fingerprint(path: Path) -> Iterator[Callable[[Integrity, str | None], InputFile]]:
+def fingerprint(path: Path) -> Iterator[Callable[[Integrity], InputFile]]:
     """Compute a file's digest in a thread, beside its reading.
 
     The function given waits for it and returns the record; leaving early abandons it.
@@ -69,9 +62,7 @@ def fingerprint(path: Path) -> Iterator[Callable[[Integrity, str | None], InputF
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:
         digest = pool.submit(_sha256, path, stop.is_set)
         try:
-            yield lambda integrity, note: InputFile(
-                printable(str(path)), *digest.result(), integrity, note
-            )
+            yield lambda integrity: InputFile(printable(str(path)), *digest.result(), integrity)
         finally:
             stop.set()
 

@@ -138,7 +138,7 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
             except DataError as error:
                 with placed(path):
                     raise with_cure(error, request) from error
-            entry = described(file.integrity, None)
+            entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])
         told(0, entry.bytes)

@@ -52,16 +52,15 @@ class Making:
 
     def section(self, *facts: tuple[str, str], page_only: bool = True) -> Section:
         """What a result was made of: command, program, facts, and files with their digests."""
-        parts = (
-            (f"{f.path}, {f.bytes:,} bytes", f.integrity, f.note, f"SHA-256 {f.sha256}")
-            for f in self.inputs
-        )
         rows = (
             ("Command", self.command),
             ("Created", utc(self.created)),
             ("Software", f"tdfscal {self.version}"),
             *facts,
-            *(("Input file", "; ".join(filter(None, each))) for each in parts),
+            *(
+                ("Input file", f"{f.path}, {f.bytes:,} bytes; {f.integrity}; SHA-256 {f.sha256}")
+                for f in self.inputs
+            ),
         )
         return Section("Where this result comes from", (Facts(rows),), page_only=page_only)
 

@@ -297,21 +297,27 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     write_text(place, dump_calibration(calibration, form))
 
 
-#: Keys of evidence that 1.0 wrote, and that no report draws any more.
-FORMER = (
-    ("methods",),
-    ("drift", "walk"),
-    *(("drift", kind, "share") for kind in ("time", "temperature", "parabola")),
-    ("compliance",),
-    ("monte_carlo", "histogram"),
-    ("observability", "loads"),
-    ("tracker", "coplanar_targets"),
-    ("tracker", "rms_residual"),
-    ("motion", "spectrum", "position_noise"),
-    ("clocks", "activity"),
-    ("motion", "halves_p_value"),
-    ("fit", "channel_noise"),
-    ("fit", "kurtosis"),
+#: Keys that 1.0 wrote, and that nothing reads any more.
+FORMER = tuple(
+    tuple(place.split("."))
+    for place in [
+        "methods",
+        "compliance",
+        "drift.walk",
+        "drift.time.share",
+        "drift.temperature.share",
+        "drift.parabola.share",
+        "monte_carlo.histogram",
+        "observability.loads",
+        "tracker.coplanar_targets",
+        "tracker.rms_residual",
+        "motion.spectrum.position_noise",
+        "motion.halves_p_value",
+        "clocks.activity",
+        "inputs.note",
+        "fit.channel_noise",
+        "fit.kurtosis",
+    ]
 )
 
 

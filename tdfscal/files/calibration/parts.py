@@ -86,11 +86,10 @@ class Input(Strict):
     sha256: Sha256 = key("of the file's bytes")
     bytes: Count = key("size of the file")
     integrity: Integrity = key("verified by checksums, or unverified")
-    note: Text | None = key("what is odd about where it lies", None)
 
     def record(self) -> InputFile:
         """Return it as a record."""
-        return InputFile(self.path, self.sha256, self.bytes, self.integrity, self.note)
+        return InputFile(self.path, self.sha256, self.bytes, self.integrity)
 
 
 class MeasuredResult(Strict):
