@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from tdfscal.errors import UsageError
-from tdfscal.logs.log_file import LogFile, placed
+from tdfscal.logs.log_file import LogFile
 from tdfscal.logs.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.records import LogMapping
 
@@ -49,15 +49,6 @@ def looks_recorded(path: Path) -> bool:
         return True  # the reader says why
     table = table_of_numbers(lines)
     return table is not None and table.width > _FEWEST
-
-
-def check_text(path: Path) -> None:
-    """Raise DataError where a file is text by its suffix, and none by its first lines."""
-    if path.suffix.lower() in _TEXT:
-        from tdfscal.logs.text.reader import decoded
-
-        with placed(path), path.open("rb") as file:
-            decoded(file.read(_OPENING))
 
 
 def open_log(path: Path, bag: Bag | None = None) -> LogFile:

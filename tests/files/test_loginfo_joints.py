@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,21 +23,16 @@ JOINTS = "sensor_msgs/msg/JointState"
 
 
 def joint_state(
-    seconds: float, names: list[str], position: list[float], effort: list[float], encoding: str
+    seconds: float, names: list[str], position: list[float], effort: list[float]
 ) -> bytes:
     sec, nanosec = int(seconds), round(seconds % 1 * 1e9)
-    if encoding == "json":
-        stamp = {"header": {"stamp": {"sec": sec, "nanosec": nanosec}}, "velocity": []}
-        return json.dumps(stamp | {"name": names, "position": position, "effort": effort}).encode()
     types = STORE.types
     header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](sec, nanosec), "b")
     arrays = (np.array(values) for values in (position, [], effort))
     return bytes(STORE.serialize_cdr(types[JOINTS](header, names, *arrays), JOINTS))
 
 
-def recording(
-    path: Path, names: list[str], encoding: str = "cdr", effort: str = "none"
-) -> tuple[Path, np.ndarray]:
+def recording(path: Path, names: list[str], effort: str = "none") -> tuple[Path, np.ndarray]:
     """Joint positions of three NCPs; forces as efforts, or as wrenches in topics of their own.
 
     effort : "forces", or "zero" beside the wrenches, or "none".
@@ -50,15 +44,14 @@ def recording(
     target = io.BytesIO()
     writer = Writer(target)
     writer.start(profile="ros2")
-    described = ("ros2msg", definition(JOINTS)) if encoding == "cdr" else ("jsonschema", b"{}")
-    schema = writer.register_schema(JOINTS, *described)
-    joints = writer.register_channel("/joint_states", encoding, schema)
+    schema = writer.register_schema(JOINTS, "ros2msg", definition(JOINTS))
+    joints = writer.register_channel("/joint_states", "cdr", schema)
     kind = "geometry_msgs/msg/WrenchStamped"
     schema = writer.register_schema(kind, "ros2msg", definition(kind))
     wrenches = [writer.register_channel(f"/tdfs{i + 1}/wrench", "cdr", schema) for i in range(NCPS)]
     for k, seconds in enumerate(TIME):
         ns = round(seconds * 1e9)
-        data = joint_state(seconds, names, position[k].ravel().tolist(), efforts, encoding)
+        data = joint_state(seconds, names, position[k].ravel().tolist(), efforts)
         writer.add_message(joints, ns, data, ns)
         for i, channel in enumerate(wrenches if effort != "forces" else []):
             writer.add_message(channel, ns, wrench_stamped(seconds, list(force[i])), ns)
@@ -74,18 +67,10 @@ def assert_reads(path: Path, mapping: LogMapping | None, position: np.ndarray) -
         np.testing.assert_array_equal(log.force[i].value, np.tile(FORCE + i, (TIME.size, 1)))
 
 
-@pytest.mark.parametrize(
-    ("form", "encoding"),
-    [
-        ("leg{i}_{a}_joint", "cdr"),
-        ("b/NCP{i}.{a}", "json"),
-    ],
-)
-def test_joints_named_by_axis_are_paired_with_wrenches(
-    tmp_path: Path, form: str, encoding: str
-) -> None:
+@pytest.mark.parametrize("form", ["leg{i}_{a}_joint", "b/NCP{i}.{a}"])
+def test_joints_named_by_axis_are_paired_with_wrenches(tmp_path: Path, form: str) -> None:
     names = [form.format(i=i + 1, a=a) for i in range(NCPS) for a in "xyz"]
-    path, position = recording(tmp_path / "log.mcap", names, encoding)
+    path, position = recording(tmp_path / "log.mcap", names)
     guess = describe_logs([path]).guess
     assert guess.mapping is not None
     assert guess.mapping.supports == ("ncp1", "ncp2", "ncp3")

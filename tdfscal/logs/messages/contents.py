@@ -14,7 +14,6 @@ from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import SAMPLES, Field, Stream, Vector, axes_of, extremes
 from tdfscal.logs.log_file import reason
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.json_messages import Json
 from tdfscal.logs.messages.paths import Leaf, Named, Read, path_text
 from tdfscal.logs.messages.ros import Ros
 from tdfscal.logs.messages.topics import UNREADABLE, encoding_of
@@ -25,8 +24,8 @@ MAX_DEPARTURE: Final = 1.0
 _MAX_LEAVES: Final = 64
 _MOST_SAMPLES: Final = 1 << 14  # of a topic
 _STAMP: Final = ("header", "stamp", "sec")
-_LISTS: Final = frozenset({"float64[]", "float32[]", "list"})
-_NAMES: Final = {Leaf(("name",), "string[]"), Leaf(("name",), "list")}
+_LISTS: Final = ("float64[]", "float32[]")
+_NAMES: Final = Leaf(("name",), "string[]")
 _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
 """Names that a message path can hold, and that are no number."""
 
@@ -52,7 +51,7 @@ class TopicLook:
         try:
             encoding = encoding_of(channel, schema)
             self._leaves = list(islice(encoding.leaves(first.bytes_of(0)), _MAX_LEAVES))
-            if _NAMES & set(self._leaves):
+            if isinstance(encoding, Ros) and _NAMES in self._leaves:
                 self._leaves += _by_name(encoding, first.at(0), self._leaves)
             if paths := [path for leaf in self._leaves for path in leaf.axes]:
                 self._read = encoding.reader(paths, stamped=False)
@@ -119,7 +118,7 @@ class TopicLook:
         return stream, vectors
 
 
-def _by_name(encoding: Json | Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
+def _by_name(encoding: Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
     """Elements of lists whose names differ in x, y, z only, as in JointState."""
     names = [name for name in encoding.names(first.bytes_of(0)) if _BY_NAME.fullmatch(name)]
     found: list[Leaf] = []

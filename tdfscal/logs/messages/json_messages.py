@@ -12,7 +12,6 @@ from tdfscal.logs.messages.buffer import Messages
 from tdfscal.logs.messages.paths import (
     MAX_DEPTH,
     Leaf,
-    Named,
     Path,
     Read,
     has_axes,
@@ -34,11 +33,6 @@ class Json:
     def leaves(self, first: bytes) -> Iterator[Leaf]:
         """What there is in a message."""
         yield from _leaves(_parsed(first), (), 0)
-
-    def names(self, first: bytes) -> Sequence[str]:
-        """Texts of the list `name`, which name the elements of the others."""
-        names = _parsed(first)["name"]
-        return names if all(isinstance(name, str) for name in names) else ()
 
     def checked(self, path: Path) -> Path:
         """The path as the messages have it."""
@@ -87,28 +81,17 @@ def _required(message: Any, path: Path) -> float:
 
 
 def _number(message: Any, path: Path) -> float | None:
-    """The number at a path; a name that follows a list is that of one of its elements."""
-    node, above = message, None
+    node = message
     for step in path:
-        inner = None
         if isinstance(node, dict) and isinstance(step, str):
-            inner = node.get(step)
-        elif isinstance(node, list):
-            index = step if isinstance(step, int) else _index(above, step)
-            inner = node[index] if index is not None and index < len(node) else None
-        node, above = inner, node
+            node = node.get(step)
+        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
+            node = node[step]
+        else:
+            return None
     if isinstance(node, bool) or not isinstance(node, int | float):
         return None
     return float(node)
-
-
-def _index(parent: Any, step: str | Named) -> int | None:
-    """Return where the list's sibling `name` has the name, if exactly once."""
-    name = step if isinstance(step, str) else step.name
-    names = parent.get("name") if isinstance(parent, dict) else None
-    if not isinstance(names, list) or names.count(name) != 1:
-        return None
-    return int(names.index(name))
 
 
 def _leaves(value: Any, path: Path, depth: int) -> Iterator[Leaf]:

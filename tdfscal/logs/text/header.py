@@ -85,15 +85,11 @@ def table_of_numbers(lines: Sequence[str]) -> Table | None:
         for number, line in enumerate(lines[:SEARCHED]):
             cells = split_cells(line, separator)
             others = [cell for cell in cells if not is_number(cell)]
-            if len(cells) > max(1, len(others)) and (not others or _is_one_date(others)):
+            if len(cells) > 1 and len(others) < 2 and all(map(is_date_time, others)):
                 names = tuple(str(k + 1) for k in range(len(cells)))
                 found.append(Table(separator, number, names, (), len(cells)))
                 break
     return max(found, key=lambda table: table.width, default=None)
-
-
-def _is_one_date(cells: Sequence[str]) -> bool:
-    return len(cells) == 1 and is_date_time(cells[0])
 
 
 def _headed(
