@@ -91,17 +91,12 @@ def register(
     survey = _together(matched, noise)
     fit, covariance = survey.fit, survey.fit.covariance
     ratio, ratio_std = _scale_beside(fit)
-    beside_it = []
+    found = [*unmatched(matched), *_doubts(matched, noise, survey)]
     if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
-        beside_it.append(
-            Finding(
-                "scale-fits-better",
-                size=ratio,
-                values={"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std},
-            )
-        )
+        ppm = {"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std}
+        found.append(Finding("scale-fits-better", size=ratio, values={**ppm}))
     if instrument is not None and MEASURED_FILE in noise.measured:
-        beside_it.append(Finding("uncertainty-from-file"))
+        found.append(Finding("uncertainty-from-file"))
     J = so3.rpy_jacobian(fit.rotation)
     return PointRegistration(
         names=survey.points.names,
@@ -123,11 +118,7 @@ def register(
         rejected=survey.rejected,
         missing=matched.missing,
         extra=matched.extra,
-        findings=(
-            *unmatched(matched),
-            *_doubts(matched, noise, survey),
-            *beside_it,
-        ),
+        findings=tuple(found),
     )
 
 
