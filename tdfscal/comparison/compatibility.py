@@ -140,8 +140,6 @@ def compare_pair(
     covariance, known, seen = _of_difference(first, second, nested)
     departure = Contrast(known, known @ d.reshape(-1))
     chi2, dof = departure.chi2()
-    p, each = p_value((chi2, dof)), np.arange(d.size).reshape(-1, 3)
-    sensor_p = np.array([p_value(departure.chi2(where)) for where in each])
     rpy = so3.deviations(first.rotation, second.rotation)
     if nested is None:  # each by its own angles, which matters where they are far apart
         std = np.hypot(rpy_std(first), rpy_std(second))
@@ -158,8 +156,8 @@ def compare_pair(
         en=en,
         chi2=chi2,
         dof=dof,
-        p_value=p,
-        sensor_p=sensor_p,
+        p_value=p_value((chi2, dof)),
+        sensor_p=departure.turn_p(len(d)),
         detectable=smallest_changes(
             first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE / 2
         ),

@@ -262,8 +262,7 @@ class Watching:
         load, departure = self.loads[now.check], now.departure
         if not len(load) or p_value(departure.left(load)) < CAUSE_EXPLAINS:
             return False
-        turns = [departure.chi2(slice(3 * i, 3 * i + 3)) for i in range(self.n)]
-        return p_value(departure.chi2(load)) < min(map(p_value, turns))
+        return bool(p_value(departure.chi2(load)) < departure.turn_p(self.n).min())
 
     def _through(self, last: int, but: Alarm | None = None) -> TurnsSince:
         """Go through the checks up to the last; all alarms are known but one."""

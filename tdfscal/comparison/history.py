@@ -48,9 +48,8 @@ class Due:
 class Life:
     """A rig's history in K checks of n sensors, in the order of time.
 
-    reference : (n, 3, 3); turns are counted from it, in the BCS, rad. turn, turn_std : (K, n, 3),
-    what each check says by itself once all together have fixed hinges and datums; seen : (K, n),
-    whether it says anything of that sensor. rpy, rpy_std : (K, n, 3), the same as angles.
+    rpy, rpy_std : (K, n, 3), rad, what each check says by itself once all together have fixed
+    hinges and datums; seen : (K, n), whether it says anything of that sensor.
     path, path_std : (K, n, 3), rad, roll, pitch, yaw of the smoothed path. mean, limit : (K, n, 3),
     weighted mean between alarms and the half width outside which one angle alone is surprising.
     level, smallest : as in `control_chart.Watch`. jumps : variance (C,) before each check by which
@@ -62,9 +61,6 @@ class Life:
     supports: tuple[str, ...]
     names: tuple[str, ...]
     month: FloatArray
-    reference: FloatArray
-    turn: FloatArray
-    turn_std: FloatArray
     seen: BoolArray
     rpy: FloatArray
     rpy_std: FloatArray
@@ -151,9 +147,6 @@ def live(
         supports=rig.supports,
         names=tuple(check.name for check in checks),
         month=np.array([check.month for check in checks]),
-        reference=R,
-        turn=alone.turn,
-        turn_std=alone.std,
         seen=seen,
         rpy=alone.rpy,
         rpy_std=alone.rpy_std,
@@ -183,9 +176,8 @@ def live(
 
 @record
 class _Told:
-    """Turns from the reference, rad, BCS, and the angles they make; all (K, n, 3), std beside."""
+    """Std of turns, rad, BCS, and the angles that the turns make; all (K, n, 3)."""
 
-    turn: FloatArray
     std: FloatArray
     rpy: FloatArray
     rpy_std: FloatArray
@@ -193,16 +185,15 @@ class _Told:
 
 def _told(known: Iterable[tuple[Information, Information]], R: FloatArray) -> _Told:
     """What each check's own information and that of the others, added, say of the turns."""
-    n, turns, stds, variances = len(R), [], [], []
+    n, turned_to, stds, variances = len(R), [], [], []
     for others_say, own in known:
         state = others_say + own
         C = state.covariance[: 3 * n]
-        turn = (C @ state.score).reshape(n, 3)
-        turns.append(turn)
+        now = so3.exp((C @ state.score).reshape(n, 3)) @ R
+        turned_to.append(so3.to_rpy(now))
         stds.append(np.sqrt(np.diagonal(C)).reshape(n, 3))
-        variances.append(so3.rpy_variance(so3.exp(turn) @ R, C[:, : 3 * n]))
-    turn = np.array(turns)
-    return _Told(turn, np.array(stds), so3.to_rpy(so3.exp(turn) @ R), np.sqrt(variances))
+        variances.append(so3.rpy_variance(now, C[:, : 3 * n]))
+    return _Told(np.array(stds), np.array(turned_to), np.sqrt(variances))
 
 
 def _due(

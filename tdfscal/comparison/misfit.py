@@ -119,8 +119,8 @@ def misfit_of(rig: Rig, name: str, part: Observation, level: float) -> Misfit:
 
 def _probability(rig: Rig, departure: Contrast) -> float:
     """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
-    tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
-    return min(1.0, len(tested) * min(map(p_value, tested)))
+    rarest = min(p_value(departure.chi2()), departure.turn_p(rig.n).min())
+    return float(min(1.0, (1 + rig.n) * rarest))
 
 
 def _named(

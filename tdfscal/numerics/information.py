@@ -190,6 +190,11 @@ class Contrast:
         root = scale[:, None] * vectors / np.sqrt(values)
         return root @ (root.T @ self.score[where]), root @ root.T
 
+    def turn_p(self, sensors: int) -> FloatArray:
+        """Chance (n,) of as much χ² as a turn of each of n sensors alone takes; they come first."""
+        each = np.arange(3 * sensors).reshape(-1, 3)
+        return np.array([p_value(self.chi2(where)) for where in each])
+
     def left(self, where: Places, within: FloatArray | float = np.inf) -> tuple[float, int]:
         """χ² and degrees of freedom that a change of the constants at `where` does not explain.
 
