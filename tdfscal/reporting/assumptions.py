@@ -72,6 +72,7 @@ def assumption_sentences(c: Calibration, half_width: float) -> str:
     said = ""
     if moves:
         said = f"Not counted, since the rig file calls it exact: {_moving(moves)}"
+        said = said.replace("gain, crosstalk", "gain and crosstalk")
         if len(more) > 1:
             said += f", together by {rounded(1e3 * _together(every))} mrad"
         said += ", which is more. " if more else ". "

@@ -33,6 +33,7 @@ from tdfscal.reporting.traceability import (
 from tdfscal.reporting.validation_claim import (
     Tested,
     change,
+    changes,
     chi2_test,
     extent,
     lengths,
@@ -274,13 +275,13 @@ def validation_report(
 
 
 def _causes(v: Tested) -> tuple[str, ...]:
-    """The likeliest causes, and how many others the log does not tell from them."""
-    said = tuple(told(change(v, cause)) for cause in v.suspected)
+    """The likeliest causes, how many others the log does not tell from them, and moved zeros."""
+    said = [told(change(v, cause)) for cause in v.suspected]
     rest = len(said) - _CAUSES
-    if rest <= 0:
-        return said
-    more = f"{rest} less likely causes cannot be excluded (--json lists them)"
-    return (*said[:_CAUSES], more if rest > 1 else said[_CAUSES])
+    if rest > 1:
+        said[_CAUSES:] = [f"{rest} less likely causes cannot be excluded (--json lists them)"]
+    zeros = () if v.holds else changes(v)
+    return (*said, *(told(found) for found in zeros if found.code == "zeros-beside-change"))
 
 
 def _zero_table(v: Tested) -> tuple[Table, ...]:

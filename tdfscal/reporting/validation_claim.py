@@ -146,16 +146,14 @@ def reasons(v: Tested) -> list[str]:
     noise = " and the noise of this log" if moving else ""
     left = f"In {extent(v)} the calibrated sensors leave"
     allow = f"force and moment than the stated uncertainties{noise} allow"
-    found = changes(v)
-    zeros = [begun(told(f), ".") for f in found if f.code.startswith("zeros-")]
     if v.holds:
+        zeros = [begun(told(found), ".") for found in changes(v)]
         tests = f"χ² test: {chi2_test(v)}; test for a single change: {search_test(v)}"
         return [f"{left} no more {allow} ({tests}).", *zeros, _sure(v)]
     said = [f"{left} more {allow}: {_rejecting(v)}."]
     if not v.suspected:
         none = "No single change explains all of it: several things may have changed, or the "
         return [*said, f"{none}calibration is that of another rig."]
-    said += zeros
     if len(v.suspected) > 1:
         more = "a longer motion" if moving else "more postures"
         said.append(
