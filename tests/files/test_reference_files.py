@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from tdfscal.exports import FORMATS
-from tdfscal.files.calibration.document import FORMER, file_content, load_calibration
+from tdfscal.files.calibration.consistency import FORMER
+from tdfscal.files.calibration.document import file_content, load_calibration
 from tdfscal.files.calibration.parameters import calibrated
 from tests.files.sample_documents import lacking
 

@@ -8,7 +8,14 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
-from tdfscal.files.calibration.consistency import ALTERED, CHANGED, UNCONFIRMED, check
+from tdfscal.files.calibration.consistency import (
+    ALTERED,
+    CHANGED,
+    FORMER,
+    UNCONFIRMED,
+    check,
+    without,
+)
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
 from tdfscal.files.hashing import content_sha256
@@ -297,50 +304,15 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     write_text(place, dump_calibration(calibration, form))
 
 
-#: Keys that 1.0 wrote, and that nothing reads any more.
-FORMER = tuple(
-    tuple(place.split("."))
-    for place in [
-        "methods",
-        "compliance",
-        "drift.walk",
-        "drift.time.share",
-        "drift.temperature.share",
-        "drift.parabola.share",
-        "monte_carlo.histogram",
-        "observability.loads",
-        "tracker.coplanar_targets",
-        "tracker.rms_residual",
-        "motion.spectrum.position_noise",
-        "motion.halves_p_value",
-        "clocks.activity",
-        "inputs.note",
-        "fit.channel_noise",
-        "fit.kurtosis",
-    ]
-)
-
-
-def _without(content: Any, name: str, *deeper: str) -> Any:
-    """Return a copy without the key at a place, in each entry where a list stands on the way."""
-    if isinstance(content, list):
-        return [_without(entry, name, *deeper) for entry in content]
-    if not isinstance(content, dict) or name not in content:
-        return content
-    if deeper:
-        return content | {name: _without(content[name], *deeper)}
-    return {key: value for key, value in content.items() if key != name}
-
-
 def _from_document(document: Document) -> Calibration:
     """Check a document: that it is whole, and as it was written where it has a digest."""
     require_format(document, parts.CALIBRATION_FORMAT, DataError)
     stated = document.content.get("content_sha256")
-    written = _without(document.content, "content_sha256")
+    written = without(document.content, "content_sha256")
     intact = stated in (None, content_sha256(written))
     content = document.content
     for former in FORMER:
-        content = _without(content, *former)
+        content = without(content, *former)
     try:
         calibration = checked(Calibration, replace(document, content=content), DataError)
     except DataError as error:
