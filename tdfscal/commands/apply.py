@@ -61,7 +61,7 @@ class ApplyResult(Result):
         """What was found of calibration and log: the text does not repeat it."""
         return tuple(map(told, self.findings))
 
-    def to_report(self) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return size of the wrench with and without the calibration."""
         return wrench_report(self.summary)
 

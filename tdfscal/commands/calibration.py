@@ -53,7 +53,7 @@ class Calibration(Result, CalibrationFile):
         """1 where the quality gate rejects it."""
         return 0 if self.accepted else 1
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, angles, evidence, what next."""
         from tdfscal.reporting.calibration import calibration_report
 

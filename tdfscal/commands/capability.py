@@ -59,7 +59,7 @@ class CapabilityResult(Result):
         """What was found of calibration and path, beside what rejects them."""
         return tuple(told(finding) for finding in self.findings if not finding.rejects)
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out thresholds, what they come from, and what would help."""
         return capability_report(
             self.capability, self.request, self.findings, self.about, drawings, timed=self.timed

@@ -67,7 +67,7 @@ class MonitorResult(Result):
         """1 on an alarm, or where a campaign that matters could not be judged."""
         return 1 if self.alarms or rejecting(self.findings) else 0
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, what was not judged, alarms, state, angles."""
         checks = (fact for fact, _ in self.checks)
         origin = self.making.section(*checks, *chart_rule(self.life), page_only=False)

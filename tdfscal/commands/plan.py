@@ -71,7 +71,7 @@ class PlanResult(Result):
         """What keeps the home from being known."""
         return tuple(map(told, self.findings))
 
-    def to_report(self) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return what to drive, and what to expect of it."""
         return plan_report(self.plan)
 

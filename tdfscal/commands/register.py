@@ -44,7 +44,7 @@ class RegisterResult(Result):
         """What was found of the files: the text has what the fit says."""
         return tuple(map(told, self.of_files))
 
-    def to_report(self) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return transform, uncertainty, residuals."""
         return registration_report(self.registration)
 

@@ -30,7 +30,7 @@ class ReportResult(Result):
 
     named: tuple[tuple[str, Calibration], ...]
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out the one, or all side by side."""
         from tdfscal.reporting.calibration import calibration_report
 

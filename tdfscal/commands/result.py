@@ -34,13 +34,12 @@ class Result:
 
     __slots__ = ()
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report | None:
-        """Return what a page says beside these drawings; without any, what the text says."""
-        return None
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report | None:
+        """Return the result in words and tables; None where its text has no such parts.
 
-    def to_report(self) -> Report | None:
-        """Return the result in words and tables; None where its text has no such parts."""
-        return self._page(())
+        drawings : figures of a page, beside which it says more.
+        """
+        return None
 
     @property
     def text(self) -> str:
@@ -111,7 +110,7 @@ class Result:
         """The result as a page; empty where it has none."""
         from tdfscal.reporting.html import render
 
-        page = self._page(self.drawings())
+        page = self.to_report(self.drawings())
         return "" if page is None else render(page)
 
     def write(self, path: Path, holds: str) -> None:

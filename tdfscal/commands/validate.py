@@ -70,7 +70,7 @@ class ValidateResult(Result):
         """1 where the calibration does not hold."""
         return 0 if self.holds else 1
 
-    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
         origin = self.origin if drawings else None
         return validation_report(self.validation, self.remarks, origin, drawings)
