@@ -40,6 +40,8 @@ _SETTLED = 1e-6
 _PASSES = 40
 #: Iterations for a look at a start, which settles in ten if it is good.
 LOOK = 15
+#: Postures that are compressed together, in a cache.
+_TOGETHER = 400
 #: Residuals per posture.
 ROWS = 6
 
@@ -140,8 +142,12 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
     |statistic · ψ|² is the sum of all postures' squared whitened residuals, so this matrix holds
     all that the postures say, however many they are.
     """
-    rows = (at.whitener * np.sqrt(weight)[:, None, None]) @ at.design
-    return triangular(rows.reshape(-1, rows.shape[-1]))
+    root, q = at.whitener * np.sqrt(weight)[:, None, None], at.design.shape[2]
+    parts = [
+        triangular((root[k : k + _TOGETHER] @ at.design[k : k + _TOGETHER]).reshape(-1, q))
+        for k in range(0, len(root), _TOGETHER)
+    ]
+    return parts[0] if len(parts) == 1 else triangular(np.concatenate(parts))
 
 
 def solve_statistic(
