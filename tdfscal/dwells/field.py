@@ -101,10 +101,13 @@ def quiet_seed(signal: Signals, base: BoolArray, width: float) -> BoolArray:
     return np.asarray((reach > 2.0 * np.quantile(alive, _SEED_QUANTILE)) | base)
 
 
-def segment(signal: Signals, base: BoolArray, width: float) -> tuple[BoolArray, Noise]:
+def segment(
+    signal: Signals, base: BoolArray, width: float, quiet: Signals | None = None
+) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
-    width : of a bin, s. Blocks over the whole log are enough for the noise of a long one.
+    width : of a bin, s. quiet : the signals in which the last marks are made, their louder rests
+    evened. Blocks over the whole log are enough for the noise of a long one.
     """
     sample, out = blocks(signal, base)
     marked = quiet_seed(sample, out, width)
@@ -116,7 +119,7 @@ def segment(signal: Signals, base: BoolArray, width: float) -> tuple[BoolArray, 
         previous, marked = marked, mark_changes(sample, noise, out)
         if np.array_equal(previous, marked):
             break
-    return mark_changes(signal, noise, base), noise
+    return mark_changes(quiet or signal, noise, base), noise
 
 
 @record
@@ -174,11 +177,12 @@ def prepare(bins: Bins) -> Field:
     drift = rate[:, None] * (bins.start - bins.start[0])
     forces = replace(forces, value=forces.value - drift)
     quiet = evened(forces, moving)
-    disturbed, noise = segment(quiet, moving, bins.width)
+    disturbed, noise = segment(forces, moving, bins.width, quiet)
     ringing = find_ringing(forces.value, noise.of_mean(1), *rests, bins.width)
     if ringing is not None:
-        quiet = evened(replace(forces, value=ringing.removed(forces.value)), moving)
-        disturbed, _ = segment(quiet, moving, bins.width)
+        forces = replace(forces, value=ringing.removed(forces.value))
+        quiet = evened(forces, moving)
+        disturbed, _ = segment(forces, moving, bins.width, quiet)
     every = replace(every, value=np.concatenate([positions.value, quiet.value]))
     return Field(
         bins=bins,
