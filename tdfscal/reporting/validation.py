@@ -15,11 +15,11 @@ from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
+from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
 from tdfscal.reporting.assumptions import exact_names
-from tdfscal.reporting.layout import Drawing, Report, Section, Table
+from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.reporting.traceability import (
     FIXED,
     Making,
@@ -39,7 +39,6 @@ from tdfscal.reporting.validation_claim import (
     lengths,
     reasons,
     search_test,
-    zeros_known,
 )
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.in_motion import MovingValidation
@@ -232,7 +231,6 @@ def validation_report(
         left_out = tuple(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
-    zeros = _zero_table(v)
     verdict, advice = _verdict(v)
     report = Report(
         title=v.rig.name,
@@ -247,10 +245,9 @@ def validation_report(
              f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}"),
             ("single change", p_text(v.judged.search_p), f"limit {SEARCH_LIMIT:.3g}"),
         ),
-        summary=(table, *zeros),
+        summary=(table,),
         sections=(
             *layout.illustrated(drawings, {figure: (table,)}),
-            Section("Zeros" if zeros else "", zeros),
             Section("Left out", layout.listed("Left out", left_out)),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
@@ -282,22 +279,6 @@ def _causes(v: Tested) -> tuple[str, ...]:
         said[_CAUSES:] = [f"{rest} less likely causes cannot be excluded (--json lists them)"]
     zeros = () if v.holds else changes(v)
     return (*said, *(told(found) for found in zeros if found.code == "zeros-beside-change"))
-
-
-def _zero_table(v: Tested) -> tuple[Table, ...]:
-    """By how much the zeros have moved, each sensor, where that is known."""
-    if not zeros_known(v):
-        return ()
-    beside = "" if v.holds else ", estimated with the likeliest change"
-    rows = tuple(
-        (name, *(f"{a:+.2f} ± {INTERVAL_FACTOR * u:.2f}" if np.isfinite(u) else "unknown"
-                 for a, u in zip(change, std, strict=True)))
-        for name, change, std in zip(
-            v.rig.supports, v.zeros.change, v.zeros.change_std, strict=True
-        )
-    )  # fmt: skip
-    caption = f"Change of the zeros since the calibration{beside}, N, sensor frames, 95 %"
-    return (Table(caption, ("sensor", "x", "y", "z"), rows),)
 
 
 def _provenance(v: Tested, origin: Origin) -> Section:
