@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.frozen import record, replace
 from tdfscal.records import FloatArray
 from tdfscal.wrench.resampling import Samples
@@ -40,16 +40,9 @@ class Walk:
     r: float
     interval: float
 
-    def __post_init__(self) -> None:
-        if not (0.0 < self.q < np.inf and 0.0 <= self.r < np.inf and 0.0 < self.interval < np.inf):
-            raise UsageError(
-                "a Kalman filter needs a walk above zero and a finite noise",
-                hint="state the noise as a standard deviation, and a walk above zero",
-            )
-
     @classmethod
     def of(cls, walk: float, noise: float, interval: float) -> Walk:
-        """Walk : N in a second. noise : N, standard deviation of a sample. Raises UsageError."""
+        """Walk : N in a second. noise : N, standard deviation of a sample."""
         return cls(walk**2 * interval, noise**2, interval)
 
     @property
@@ -162,7 +155,7 @@ def filter_for(walk: float, head: Samples) -> Walk:
 
     walk : N in a second.
 
-    Raises UsageError and DataError where no filter can be made.
+    Raises DataError where no filter can be made.
     """
     if len(head.time) < _FEWEST:
         raise _too_few(len(head.time))

@@ -132,14 +132,6 @@ def test_filters_take_noise_off_and_say_what_they_cost(
     for kind in ("kalman", "smooth"):
         left = found[kind][rest].std(axis=0) / found["none"][rest].std(axis=0)
         np.testing.assert_allclose(left, said[kind]["noise_left"], rtol=0.25)
-    # Where the wrench changes most in a tenth of a second, the causal one comes later.
-    k = int(np.argmax(np.abs(found["smooth"][20:] - found["smooth"][:-20]).max(axis=1))) + 10
-    axis = int(np.argmax(np.abs(found["smooth"][k + 10] - found["smooth"][k - 10])))
-    window = slice(k - 40, k + 41)
-    slope = np.gradient(found["smooth"][window, axis], time[window])
-    behind = found["smooth"][window, axis] - found["kalman"][window, axis]
-    late = float(slope @ behind / (slope @ slope))
-    assert late == pytest.approx(said["kalman"]["delay"], rel=0.4)
     line = ("apply", places.calibration, places.held, "-o", target, "--filter", "kalman")
     plain = run(capsys, *line)
     late_ms = float(re.search(r"filter kalman: (\d+\.?\d*) ms late", plain.out)[1])  # type: ignore[index]
