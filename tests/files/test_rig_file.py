@@ -200,8 +200,6 @@ FAULTS = [
     ("    ncp3: {position: [X3, Y3, Z3], force: [Fx3, Fy3, Fz3]}\n", "", "log.supports", "`ncp3`"),
     ("    ncp3: {position", "    npc3: {position", "log.supports.npc3", "`ncp3`"),
     ("position: [X3, Y3, Z3], ", "", "log.supports.ncp3", "lacks the position"),
-    ("[T1, T2, T3]", "{ncp1: T1, ncp2: T2}", "log.temperature", "`ncp3`"),
-    ("[T1, T2, T3]", "{ncp1: T1, ncp2: T2, ncp3: T3, arm: T4}", "log.temperature.arm", "`arm`"),
     ("[X1, Y1, Z1]", "[X1, Y1, 3.5]", "log.supports.ncp1.position[2]", "must be text"),
     (
         "{range: 1.0e-5, range_ppm: 5.0, angle_arcsec: 2.0}",

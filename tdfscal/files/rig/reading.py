@@ -166,15 +166,12 @@ def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
             position_scale=tuple(f.position_scale for f in fields),
             force_scale=tuple(f.force_scale for f in fields),
         )
-    temperature = block.temperature or ()
-    if isinstance(temperature, dict):
-        temperature = tuple(temperature[name] for name in names)
     offset = block.clock.offset
     return dataclasses.replace(
         mapping,
         **{name: getattr(block, name) for name in _ALIKE},
         **{f"time_{name}": value for name, value in block.time},
         delay=_known(block.delay.value, block.delay.std) if block.delay else None,
-        temperature=temperature,
+        temperature=block.temperature or (),
         clock=ClockPrior(_known(offset.value, offset.std), block.clock.rate_std),
     )

@@ -91,13 +91,12 @@ class SupportFields(Strict):
     )
 
 
-_BY_SUPPORT = {"type": "object", "additionalProperties": _FIELD}
 Temperatures = Annotated[
-    tuple[FieldName, ...] | dict[Name, FieldName],
+    tuple[FieldName, ...],
     BeforeValidator(lambda given: (given,) if isinstance(given, str | int) else given),
-    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 1), _BY_SUPPORT]}),
+    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 1)]}),
 ]
-"""One field in °C for all sensors, or one per support: in their order, or by name."""
+"""One field in °C for all sensors, or one per support, in their order."""
 
 
 class ClockBlock(Strict):
@@ -208,16 +207,11 @@ def _check_block(
                     hint="let each field serve one quantity",
                 )
             taken[field] = f"log.supports.{name}.{what}"
-    warm, place = recorder.temperature, (*place, "temperature")
-    if isinstance(warm, dict):
-        _check_known(names, list(warm), *place)
-        for name in names:
-            if name not in warm:
-                raise fault(f"lacks the support `{name}`", *place, hint=f"add `{name}: ...`")
-    elif warm is not None and len(warm) not in (1, len(names)):
+    warm = recorder.temperature
+    if warm is not None and len(warm) not in (1, len(names)):
         raise fault(
             f"names {len(warm)} fields for {len(names)} supports",
-            *place,
+            *(*place, "temperature"),
             hint="name one field for all, or one per support",
         )
 
