@@ -77,6 +77,11 @@ class BlockDesign:
         weight[1:] *= 2  # a complex coefficient holds two values; the mean, which is real, one
         return np.asarray(weight)
 
+    def white(self, columns: ComplexArray, model: NoiseModel) -> FloatArray:
+        """Rows (M, c) of columns (F, 6, c), of unit variance by a spectrum."""
+        factor = np.sqrt(self.bins.count / model.variance(self.bins))
+        return np.asarray(self.real(columns) * factor[:, None])
+
     def real(self, columns: ComplexArray) -> FloatArray:
         """Rows (M, c) of columns (F, 6, c): real parts, then imaginary ones but of the mean.
 

@@ -11,7 +11,7 @@ from tdfscal.model.postures import forces
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
 from tdfscal.motioncal.design import inertia_wrench, shifted
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
-from tdfscal.motioncal.rows import rms, rows_of
+from tdfscal.motioncal.rows import rms
 from tdfscal.numerics.least_squares import free_values, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.wrench.kinematics import rotations
@@ -66,11 +66,9 @@ def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | N
 
 def _factor(fit: MovingFit, which: IntArray) -> tuple[FloatArray, FloatArray]:
     """Residual and Jacobian of some blocks, white, as one triangular factor."""
-    rows = []
-    for k in which:
-        own = rows_of(fit.designs[k], fit.rests)
-        both = own.design @ np.concatenate([fit.psi[:, None], fit.slope], axis=1)
-        rows.append(own.weighted(both, fit.noise.variance(own.bins)))
+    both = np.concatenate([fit.psi[:, None], fit.slope], axis=1)
+    items = [fit.designs[k] for k in which]
+    rows = [item.white(item.wrench(both), fit.noise) for item in items]
     factor = triangular(np.concatenate(rows))
     return factor[:, 0], factor[:, 1:]
 

@@ -20,7 +20,6 @@ from tdfscal.model.parameters import sensing
 from tdfscal.motioncal.blocks import ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import rows_of
 from tdfscal.motioncal.uncertainty import MovingEstimate
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_sf
@@ -69,17 +68,12 @@ class _Steps:
         self.time = np.concatenate([fit.slow.time[block.index] for block in fit.blocks])
         self.first = np.cumsum([0, *map(len, fit.blocks)])
         self.columns = [_columns(fit, item) for item in fit.designs]
-        self.rows = [rows_of(item, fit.rests) for item in fit.designs]
         both = np.concatenate([fit.psi[:, None], fit.slope], axis=1)
-        self.white = [self._white(k, rows.design @ both) for k, rows in enumerate(self.rows)]
+        self.white = [item.white(item.wrench(both), fit.noise) for item in fit.designs]
         every = np.arange(self.columns[0].shape[2])
-        whole = [self._of_block(k, 0, every) for k in range(len(self.rows))]
+        whole = [self._of_block(k, 0, every) for k in range(len(fit.designs))]
         #: Sums over all blocks behind each.
         self.behind = [sum(whole[k + 1 :], 0.0 * whole[0]) for k in range(len(whole))]
-
-    def _white(self, block: int, columns: FloatArray) -> FloatArray:
-        rows = self.rows[block]
-        return rows.weighted(columns, self.fit.noise.variance(rows.bins))
 
     def wrench(self, block: int, first: int, some: IntArray) -> ComplexArray:
         """Coefficients (F, 6, k) of some columns of a block, from its instant `first` on."""
@@ -88,7 +82,7 @@ class _Steps:
         return self.fit.designs[block].block.transform(columns)
 
     def _of_block(self, block: int, first: int, some: IntArray) -> FloatArray:
-        c = self._white(block, self.fit.designs[block].real(self.wrench(block, first, some)))
+        c = self.fit.designs[block].white(self.wrench(block, first, some), self.fit.noise)
         return np.asarray(c.T @ np.concatenate([c, self.white[block]], axis=1))
 
     def sums(self, places: IntArray, some: IntArray) -> FloatArray:
