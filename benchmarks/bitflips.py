@@ -9,7 +9,7 @@ One bit of a file flipped at a random place, then read: refused with an error of
 to the identical numbers (times, positions, forces, to the bit); different numbers; another
 exception, or the process ended. Parquet files have checksums of their pages; no checksum covers the
 headers of pages. Where no page is compressed, optional or of a dictionary, nothing else fails, and
-some flips there change numbers. The slow tests assert zeros in the last two columns for all others.
+a flip there may change numbers. The slow tests assert zeros in the last two columns for all others.
 """
 
 from __future__ import annotations
