@@ -86,12 +86,12 @@ def calibrate(
             method, log.messages = "tracker", [*log.campaign.lost_log]
         return _calibrated(log, method or "self", samples, estimator)
     except (NotIdentifiableError, NotConvergedError) as error:
-        if html is None or error.exit_status != 4:
+        if html is None:
             raise
         log = log or LogPass(resolve(groups[-1], rig), settings)
         _write_attempt(error, log, listed(paths), Path(html))
         look = f"{html} shows what is weak and what the log holds"
-        raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
+        raise error.restated(hint=". ".join(filter(None, (error.hint, look)))) from error
 
 
 def _check(

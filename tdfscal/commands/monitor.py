@@ -13,9 +13,9 @@ from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
-from tdfscal.commands.read_campaigns import Read, require_one_rig
+from tdfscal.commands.read_campaigns import Read, Unusable, require_one_rig
 from tdfscal.commands.result import Result, by_column
-from tdfscal.commands.several_campaigns import usable_campaigns, wanted
+from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
@@ -158,16 +158,8 @@ def monitor(
     reads, unusable = usable_campaigns(groups, settings, like, before)
     if not known and not reads:
         raise unusable.first
+    reads, lost = _taking_part(known, reads, unusable)
     checks: list[Earlier | Read] = [*known, *reads]
-    latest = max(check.measured.month for check in checks)
-    rejected = {read.name: read.rejected for read in reads if read.rejected}
-    late = {read.name for read in reads if read.measured.month == latest}
-    reads = [read for read in reads if not read.rejected]
-    checks = [*known, *reads]
-    needed = {name for name in rejected if name in late or len(checks) < 2}
-    lost = [*wanted(rejected[name] for name in needed), *unusable.findings]
-    lost += (found for name, found in rejected.items() if name not in needed)
-    lost += [read.remark for read in reads if read.remark]
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
@@ -184,6 +176,23 @@ def monitor(
         tuple(map(_source, ordered)),
         making,
     )
+
+
+def _taking_part(
+    known: Sequence[Earlier], reads: Sequence[Judged], unusable: Unusable
+) -> tuple[list[Judged], list[Finding]]:
+    """Campaigns that no one rejects, and what is said of the others; the latest is wanted."""
+    measured = [*(one.measured for one in known), *(one.measured for one in reads)]
+    latest = max(when.month for when in measured)
+    sound = [read for read in reads if not read.rejected]
+    few = len(known) + len(sound) < 2
+    needed, others = list[Finding](), list[Finding]()
+    for read in reads:
+        if read.rejected:
+            wants = few or read.measured.month == latest
+            (needed if wants else others).append(read.rejected)
+    remarks = (read.remark for read in sound if read.remark)
+    return sound, [*wanted(needed), *unusable.findings, *others, *remarks]
 
 
 def _source(check: Earlier | Read) -> Source:
