@@ -57,12 +57,15 @@ def used(c: Calibration, log: Path) -> Numbers:
     with scratch() as folder:
         apply(c, [log], output=(target := folder / "w.csv"))
         rows = list(csv.reader(io.StringIO(target.read_text("utf-8"))))[1:]
+    # Not when it was judged, by which file.
+    told = validate(c, [log]).to_dict()
+    judged = {key: told.get(key) for key in ("chi2", "dof", "p_value", "force", "moment", "zeros")}
     wrench = np.array([[float(cell or "nan") for cell in cells] for cells in rows])
     return {
         "export": [float(word) for word in NUMBER.findall(exported)],
         "apply, wrench": wrench[:, :7].ravel().tolist(),
         "apply, uncertainty": wrench[:, 7:].ravel().tolist(),
-        "validate": [float(n) for n in NUMBER.findall(json.dumps(validate(c, [log]).to_dict()))],
+        "validate": [float(n) for n in NUMBER.findall(json.dumps(judged))],
     }
 
 
