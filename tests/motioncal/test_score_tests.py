@@ -92,8 +92,10 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
     assert np.all(np.abs(result.fit.state.still.drift[0, 1] - slope) < 4 * std[1])
     rotation, covariance = result.fit.state.still.rotation, result.uncertainty.covariance
     assert distance(campaign, rotation, covariance) < chi2_quantile(1 - 1e-3, 9)
-    with pytest.raises(DataError, match="no temperature"):
+    with pytest.raises(DataError) as refused:
         calibrate_moving(declared, slow, DELAY)
+    assert refused.value.finding is not None
+    assert refused.value.finding.code == "temperature-missing"
 
 
 @pytest.mark.parametrize("change", ["hinge", "datum"])
