@@ -62,8 +62,6 @@ CODES = {
 }
 #: Zeros that drift other than along a line, of one sensor or of all.
 PARABOLAS = ("parabola", "all parabola")
-#: What has no structure that a test could hold against its scatter.
-SCATTERS = ("force noise", "sensor noise", "position noise", "walk", "all walk")
 
 
 @record
