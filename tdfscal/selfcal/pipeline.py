@@ -167,7 +167,8 @@ class _Told:
         usable, noise = self.usable, self.usable.measured_noise
         return find_change(self.known, usable.time, usable.number, noise_from_residuals=noise)
 
-    def by_all(self) -> _Told:
+    @cached_property
+    def whole(self) -> _Told:
         """The same of the estimate by all postures."""
         whole = _by_all(self.known.fit.rig, self.known.fit)
         return self if whole is self.known.fit else _Told(estimate(whole), self.usable)
@@ -190,8 +191,8 @@ def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told]:
         return robust, told
     # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
     rivals: list[tuple[float, RobustFit]] = []
-    whole, change = told.by_all(), told.change
-    if (touched := _hidden_contact(rig, usable, known)) is not None:
+    whole, change = told.whole, told.change
+    if (touched := _hidden_contact(rig, usable, told)) is not None:
         rivals.append((contact_worth(touched.fit, whole.known.fit), touched))
     named = 0.0
     if change is not None:
@@ -219,12 +220,12 @@ def _without(rig: Rig, usable: Usable, robust: RobustFit, change: Suspicion) -> 
     return RobustFit.of(settled(rig, usable.postures, fit(rig, usable.postures, state, weight)))
 
 
-def _hidden_contact(rig: Rig, usable: Usable, known: Estimate[Fit]) -> RobustFit | None:
+def _hidden_contact(rig: Rig, usable: Usable, told: _Told) -> RobustFit | None:
     """A fit without postures in contact that hide each other, where the one found misfits."""
-    if known.quality.p_value >= MISFIT:
+    if told.known.quality.p_value >= MISFIT:
         return None
     loose, seen = loosened(rig), usable.postures
-    found = hidden_contact(loose, seen, _by_all(loose, known.fit))
+    found = hidden_contact(loose, seen, _by_all(loose, told.whole.known.fit))
     return None if found is None else _with_earlier(rig, seen, found)
 
 
@@ -260,7 +261,7 @@ def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     if told.doubts or not many_rejected:
         return told.doubts
     # So many do not err each for itself.
-    whole = told.by_all()
+    whole = told.whole
     contact = contact_worth(told.known.fit, whole.known.fit)
     doubts = (replace(doubt, weight=doubt.weight - contact) for doubt in whole.doubts)
     return tuple(doubt for doubt in doubts if doubt.weight > -CAUSES_APART)
