@@ -81,11 +81,6 @@ def test_status_and_streams(case: Case, home: Path, cli: Cli) -> None:
         assert after == before
 
 
-def test_the_bare_program_shows_its_help(cli: Cli) -> None:
-    seen = cli(ends=2)
-    assert "Commands:" in seen.err
-
-
 @each("name", ["", *app.COMMANDS])
 def test_help_is_a_result(name: str, cli: Cli) -> None:
     for flag in ("-h", "--help"):

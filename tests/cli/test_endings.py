@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -118,24 +117,3 @@ def test_a_run_that_is_ended_leaves_nothing(name: str, home: Path, tmp_path: Pat
         assert done.returncode == 128 + number, said
         assert said.endswith("tdfscal: interrupted; nothing was written\n")
         assert {p.name for p in tmp_path.iterdir()} == {"w.yaml"}
-
-
-def test_a_reader_that_has_left_ends_well(home: Path) -> None:
-    read, write = os.pipe()
-    os.close(read)
-    line = [sys.executable, "-m", "tdfscal", "--version"]
-    done = subprocess.run(line, stdout=write, stderr=subprocess.PIPE, check=False)
-    os.close(write)
-    assert (done.returncode, done.stderr) == (0, b"")
-
-
-def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    code = (
-        "import os, sys; from tdfscal.cli import main; os.rmdir(os.getcwd()); "
-        "sys.argv = ['tdfscal', 'calibrate', 'C']; main()"
-    )
-    line = [sys.executable, "-c", code]
-    done = subprocess.run(line, cwd=gone, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

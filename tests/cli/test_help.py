@@ -15,20 +15,9 @@ import typer.main
 
 from tdfscal.cli import app
 from tdfscal.simulation import MOVING, SCENARIOS
-from tests.cli.running import Cli
 
 GROUP: Any = typer.main.get_command(app.app)
 COMMANDS = {name: app.made(name) for name in app.COMMANDS}
-
-
-def test_the_help_lists_every_command_under_a_purpose(cli: Cli) -> None:
-    said = cli("--help").out
-    order = [f"\n  {title}:" for title in ("Calibrate", "Check", "Put to work", "Plan and try")]
-    places = [said.index(title) for title in order]
-    assert places == sorted(places)
-    for name in COMMANDS:
-        assert f"\n    {name} " in said
-    assert "..." not in said.split("Calibrate:")[1]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

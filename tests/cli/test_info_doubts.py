@@ -6,7 +6,6 @@ import functools
 import json
 import shutil
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -173,23 +172,6 @@ def test_a_rig_file_that_is_being_written_is_no_hindrance(tmp_path: Path) -> Non
     assert result.problems[0].startswith("the rig file is not used: ")
     with pytest.raises(tdfscal.TdfscalError):
         tdfscal.info(tmp_path, rig=tmp_path / "rig.yaml")
-
-
-def test_a_time_with_a_date_is_shown_as_one(tmp_path: Path) -> None:
-    """And where no clock has dates, that the file's stand for them."""
-    folder = written(tmp_path / "dated", ROWS[:240])
-    head, *lines = (folder / "log.csv").read_text().splitlines()
-    assert "The log's clock has no dates" in tdfscal.info(folder / "log.csv").text
-    begin = datetime(2026, 11, 20, 23, 59, 58, tzinfo=UTC)
-    dated = [
-        f"{begin + timedelta(seconds=float(time)):%Y-%m-%dT%H:%M:%S.%fZ},{rest}"
-        for time, _, rest in (line.partition(",") for line in lines)
-    ]
-    (folder / "log.csv").write_text("\n".join([head, *dated]) + "\n")
-    text = tdfscal.info(folder / "log.csv").text
-    assert "2026-11-20 23:59:58 UTC … 2026-11-21 00:00:02.78 UTC" in text
-    assert "Recorded 2026-11-20 23:59:58 UTC to 2026-11-21 00:00:03 UTC" in text
-    assert "\n1 dwell of" in text
 
 
 @pytest.mark.parametrize("rows", [-200, 3, 25])

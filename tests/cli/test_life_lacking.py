@@ -100,10 +100,3 @@ def test_a_sensor_determined_in_one_campaign_keeps_its_angles(
     assert all(check["path_rpy"][2] is not None for check in result["checks"])
     assert [check["rpy"][2] is None for check in result["checks"]] == [False, True]
     assert any("leaves ncp3 undetermined" in warning for warning in texts(result))
-
-
-@pytest.mark.slow
-def test_the_others_are_watched(months: dict[str, list[Path]], cli: Cli) -> None:
-    """The scenario turns the second sensor in the sixth month."""
-    (alarm,) = monitored(cli, 1, *months["lacking"])["alarms"]
-    assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")

@@ -59,26 +59,6 @@ def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
 
 
 @pytest.mark.parametrize(
-    ("change", "status", "said"),
-    [
-        (lambda table: table.slice(0, 150), 4, "do not determine"),
-        (set_to("ncp2.fy", np.zeros_like), 3, "dead"),
-    ],
-)
-def test_a_failure_says_what_the_log_warned_of(
-    campaign: Path, tmp_path: Path, cli: Cli, change: Change, status: int, said: str
-) -> None:
-    edit(campaign, repeated, change)
-    line = ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q")
-    seen = cli(*line, ends=status)
-    (message,) = seen.err.splitlines()
-    assert said in message
-    assert "Look first at the log: " in message
-    assert REPEATED in message
-    assert message.endswith(".")
-
-
-@pytest.mark.parametrize(
     ("name", "limit", "axis", "capacity"),
     [("ncp2.fy", 300.0, "y", [3000, 300, 5000]), ("ncp2.fz", 1650.0, "z", None)],
 )

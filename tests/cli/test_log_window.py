@@ -77,19 +77,6 @@ def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home / "c.yaml"
 
 
-def test_an_applied_part_is_that_of_a_log_cut_by_hand(
-    campaign: Path, other: Path, tmp_path: Path, cli: Cli
-) -> None:
-    begin, end = span(campaign)
-    part = cut(campaign, begin, begin + 0.8 * (end - begin))
-    seen = []
-    for folder, options in ((campaign, ["--to", f"+{0.8 * (end - begin)}"]), (part, [])):
-        output = tmp_path / f"{folder.name}.csv"
-        cli("apply", other, folder, "-o", output, *options, "-q", ends=0)
-        seen.append(output.read_bytes())
-    assert seen[0] == seen[1]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [

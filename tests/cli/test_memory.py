@@ -5,17 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
-
-import pytest
-
-from tdfscal.errors import MemoryShortError
-from tdfscal.logs.log_file import damage
-
-
-def test_a_file_is_not_to_blame(tmp_path: Path) -> None:
-    with pytest.raises(MemoryShortError), damage(tmp_path / "log.parquet"):
-        bytearray(1 << 60)
 
 
 def test_linear_algebra_is_asked_for_one_thread_before_it_is_loaded() -> None:

@@ -84,16 +84,6 @@ def test_two_outputs_of_one_name_are_refused(home: Path, cli: Cli) -> None:
     assert not Path("both.yaml").exists()
 
 
-def test_an_output_that_is_write_protected_stays(home: Path, tmp_path: Path, cli: Cli) -> None:
-    """Also from root, whom no mode stops."""
-    target = tmp_path / "page.html"
-    target.write_text("kept")
-    target.chmod(0o444)
-    seen = cli("report", "own.yaml", "--html", target, ends=2)
-    assert "chmod u+w" in seen.err
-    assert contents(tmp_path) == {"page.html": b"kept"}
-
-
 def test_files_named_outside_their_folder_are_kept(home: Path, tmp_path: Path, cli: Cli) -> None:
     shutil.copytree(SAMPLES / "csv", tmp_path / "C")
     (tmp_path / "C" / "tracker" / "moves.csv").rename(tmp_path / "moves.csv")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import os
 import shutil
 from collections.abc import Callable, Hashable
 from pathlib import Path
@@ -21,9 +20,8 @@ from tdfscal.errors import (
     RejectedError,
     UsageError,
 )
-from tdfscal.files.calibration.document import file_content
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
@@ -133,28 +131,3 @@ def test_a_calibration_in_memory_is_as_good_as_its_file(
     tdfscal.apply(tmp_path / "c.json", "campaign", output=tmp_path / "w.csv")
     written = csv.read_csv(tmp_path / "w.csv").to_pandas()
     pd.testing.assert_frame_equal(frame, written, check_exact=True)
-
-
-def test_progress_is_reported() -> None:
-    stages: list[str] = []
-    progress = tdfscal.Progress(stage=stages.append)
-    tdfscal.calibrate(os.fspath(SAMPLES / "parquet"), trials=0, progress=progress)
-    assert len(stages) >= 2
-
-
-def test_a_file_that_cannot_tell_its_edits_is_used_with_a_warning(
-    sample: tdfscal.Calibration, tmp_path: Path
-) -> None:
-    made = sample
-    document = file_content(made)
-    whole, bare = tmp_path / "whole.json", tmp_path / "bare.json"
-    whole.write_text(json.dumps(document), encoding="utf-8")
-    bare.write_text(
-        json.dumps({k: v for k, v in document.items() if k != "content_sha256"}), encoding="utf-8"
-    )
-    for source, expected in ((made, 0), (whole, 0), (bare, 1)):
-        for result in (
-            tdfscal.export(source, "csv"),
-            tdfscal.apply(source, SAMPLES / "parquet", to="+1"),
-        ):
-            assert sum("has no `content_sha256`" in text for text in result.notes) == expected

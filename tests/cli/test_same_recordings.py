@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal.commands.read_campaigns import Recording, refuse_repeated
-from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
-from tdfscal.records import Measured
 from tdfscal.simulation import MOVING, reference_rig, scenarios
 from tests.cli.running import Cli
 from tests.cli.test_life import angles
@@ -72,13 +69,3 @@ def test_a_recording_exported_in_two_formats_is_one(tmp_path: Path, cli: Cli) ->
     assert (done.status, "same recording" in done.err) == (2, True)
     done = cli("calibrate", one, other, "--trials", 0, "-q")
     assert "same recording" not in done.err
-
-
-def test_two_logs_of_the_same_hours_are_one_recording() -> None:
-    def recorded(name: str, begin: float, end: float) -> Recording:
-        return Recording(name, (), Measured(begin, end, "log"))
-
-    day = 1.7e9
-    refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 599, day + 1200)])
-    with pytest.raises(UsageError, match="same recording as a"):
-        refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 1, day + 500)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.advice import World, cases, follow, led
+from benchmarks.advice import cases, led
 from tdfscal.numerics.distributions import chi2_sf
 
 SEED = 7
@@ -37,13 +37,3 @@ def test_the_first_advice_leads_to_true_angles(name: str) -> None:
 def test_so_it_does_for_every_other_fault(name: str) -> None:
     if led(cases()[name], SEED)[0].verdict != "accepted":
         _check(name)
-
-
-def test_what_is_not_advised_is_not_done() -> None:
-    """The follower acts on words: other words than the cure's change nothing, or something else."""
-    world = cases()["hinge friction 0.5 N·m"]
-    assert follow(world, "Look at it.") is None
-    touched = follow(world, "Find what touched the terminal at postures 1, 2 (a hand)")
-    assert touched == world
-    lined = follow(world, "write `zero.std: 20` for ncp2 in rig.yaml")
-    assert lined == World(real=world.real, lines={"ncp2/zero.std": 20})

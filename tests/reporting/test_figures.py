@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Text
@@ -16,8 +13,8 @@ from matplotlib.transforms import Bbox
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings
-from tdfscal.reporting.figures.style import look, raster, save, to_svg
-from tests.reporting.samples import NASTY, changed, sample, surveyed
+from tdfscal.reporting.figures.style import look
+from tests.reporting.samples import NASTY, sample, surveyed
 
 SELF = {"angles", "residuals", "budget", "timeline"}
 APART = {"six supports": {"angles", "budget"}, "joint": {"survey"}}
@@ -93,30 +90,3 @@ def test_axes_name_their_units(kind: str) -> None:
     for name, (_, _, labels) in words(kind).items():
         unit = r"mrad|µm|, N$|N·m|, s\b| m$|%|std. unc."
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
-
-
-def test_many_postures_stay_small() -> None:
-    c = sample().calibration
-    table = c.model_dump()["postures"]
-    n = 4000
-    start = np.arange(n) * 5.0
-    rng = np.random.default_rng(0)
-    wide = {key: np.exp(rng.normal(size=(n, 3))) for key in table if "force" in key}
-    wide |= {key: np.exp(rng.normal(size=(n, 3))) for key in table if "moment" in key}
-    big = changed(
-        c, postures=table | wide | {"index": np.arange(n), "start": start, "end": start + 3.0}
-    )
-    assert raster(n)
-    found = {d.name: d for d in drawings(big)}
-    assert len(to_svg(found["residuals"])) < 500_000
-    assert len(to_svg(found["timeline"])) < 500_000
-
-
-def test_files(tmp_path: Path) -> None:
-    for drawing in drawings(calibration("tracker"))[:1]:
-        png, pdf, svg = save(drawing, tmp_path / "new" / "figures")
-        assert png.read_bytes().startswith(b"\x89PNG\r\n")
-        assert pdf.read_bytes().startswith(b"%PDF")
-        assert ET.parse(svg).getroot().tag == "{http://www.w3.org/2000/svg}svg"
-    names = {path.name for path in (tmp_path / "new" / "figures").iterdir()}
-    assert names == {f"angles.{s}" for s in ("png", "pdf", "svg")}

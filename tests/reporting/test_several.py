@@ -16,9 +16,8 @@ from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Report, Table
-from tdfscal.reporting.several import letter, put_side_by_side, several_report
-from tdfscal.reporting.text import render
-from tests.reporting.samples import by_hand, changed, of_another_log, run, sample, saved
+from tdfscal.reporting.several import put_side_by_side, several_report
+from tests.reporting.samples import by_hand, changed, run, sample, saved
 from tests.words import found
 
 STD = 2e-4
@@ -80,14 +79,6 @@ def test_oldest_first_and_e_n_by_hand() -> None:
     assert en.header[2:] == ("B − A", "C − A")
     assert rows["support_2", "yaw"] == ("0.88", "! 2.65")
     assert rows["support_1", "yaw"] == ("0.00", "0.00")
-
-
-def test_many_are_told_in_eighty_columns() -> None:
-    many = [(f"{k}.yaml", of_another_log(JANUARY, str(k))) for k in range(28)]
-    long = render(several(many))
-    assert long.startswith("Test rig: COMPATIBLE")
-    assert max(map(len, long.splitlines())) <= 80
-    assert [letter(i) for i in (0, 25, 26, 51, 52)] == ["A", "Z", "A2", "Z2", "A3"]
 
 
 def test_which_of_those_that_agree_is_kept() -> None:

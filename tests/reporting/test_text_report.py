@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -20,10 +19,6 @@ from tests.words import found
 
 def render(c: Calibration) -> str:
     return as_text(calibration_report(c))
-
-
-def with_(c: Calibration, status: str = "rejected", **parts: Any) -> Calibration:
-    return changed(c, status=status, findings=(found("a reason", "rejects"),), **parts)
 
 
 def test_eighty_columns_and_verdict_first() -> None:
@@ -93,10 +88,3 @@ def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch)
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == as_text(report)
     monkeypatch.setenv("NO_COLOR", "1")
     assert not re.search(r"\x1b\[[0-9;]*3[0-9]", shown(report))
-
-
-def test_touched_postures_are_named_first_where_they_are_many() -> None:
-    c = sample().calibration
-    gone = [{"index": k, "reason": "contact"} for k in range(3)]
-    fit = c.model_dump()["fit"] | {"rejected": gone}
-    assert "touched the terminal at postures 1, 2, 3" in advise(with_(c, fit=fit))[0]

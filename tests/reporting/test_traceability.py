@@ -71,24 +71,6 @@ def test_a_certificate_that_had_ended_is_a_warning() -> None:
         assert ("of support_2 had expired" in headline(stated(due=due))) is named
 
 
-def test_what_is_taken_as_exact() -> None:
-    """The sample's rig declares noise, hinges and positioner, and prior zeros unknown."""
-    exact = facts(sample().calibration)["Taken as exact"]
-    assert "servo datums" in exact
-    assert "base level" in exact
-    # The same words as in the claim, the worst first.
-    named = [q.name for q in sample().calibration.taken_as_exact]
-    assert sorted(exact.split("; ")[: len(named)]) == sorted(named)
-    worst = exact.split("; ")[0].replace(", ", " and ")
-    assert f"of error in the {worst} would move an angle" in headline(sample().calibration)
-    assert "hinges" not in exact.replace("friction of the hinges", "")
-    assert "mass" not in exact
-    tilted = stated(gravity={"magnitude": 9.80665, "tilt_std": 1e-3})
-    tilted = tilted.model_copy(update={"taken_as_exact": ()})
-    assert "base level" not in facts(tilted)["Taken as exact"]
-    assert "base level" not in facts(surveyed()[0])["Taken as exact"]
-
-
 @pytest.mark.parametrize(
     ("size", "apart", "named"), [((0.8, 0.7), 0, 2), ((0.8, 0.7), 1, 0), ((0.3, 1.1), 0, 1)]
 )

@@ -13,10 +13,6 @@ import pytest
 
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.findings import Finding
-from tdfscal.motioncal.blocks import Stretch
-from tdfscal.motioncal.pipeline import UndeterminedMotion
-from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render
@@ -84,39 +80,6 @@ def test_no_angle_is_given(page: str) -> None:
     numbers = set(re.findall(r"\d+\.\d+", words(page)))
     angles = 1e3 * np.abs(so3.to_rpy(seen.fit.state.rotation).ravel())
     assert not {f"{angle:.{digits}f}" for angle in angles for digits in (2, 3)} & numbers
-
-
-def test_the_log_is_shown_with_what_was_rejected(page: str) -> None:
-    said = words(page)
-    assert "15 of 16 dwells are in the fit" in said
-    assert f"posture {TOUCHED} (" in said
-    assert "a gap of 3 s" in said
-    assert "campaign/log <1>.csv" in said
-    assert [d.name for d in undetermined_drawings(attempt())] == [
-        "determined",
-        "timeline",
-        "residuals",
-    ]
-
-
-def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
-    still = attempt().error.evidence
-    assert isinstance(still, Undetermined)
-    time = np.arange(0.0, 20.0, 0.05)
-    force = np.sin(time)[:, None, None] * np.ones((1, 3, 3))
-    slow = Slow(
-        still.rig.supports, time, force, force, 0.05, 100.0, np.zeros(len(time), dtype=np.bool_)
-    )
-    touched = (Stretch(4.0, 6.0, Finding("stretch-over-capacity")),)
-    seen = UndeterminedMotion(
-        still.rig, slow, (time < 4) | (time > 6), touched, still.quality, still.observability
-    )
-    moving = replace(attempt(), error=NotIdentifiableError("the motion …", evidence=seen))
-    drawings = undetermined_drawings(moving)
-    assert [d.name for d in drawings] == ["determined", "forces"]
-    said = words(render(undetermined_report(moving, drawings)))
-    assert "4.00 to 6.00 s: a sensor is at its capacity" in said
-    assert "plan RIG --motion" in said
 
 
 def test_calibrate_writes_a_page_but_no_calibration(

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.container import ErrorbarContainer
 
 from tdfscal.commands.calibration import Calibration as InPython
 from tdfscal.files.calibration.document import Calibration, load_calibration
@@ -16,7 +15,6 @@ from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.numerics import so3
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.figures import angles, style
 from tdfscal.reporting.text import render
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, simulate_dwells
@@ -67,12 +65,3 @@ def test_frame_text_and_page_leave_it_out(
     rows = re.findall(r"(s\d) +(?:roll|pitch|yaw) .* to ", render(calibration_report(upright)))
     assert rows == [f"s{k}" for k in range(3) if k != UPRIGHT for _ in range(3)]
     assert not re.search(r"\b(inf|nan|None)\b", render_page(upright))
-
-
-def test_the_figure_draws_no_whisker(upright: Calibration) -> None:
-    figure = style.to_figure(angles.draw(upright))
-    (bars,) = figure.axes[1].containers
-    assert isinstance(bars, ErrorbarContainer)
-    ends = [segment.ravel() for segment in bars.lines[2][0].get_segments()]
-    drawn = [len(x) == 4 and bool(np.isfinite(x).all()) for x in ends]
-    assert sum(drawn) == 6

@@ -104,13 +104,6 @@ def test_near_the_limit_no_cause_is_named_whose_size_may_be_none() -> None:
     assert "No single change explains all of it" in written(none)[1]
 
 
-def test_by_what_a_p_was_found_is_told() -> None:
-    stated, known = (written(validation(0.0, known=each))[0] for each in (AS_STATED, KNOWN))
-    assert stated["chi2_noise_dof"] is None
-    assert known["chi2_noise_dof"] == KNOWN.dof
-    assert known["why"] != stated["why"]
-
-
 def codes(found: dict[str, Any]) -> dict[str, str | None]:
     return {each["code"]: each["cure"] for each in found["findings"]}
 
