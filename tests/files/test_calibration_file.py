@@ -211,27 +211,6 @@ def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> Non
                 assert read == whole, edit.place
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "look"),
-    [
-        ("supports.0.rpy.1", nudged(1e-6), "rpy: disagrees with supports[0].rotation"),
-        ("covariance", DROP, "the top: lacks `covariance`"),
-        ("terminal.mass.std", -1.0, "terminal.mass.std: must be"),
-        ("seed", 99, None),
-    ],
-)
-def test_an_edited_file_is_called_so_first(
-    made: dict[str, Any], place: str, value: Any, look: str | None
-) -> None:
-    other = edited(made, (place, value))
-    said = "c: the file was changed after tdfscal wrote it (its content_sha256 does not match)"
-    for text in (json.dumps(other), to_yaml(other)):
-        with pytest.raises(DataError) as refused:
-            parse_calibration(text.encode(), "c")
-        assert str(refused.value).startswith(said + ("; look at " if look else "."))
-        assert (look or "tdfscal update") in str(refused.value)
-
-
 def test_the_digest_is_that_of_the_documented_recipe(found: Calibration) -> None:
     """By the json module alone; letters beyond ASCII, nulls of keys and in lists are there."""
     named = found.model_copy(update={"command": "tdfscal calibrate Prüfstand"})

@@ -91,19 +91,6 @@ def test_same_rig_twice_is_no_conflict_but_two_rigs_are(tmp_path: Path) -> None:
     assert len(resolve([one, two], one / "rig.yaml").logs) == 2
 
 
-def test_missing_path_names_the_nearest(tmp_path: Path) -> None:
-    make(tmp_path, "record_1.csv", "other.csv")
-    with pytest.raises(UsageError, match=r"recrod_1\.csv: there is no such .*record_1\.csv"):
-        resolve([tmp_path / "recrod_1.csv"])
-    with pytest.raises(UsageError, match=r"no such .* Check the path\."):
-        resolve([tmp_path / "nowhere" / "x.csv"])
-    (tmp_path / "dangling.csv").symlink_to("gone.csv")
-    with pytest.raises(UsageError, match="no such"):
-        resolve([tmp_path / "dangling.csv"])
-    with pytest.raises(UsageError, match="no such file"):
-        resolve([tmp_path], tmp_path / "rigg.yaml")
-
-
 def test_no_path_no_rig_no_log(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no path"):
         resolve([])

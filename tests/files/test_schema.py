@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -103,33 +102,3 @@ BAD: list[tuple[str, str, Any]] = [
 @pytest.mark.parametrize(("name", "place", "value"), BAD)
 def test_bad_documents_fail(name: str, place: str, value: Any) -> None:
     assert not valid(name, edited(sample(name), (place, value)))
-
-
-def properties(node: Any, place: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Every property anywhere in a schema, with its place."""
-    if isinstance(node, list):
-        for member in node:
-            yield from properties(member, place)
-    elif isinstance(node, dict):
-        for key, value in node.get("properties", {}).items():
-            yield f"{place}.{key}", value
-        for key, value in node.items():
-            yield from properties(value, place if key == "properties" else f"{place}/{key}")
-
-
-@pytest.mark.parametrize("name", sorted(schemas()))
-def test_every_key_is_described(name: str) -> None:
-    """What an editor shows while a drafted rig file is confirmed, and a result is read."""
-    found = list(properties(schemas()[name], ""))
-    assert len(found) >= 10
-    assert [place for place, value in found if not value.get("description", "").strip()] == []
-
-
-@pytest.mark.parametrize("name", sorted(schemas()))
-def test_defaults_are_valid(name: str) -> None:
-    """An editor may write them."""
-    schema = schemas()[name]
-    for place, value in properties(schema, ""):
-        if "default" in value:
-            own = jsonschema.Draft202012Validator({**value, "$defs": schema["$defs"]})
-            assert own.is_valid(value["default"]), place

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,10 +152,3 @@ def test_paths_that_are_no_logs(tmp_path: Path) -> None:
         read([tmp_path])
     with pytest.raises(UsageError, match="no log is given"):
         read([])
-
-
-def test_leaving_early_ends_the_threads(tmp_path: Path) -> None:
-    for _ in iter_log([csv(tmp_path, np.arange(5000) * 0.01)], DEFAULT, ONE):
-        break
-    names = [thread.name for thread in threading.enumerate()]
-    assert not any(name.startswith(("ahead", "sha256")) for name in names)

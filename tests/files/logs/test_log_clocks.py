@@ -7,18 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.logs import iter_log, read_log
+from tdfscal.logs import read_log
 from tdfscal.logs.clock import Clock
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
-    LOG_TIME,
-    SUPPORTS,
-    make_truth,
-    mcap_bytes,
     point_stamped,
     ros,
     small_mcap,
-    table,
     wrench_stamped,
     write,
 )
@@ -52,30 +47,6 @@ def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
     assert "header times of /p are -37 s off the recorder's" in in_words(off.findings)[0]
     assert "of 60 messages of /p, 2 have a header time that departs" in in_words(off.findings)[1]
     assert "by 0.5 s at most" in in_words(off.findings)[1]
-
-
-@pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
-def test_progress_ascends_to_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
-) -> None:
-    truth = make_truth(400)
-    path = tmp_path / f"log.{suffix}"
-    if suffix == "mcap":
-        monkeypatch.setattr("tdfscal.logs.messages.recording._ENOUGH", 64)
-        path.write_bytes(mcap_bytes(truth))
-    elif suffix == "csv":
-        monkeypatch.setattr("tdfscal.logs.text.reader._HEAD", 1 << 13)
-        monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 13)
-        table(truth).to_csv(path, index=False)
-    else:
-        table(truth).to_parquet(path, row_group_size=50)
-    told: list[float] = []
-    mapping = LOG_TIME if suffix == "mcap" else None
-    for _ in iter_log([path], mapping, SUPPORTS, progress=told.append):
-        pass
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    assert any(0.1 < share < 0.9 for share in told)
 
 
 def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:

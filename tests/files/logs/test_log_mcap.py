@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import DataError
@@ -21,8 +19,6 @@ from tdfscal.logs.messages.paths import Path as MessagePath
 from tdfscal.logs.messages.ros import definitions
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
-    JSON_MAPPING,
-    LOG_TIME,
     STORE,
     SUPPORTS,
     definition,
@@ -36,24 +32,6 @@ from tests.files.logs.log_making import (
 )
 
 TRUTH = make_truth()
-
-
-def test_reads_what_mcap_ros2_support_reads(tmp_path: Path) -> None:
-    path = write(tmp_path / "log.mcap", mcap_bytes(TRUTH, frames=("a", "tdfs", "longer")))
-    log = read_log([path], LOG_TIME, SUPPORTS)
-    for i, name in enumerate(SUPPORTS):
-        with path.open("rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            seen = list(reader.iter_decoded_messages(topics=[f"/{name}/wrench"]))
-        force = [[getattr(m.decoded_message.wrench.force, c) for c in "xyz"] for m in seen]
-        np.testing.assert_array_equal(log.force[i].value, force)
-        np.testing.assert_array_equal(log.force[i].time, [m.message.log_time / 1e9 for m in seen])
-
-
-def test_json_has_no_header(tmp_path: Path) -> None:
-    path = write(tmp_path / "log.mcap", mcap_bytes(TRUTH, encoding="json"))
-    with pytest.raises(DataError, match=r"no header\.stamp"):
-        read_log([path], replace(JSON_MAPPING, time_source="header"), SUPPORTS)
 
 
 #: Topics of a position and of a force.

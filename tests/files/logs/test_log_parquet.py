@@ -12,7 +12,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-import tdfscal
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
@@ -150,28 +149,3 @@ def test_texts_that_are_no_dates_are_named(
 ) -> None:
     with pytest.raises(DataError, match=match):
         read(tmp_path, plain(time=time))
-
-
-def test_a_time_without_a_name_is_named_by_its_place(tmp_path: Path) -> None:
-    path = tmp_path / "log.parquet"
-    table(make_truth()).rename(columns={"time": ""}).to_parquet(path)
-    with pytest.raises(DataError, match=r"log\.parquet: .*column \d+ has no name, and ascends"):
-        tdfscal.init(path)
-
-
-def test_rows_that_are_not_there_are_missed(tmp_path: Path) -> None:
-    """A footer that states one row more than its columns hold: pyarrow says nothing of it."""
-    path, rows = tmp_path / "log.parquet", 45
-    pq.write_table(pa.table({name: np.arange(45.0) for name in ("time", *DEFAULT)}), path)
-    sound = path.read_bytes()
-    begin = len(sound) - 8 - int.from_bytes(sound[-8:-4], "little")
-
-    def stated(place: int) -> int:
-        """Rows of the group, with a byte of the footer that may be their number one up."""
-        path.write_bytes(sound[:place] + bytes([2 * rows + 2]) + sound[place + 1 :])
-        return int(pq.read_metadata(path).row_group(0).num_rows)
-
-    places = (k for k in range(begin, len(sound) - 8) if sound[k] == 2 * rows)  # zigzag
-    assert rows + 1 in map(stated, places)
-    with pytest.raises(DataError, match="lacks 1 "):
-        read_log([path], None, ONE)

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tdfscal.commands.campaign import find_logs
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
@@ -51,13 +50,6 @@ def test_columns_without_a_header_have_numbers(
     assert [f.name for f in fields] == [str(k + 1) for k in range(19)]
     with pytest.raises(DataError, match=r"no column 20"):
         read_log([path], replace(NUMBERS, time_field="20"), SUPPORTS)
-
-
-def test_notes_beside_a_log_are_no_log(tmp_path: Path) -> None:
-    FRAME.to_csv(tmp_path / "record.txt", sep=" ", index=False)
-    (tmp_path / "notes.txt").write_text("Tilt 5 6 7\nsqueezed, 200 N\n1 2 3\n")
-    (tmp_path / "trace.log").write_text("12:00:01 started\n12:00:02 stopped\n")
-    assert [path.name for path in find_logs([tmp_path])] == ["record.txt"]
 
 
 def stamps(write: Callable[[datetime], str]) -> list[str]:

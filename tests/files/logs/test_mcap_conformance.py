@@ -8,7 +8,6 @@ later versions have extended by fields unknown today.
 
 from __future__ import annotations
 
-import itertools
 import struct
 import zlib
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ from typing import Final
 
 import pytest
 
-from tdfscal.logs.formats import open_log
 from tdfscal.logs.messages.mcap import McapFile
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -164,11 +162,6 @@ def check(path: Path, records: tuple[str, ...], features: frozenset[str]) -> Non
     assert container.cut_at is None
 
 
-def all_features() -> list[frozenset[str]]:
-    chosen = itertools.product((False, True), repeat=len(FEATURES))
-    return [frozenset(itertools.compress(FEATURES, which)) for which in chosen]
-
-
 @pytest.mark.parametrize("name", INPUTS)
 def test_valid_files_are_read(tmp_path: Path, name: str) -> None:
     """All features, each alone, each left out, with and without padding."""
@@ -177,17 +170,3 @@ def test_valid_files_are_read(tmp_path: Path, name: str) -> None:
     cases |= {every - {f} for f in FEATURES} | {frozenset({f, "pad"}) for f in FEATURES}
     for features in sorted(cases, key=sorted):
         check(tmp_path / "a.mcap", INPUTS[name], features)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", INPUTS)
-def test_every_combination_is_read(tmp_path: Path, name: str) -> None:
-    for features in all_features():
-        check(tmp_path / "a.mcap", INPUTS[name], features)
-
-
-def test_extended_records_are_described(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    path.write_bytes(build(INPUTS["TenMessages"], frozenset(FEATURES)))
-    (stream,) = open_log(path).contents().streams
-    assert (stream.name, stream.count) == ("example", 10)
