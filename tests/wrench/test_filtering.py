@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tdfscal.errors import DataError
 from tdfscal.records import FloatArray
-from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered, measured_noise
+from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered
 from tdfscal.wrench.resampling import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
@@ -96,11 +95,3 @@ def test_pieces_give_what_the_whole_gives(kind: str) -> None:
     model = Walk.of(15.0, 2.0, 5e-3)
     late = np.mean(50.0 * time[:, None, None] - whole) / 50.0
     assert late == pytest.approx(model.delay if kind == "kalman" else 0.0, abs=4e-4)
-
-
-def test_bad_input() -> None:
-    with pytest.raises(DataError, match="16"):
-        measured_noise(np.zeros((3, 1)))
-    with pytest.raises(DataError):
-        filter_for(15.0, log().rows(slice(0, 9)))
-    assert list(filtered([], "smooth", Walk(1.0, 1.0, 1.0))) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -16,7 +15,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 import tdfscal
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import SAMPLES
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 TOPICS = {
@@ -92,15 +91,3 @@ def test_a_ros_decoder_reads_the_table_back(applied: Path) -> None:
         np.testing.assert_allclose(np.array(times) * 1e-9, expected["time"], rtol=0, atol=1e-9)
         columns = np.stack([expected[f"{prefix}{c}"] for c in COMPONENTS], axis=1)
         assert np.array_equal(np.array(values), columns)
-
-
-def test_it_is_a_result_and_no_log(applied: Path, cli: Cli) -> None:
-    """In the campaign's folder it is left alone; Python has its frame."""
-    folder = applied / "campaign"
-    result = tdfscal.apply(applied / "c.yaml", folder, output=folder / "w.mcap", to="+10")
-    frame, expected = result.to_frame(), table(applied)
-    assert list(frame.columns) == list(expected)
-    for name, values in expected.items():
-        np.testing.assert_allclose(frame[name], values, rtol=0, atol=1e-9 if name == "time" else 0)
-    done = cli("info", folder, "--json", "-q", ends=0)
-    assert [Path(f["path"]).name for f in json.loads(done.out)["files"]] == ["log.parquet"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.wrench.kinematics import Standstill, still
+from tdfscal.wrench.kinematics import still
 from tdfscal.wrench.resampling import Samples
 
 
@@ -24,12 +24,3 @@ def test_a_move_is_told_from_the_stops_beside_it() -> None:
     assert not found[(time > 20.1) & (time < 39.9)].any()
     assert found[(time < 19.9) | (time > 40.1)].all()
     assert still(driven(20.0, 40.0, 1e-4)).all()
-
-
-def test_pieces_are_remembered_until_they_are_asked_for() -> None:
-    whole = driven(20.0, 40.0, 1e-3)
-    watched = Standstill()
-    pieces = [whole.rows(slice(k, k + 500)) for k in range(0, 6000, 500)]
-    everywhere = np.concatenate([watched.at(p.time[::5]) for p in watched.watch(pieces)])
-    assert abs(everywhere.mean() - 40 / 60) < 0.02
-    assert len(watched._time) <= 500
