@@ -22,8 +22,7 @@ from tdfscal.commands.read_campaigns import read_campaigns
 from tdfscal.commands.several_campaigns import judged
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import eliminate, stated
+from tdfscal.estimation.fit import Priors, eliminate, stated
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.pipeline import calibrate_moving

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tdfscal.acceptance.gate import assess_stated, judge
+from tdfscal.acceptance import assess_stated, judge
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, listed, window
 from tdfscal.commands.calibration import Calibration

@@ -27,8 +27,7 @@ from tdfscal.commands.several_campaigns import (
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.comparison.rig_history import EarlierCalibration
 from tdfscal.errors import UsageError
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import eliminate, of_estimate, stated
+from tdfscal.estimation.fit import Priors, eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import readings_of
 from tdfscal.files.calibration.document import (
     CALIBRATION_SUFFIXES,

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from tdfscal.comparison.common import Intensity, Walk, intensity
 from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
-from tdfscal.comparison.walk import Intensity, Walk, intensity
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tdfscal.comparison.common import Common
-from tdfscal.comparison.walk import Walk
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import Observation, stated
+from tdfscal.comparison.common import Common, Walk
+from tdfscal.estimation.fit import Observation, Priors, stated
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, information_of, of_load
 from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state

@@ -13,6 +13,7 @@ import numpy as np
 
 from tdfscal.comparison.common import (
     Common,
+    Walk,
     common,
     others_move,
     scores_of_estimate,
@@ -22,10 +23,9 @@ from tdfscal.comparison.common import (
     with_load,
 )
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
-from tdfscal.comparison.walk import Walk
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import (
+from tdfscal.estimation.fit import (
     Observation,
+    Priors,
     eliminate,
     of_estimate,
     of_survey,

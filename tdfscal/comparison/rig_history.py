@@ -16,8 +16,7 @@ from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool
 from tdfscal.errors import UsageError
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import stated
+from tdfscal.estimation.fit import Priors, stated
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, of_load, same_load, turned

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.acceptance.gate import prior_turn_std, turn_names, turn_std
+from tdfscal.acceptance import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace

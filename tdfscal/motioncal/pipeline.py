@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tdfscal.acceptance.gate import Conformity, assess_stated, judge
+from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
 from tdfscal.errors import DataError

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tdfscal.acceptance.gate import coverage_radius
+from tdfscal.acceptance import coverage_radius
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes

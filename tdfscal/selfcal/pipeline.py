@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.acceptance.gate import assess_stated, judge
+from tdfscal.acceptance import assess_stated, judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.acceptance.gate import Conformity
+from tdfscal.acceptance import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats

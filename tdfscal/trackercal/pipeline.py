@@ -20,7 +20,12 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
-from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
+from tdfscal.trackercal.judged_registration import (
+    RejectedPoint,
+    SurveyFit,
+    examine_axes,
+    fit_survey,
+)
 from tdfscal.trackercal.noise import MEASURED_FILE, REFERENCE_FILE, point_noise
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
@@ -28,7 +33,6 @@ from tdfscal.trackercal.point_matching import (
     relabellings,
     unmatched,
 )
-from tdfscal.trackercal.positioner_axes import examine_axes
 from tdfscal.trackercal.uncertainty import Components, estimate_components, simulate_inputs
 
 #: Typical errors of what is taken as exact: a workshop's drawing, m, and a sensor's body against

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.acceptance.gate import (
+from tdfscal.acceptance import (
     Conformity,
     assess,
     assess_stated,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.acceptance.gate import assess, judge
+from tdfscal.acceptance import assess, judge
 from tdfscal.findings import Finding
 from tdfscal.model.calibrated import independent
 from tdfscal.numerics import so3

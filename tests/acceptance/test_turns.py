@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.acceptance.gate import locked_sensors, prior_turn_std, turn_names, turn_std
+from tdfscal.acceptance import locked_sensors, prior_turn_std, turn_names, turn_std
 from tdfscal.records import FloatArray
 
 

@@ -12,7 +12,7 @@ import pytest
 from scipy.special import ndtri
 
 import tdfscal
-from tdfscal.acceptance.gate import coverage_radius
+from tdfscal.acceptance import coverage_radius
 from tdfscal.commands.capability import CapabilityResult
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import write_campaign

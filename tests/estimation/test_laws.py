@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.estimation.fit import Priors, factored_information, information
-from tdfscal.estimation.observation import eliminate, stated
+from tdfscal.estimation.fit import Priors, eliminate, factored_information, information, stated
 from tdfscal.estimation.score_tests import ask
 from tdfscal.estimation.uncertainty import Estimate, calibrated
 from tdfscal.model.calibrated import free_constants

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.acceptance.gate import turn_std
+from tdfscal.acceptance import turn_std
 from tdfscal.files.calibration.parameters import (
     Parameters,
     calibrated_from,

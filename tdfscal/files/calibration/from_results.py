@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal import __version__
-from tdfscal.acceptance.gate import assess_stated, locked_sensors, turn_std
+from tdfscal.acceptance import assess_stated, locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information

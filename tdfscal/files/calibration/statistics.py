@@ -24,7 +24,7 @@ from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration, Undetermined
 
 if TYPE_CHECKING:
-    from tdfscal.acceptance.gate import Conformity
+    from tdfscal.acceptance import Conformity
     from tdfscal.motioncal.evidence import HeldOut
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration

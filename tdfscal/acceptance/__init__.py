@@ -1,1 +1,0 @@
-"""May this result steer a machine: the gate, and conformity of the contact wrench."""
