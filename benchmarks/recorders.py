@@ -30,7 +30,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.logs import concatenate
-from tdfscal.logs.recorders import on_one_clock
+from tdfscal.logs.streams import on_one_clock
 from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams

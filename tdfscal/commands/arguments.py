@@ -15,7 +15,7 @@ from tdfscal.errors import UsageError, expect
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
 from tdfscal.logs import Moment, TimeWindow
-from tdfscal.logs.dates import seconds_of
+from tdfscal.logs.table import seconds_of
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]

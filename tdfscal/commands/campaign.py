@@ -17,8 +17,14 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import NOWHERE, check_regular, owns
-from tdfscal.logs.rosbag2 import entries_of, read_bag, refuse_unfinished
+from tdfscal.logs.formats import (
+    NOWHERE,
+    check_regular,
+    entries_of,
+    owns,
+    read_bag,
+    refuse_unfinished,
+)
 from tdfscal.records import LogMapping
 
 #: How results of tdfscal begin, but for quotes: tables by their first line, documents by their

@@ -1,8 +1,7 @@
 """Reading recorded logs, of every format through one door."""
 
 from tdfscal.logs.formats import expand, is_log, looks_recorded
-from tdfscal.logs.reader import concatenate, iter_log, read_log
-from tdfscal.logs.window import Moment, TimeWindow
+from tdfscal.logs.reader import Moment, TimeWindow, concatenate, iter_log, read_log
 
 __all__ = [
     "Moment",

@@ -6,13 +6,17 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
+import pyarrow as pa
 
+from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.frozen import record
+from tdfscal.logs.table import TICKS, is_number, with_times
 from tdfscal.records import FloatArray
 
+_OPENING: Final = 4096
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
 _INDEXED: Final = re.compile(
@@ -192,3 +196,94 @@ def extremes(value: FloatArray) -> tuple[float | None, float | None]:
     if not finite.size:
         return None, None
     return float(finite.min()), float(finite.max())
+
+
+DATED: Final = "date and time"
+"""What a column of texts holds that are dates with times of day."""
+
+
+class TableLook:
+    """Some rows of a table, the same of all columns, taken while it is looked through.
+
+    most : rows of each part.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._rows: dict[int, FloatArray] = {}
+        self._values: dict[str, list[FloatArray]] = {}
+        self._steps: dict[str, float] = {}
+        self._kinds: dict[str, str] = {}
+
+    def add(self, begin: int, table: pa.Table) -> None:
+        """Take in a part of the table, or of its columns, from row `begin` on."""
+        chosen = np.linspace(0, table.num_rows - 1, min(self._most, table.num_rows))
+        chosen = chosen.astype(np.int64)
+        self._rows[begin] = begin + chosen.astype(np.float64)
+        for name, cells in zip(table.column_names, table.columns, strict=True):
+            column = with_times(cells)
+            numbers = _numbers(column.take(as_arrow(chosen)))
+            if numbers is None or self._kinds.get(name) == "text":
+                self._kinds[name] = "text"
+                continue
+            self._values.setdefault(name, []).append(numbers)
+            if name not in self._kinds:
+                first = _numbers(column.drop_null().slice(0, _OPENING))
+                steps = np.diff(first if first is not None else [])
+                self._steps[name] = float(np.median(steps)) if steps.size else 0.0
+                self._kinds[name] = DATED if pa.types.is_string(cells.type) else "number"
+
+    def kind(self, key: str) -> str:
+        """What a column holds: numbers, dates or texts; or it is empty."""
+        return self._kinds.get(key, "empty")
+
+    def contents(
+        self,
+        path: Path,
+        form: Literal["csv", "parquet"],
+        rows: int,
+        columns: Sequence[tuple[str, str, str, str | None]],
+        decimal: Literal[".", ","] = ".",
+    ) -> Contents:
+        """Put together what the table holds.
+
+        columns : as it was added under, name, kind and stated unit of each.
+        """
+        row = np.concatenate([np.empty(0), *self._rows.values()])
+        twice = repeated([name for _, name, _, _ in columns])
+        fields, times = [], []
+        numbers: dict[str, FloatArray] = {}
+        for key, name, kind, unit in columns:
+            value = np.concatenate([np.empty(0), *self._values.get(key, ())])
+            if self.kind(key) in ("text", "empty") or name in twice:
+                fields.append(Field(name, kind, unit))
+                continue
+            numbers[name] = value
+            fields.append(Field(name, kind, unit, *extremes(value)))
+            filled, step = value[~np.isnan(value)], self._steps[key]
+            if filled.size > 1 and step > 0 and (np.diff(filled) >= 0).all():
+                times.append(Column(name, unit, filled, step))
+        units = {name: unit for _, name, _, unit in columns}
+        vectors = []
+        for label, three in named_axes(list(numbers), units):
+            values = np.column_stack([numbers[name] for name in three])
+            there = ~np.isnan(values).any(axis=1)
+            vectors.append(Vector(three, label, "", units[three[0]], row[there], values[there]))
+        stream = Stream("table", "", rows, tuple(fields))
+        size = path.stat().st_size
+        return Contents(path, form, size, (stream,), tuple(vectors), tuple(times), decimal)
+
+
+def _numbers(column: Any) -> FloatArray | None:
+    """A column as float64 seconds or numbers; None where it holds neither."""
+    kind, types = column.type, pa.types
+    if types.is_timestamp(kind) or types.is_duration(kind):
+        return as_numpy(column.cast(pa.int64()).cast(pa.float64(), safe=False)) / TICKS[kind.unit]
+    if is_number(kind) or types.is_null(kind):
+        return as_numpy(column.cast(pa.float64(), safe=False))
+    return None
+
+
+def repeated(names: Sequence[str]) -> list[str]:
+    """Names that are there more than once."""
+    return sorted(name for name, times in Counter(names).items() if times > 1)

@@ -34,8 +34,7 @@ from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
-from tdfscal.logs.reader import iter_log
-from tdfscal.logs.window import TimeWindow
+from tdfscal.logs.reader import TimeWindow, iter_log
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
 
 Source = Literal["rig", "guessed"]

@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.files.units import by_scale, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import Contents, Vector
-from tdfscal.logs.messages.paths import topic_of
+from tdfscal.logs.messages.buffer import topic_of
 from tdfscal.logs.plausible_units import force_unit, length_unit, resampled, time_unit
 from tdfscal.numerics import so3
 from tdfscal.records import LogMapping, Rig

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import islice
 from os import SEEK_END
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -21,21 +21,24 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.hashing import printable
 from tdfscal.files.units import UNITS, canonical
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.contents import SAMPLES, Contents
-from tdfscal.logs.dates import DATES, first_date, has_zone, seconds_of_all
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
 from tdfscal.logs.request import Piece, Request
 from tdfscal.logs.table import (
-    DATED,
+    DATES,
     TICKS,
-    TableLook,
     columns_of,
+    first_date,
+    has_zone,
     holes,
     is_number,
+    seconds_of_all,
     table_piece,
     takes_turns,
 )
 from tdfscal.records import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
 
 _MARK: Final = b"PAR1"
 """With which a file begins and ends."""
@@ -86,6 +89,8 @@ class ParquetLog(LogFile):
 
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""
+        from tdfscal.logs.contents import DATED, SAMPLES, TableLook  # not needed to read it
+
         with _opened(self.path) as file:
             leaves = _leaves(file)
             plain = [f.path for f in leaves if _holds(f) in (None, "string")]

@@ -1,25 +1,114 @@
-"""Tables, text or Parquet: the wanted columns as pieces, and samples of all columns."""
+"""Tables, text or Parquet: dates as a clock, and the wanted columns as pieces.
+
+A date with its time of day is ISO 8601, or 21.11.2026 14:03:05. Days and months are not guessed
+apart: 11/12/2026 is refused. A time without a zone counts as UTC, so a column has zones in all
+cells or in none.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
+import re
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.logs.contents import Column, Contents, Field, Stream, Vector, extremes, named_axes
-from tdfscal.logs.dates import with_times
 from tdfscal.logs.request import Block, Piece, Request, Signal, missing_fields
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
+DATES: Final = (
+    "write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05; all rows with a zone, or none"
+)
+_ZONE: Final = r"(Z|UTC|[+-](?:0\d|1[0-4]):?[0-5]\d)?"
+_TIME: Final = r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,:](\d{1,9}))?)?\s*" + _ZONE
+_ISO: Final = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})[T_ ]\s*" + _TIME)
+_BASIC: Final = re.compile(
+    r"(\d{4})(\d{2})(\d{2})T(\d{2})(\d{2})(?:(\d{2})(?:[.,](\d{1,9}))?)?" + _ZONE
+)
+_GERMAN: Final = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T_ ,]\s*" + _TIME)
+_EPOCH: Final = np.datetime64("1970-01-01T00:00:00", "s")
+
+
+def is_date_time(cell: str) -> bool:
+    """Tell whether a cell is a date with a time of day."""
+    return _matched(cell) is not None
+
+
+def has_zone(cell: str) -> bool:
+    """Tell whether a cell is a date and time with a zone."""
+    parts = _matched(cell)
+    return parts is not None and bool(parts[-1])
+
+
+def seconds_of(cell: str, *, zoned: bool | None = None) -> float | None:
+    """Return s since 1970, UTC; None where the cell is no date and time.
+
+    zoned : whether it has to have a zone; None takes either.
+    """
+    if (parts := _matched(cell)) is None:
+        return None
+    year, month, day, hour, minute, second, fraction, zone = parts
+    if int(year) == 0 or zoned not in (None, bool(zone)):
+        return None
+    stamp = f"{year}-{int(month):02}-{int(day):02}T{int(hour):02}:{minute}:{second or '00'}"
+    try:
+        whole = int((np.datetime64(stamp, "s") - _EPOCH).astype(np.int64))
+    except ValueError:
+        return None
+    if zone and zone[0] in "+-":
+        offset = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
+        whole -= offset if zone[0] == "+" else -offset
+    return whole + int(fraction.ljust(9, "0")) * 1e-9 if fraction else float(whole)
+
+
+def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray:
+    """Return (N,) s since 1970 of a column of texts; NaN where one is empty, or no date and time.
+
+    zoned : whether all have zones, or none has.
+
+    ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
+    """
+    try:
+        ticks = cells.cast(pa.timestamp("ns", "UTC" if zoned else None)).cast(pa.int64())
+    except pa.ArrowInvalid:
+        found = [seconds_of(cell or "", zoned=zoned) for cell in cells.to_pylist()]
+        return np.array(found, dtype=np.float64)
+    seconds, nanoseconds = np.divmod(as_numpy(ticks.fill_null(0)), 1_000_000_000)
+    empty = as_numpy(cells.is_null().cast(pa.int8())) != 0
+    return np.where(empty, np.nan, seconds + nanoseconds * 1e-9)
+
+
+def first_date(column: Any) -> str | None:
+    """The first cell of a column of texts where that is a date and time; None of another."""
+    texts = pa.types.is_string(column.type) and len(column)
+    cell = (column[0].as_py() or "") if texts else ""
+    return cell if is_date_time(cell) else None
+
+
+def with_times(column: Any) -> Any:
+    """A column of texts that are dates and times as times of Arrow; any other as it is."""
+    if (first := first_date(column)) is None:
+        return column
+    seconds = seconds_of_all(column, zoned=has_zone(first))
+    ticks = np.rint(np.nan_to_num(seconds) * 1e9).astype(np.int64)
+    return as_arrow(ticks, np.isnan(seconds)).cast(pa.timestamp("ns"))
+
+
+def _matched(cell: str) -> tuple[Any, ...] | None:
+    text = cell.strip()
+    if (iso := _ISO.fullmatch(text) or _BASIC.fullmatch(text)) is not None:
+        return iso.groups()
+    if (german := _GERMAN.fullmatch(text)) is not None:
+        day, month, year, *time = german.groups()
+        return (year, month, day, *time)
+    return None
+
+
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks per second of the times that Arrow knows."""
-_OPENING: Final = 4096
 _FEW_ROWS: Final = 16
 _OFTEN: Final = 0.1
 """Share of the first rows that a slow stream leaves empty at least; a hole is rarer."""
@@ -97,82 +186,6 @@ def takes_turns(filled: IntArray) -> bool:
     return bool(np.any(alone & alone.T)) or often
 
 
-DATED: Final = "date and time"
-"""What a column of texts holds that are dates with times of day."""
-
-
-class TableLook:
-    """Some rows of a table, the same of all columns, taken while it is looked through.
-
-    most : rows of each part.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._rows: dict[int, FloatArray] = {}
-        self._values: dict[str, list[FloatArray]] = {}
-        self._steps: dict[str, float] = {}
-        self._kinds: dict[str, str] = {}
-
-    def add(self, begin: int, table: pa.Table) -> None:
-        """Take in a part of the table, or of its columns, from row `begin` on."""
-        chosen = np.linspace(0, table.num_rows - 1, min(self._most, table.num_rows))
-        chosen = chosen.astype(np.int64)
-        self._rows[begin] = begin + chosen.astype(np.float64)
-        for name, cells in zip(table.column_names, table.columns, strict=True):
-            column = with_times(cells)
-            numbers = _numbers(column.take(as_arrow(chosen)))
-            if numbers is None or self._kinds.get(name) == "text":
-                self._kinds[name] = "text"
-                continue
-            self._values.setdefault(name, []).append(numbers)
-            if name not in self._kinds:
-                first = _numbers(column.drop_null().slice(0, _OPENING))
-                steps = np.diff(first if first is not None else [])
-                self._steps[name] = float(np.median(steps)) if steps.size else 0.0
-                self._kinds[name] = DATED if pa.types.is_string(cells.type) else "number"
-
-    def kind(self, key: str) -> str:
-        """What a column holds: numbers, dates or texts; or it is empty."""
-        return self._kinds.get(key, "empty")
-
-    def contents(
-        self,
-        path: Path,
-        form: Literal["csv", "parquet"],
-        rows: int,
-        columns: Sequence[tuple[str, str, str, str | None]],
-        decimal: Literal[".", ","] = ".",
-    ) -> Contents:
-        """Put together what the table holds.
-
-        columns : as it was added under, name, kind and stated unit of each.
-        """
-        row = np.concatenate([np.empty(0), *self._rows.values()])
-        twice = repeated([name for _, name, _, _ in columns])
-        fields, times = [], []
-        numbers: dict[str, FloatArray] = {}
-        for key, name, kind, unit in columns:
-            value = np.concatenate([np.empty(0), *self._values.get(key, ())])
-            if self.kind(key) in ("text", "empty") or name in twice:
-                fields.append(Field(name, kind, unit))
-                continue
-            numbers[name] = value
-            fields.append(Field(name, kind, unit, *extremes(value)))
-            filled, step = value[~np.isnan(value)], self._steps[key]
-            if filled.size > 1 and step > 0 and (np.diff(filled) >= 0).all():
-                times.append(Column(name, unit, filled, step))
-        units = {name: unit for _, name, _, unit in columns}
-        vectors = []
-        for label, three in named_axes(list(numbers), units):
-            values = np.column_stack([numbers[name] for name in three])
-            there = ~np.isnan(values).any(axis=1)
-            vectors.append(Vector(three, label, "", units[three[0]], row[there], values[there]))
-        stream = Stream("table", "", rows, tuple(fields))
-        size = path.stat().st_size
-        return Contents(path, form, size, (stream,), tuple(vectors), tuple(times), decimal)
-
-
 def holes(column: Any) -> BoolArray:
     """Where a column is empty, (N,)."""
     return np.asarray(as_numpy(column.is_null().cast(pa.int8())) != 0)
@@ -182,18 +195,3 @@ def is_number(kind: pa.DataType) -> bool:
     """Whether cells of this type are numbers; times and truths are none."""
     types = pa.types
     return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind))
-
-
-def _numbers(column: Any) -> FloatArray | None:
-    """A column as float64 seconds or numbers; None where it holds neither."""
-    kind, types = column.type, pa.types
-    if types.is_timestamp(kind) or types.is_duration(kind):
-        return as_numpy(column.cast(pa.int64()).cast(pa.float64(), safe=False)) / TICKS[kind.unit]
-    if is_number(kind) or types.is_null(kind):
-        return as_numpy(column.cast(pa.float64(), safe=False))
-    return None
-
-
-def repeated(names: Sequence[str]) -> list[str]:
-    """Names that are there more than once."""
-    return sorted(name for name, times in Counter(names).items() if times > 1)

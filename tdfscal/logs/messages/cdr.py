@@ -17,8 +17,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from tdfscal.frozen import record
-from tdfscal.logs.messages.buffer import DATA, Messages, gather
-from tdfscal.logs.messages.paths import Named, Path, path_text
+from tdfscal.logs.messages.buffer import DATA, Messages, Named, Path, gather, path_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]

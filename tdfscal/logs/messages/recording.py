@@ -1,10 +1,12 @@
-"""A file of messages by topic, in whichever container."""
+"""A file of messages by topic, in whichever container: its samples, and what it holds."""
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -13,13 +15,24 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.contents import Contents, Format, Stream
-from tdfscal.logs.log_file import LogFile
-from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.contents import TopicLook
-from tdfscal.logs.messages.topics import Topics
+from tdfscal.logs.clock import Clock, Skew
+from tdfscal.logs.contents import (
+    SAMPLES,
+    Contents,
+    Field,
+    Format,
+    Stream,
+    Vector,
+    axes_of,
+    extremes,
+)
+from tdfscal.logs.formats import Bag
+from tdfscal.logs.log_file import LogFile, reason
+from tdfscal.logs.messages.buffer import Leaf, Messages, Named, Read, path_text
+from tdfscal.logs.messages.encodings import Ros
+from tdfscal.logs.messages.topics import UNREADABLE, Topics, encoding_of
 from tdfscal.logs.request import Block, Piece, Request
-from tdfscal.logs.rosbag2 import Bag
+from tdfscal.records import FloatArray, IntArray
 
 _ENOUGH: Final = 1 << 14  # samples of a piece
 
@@ -141,3 +154,161 @@ def _join(pieces: Sequence[Piece]) -> Piece:
         )
         for clock, blocks in by_clock.items()
     )
+
+
+MAX_DEPARTURE: Final = 1.0
+"""s; header times that leave their usual distance to the recorder's by more are no times."""
+_MAX_LEAVES: Final = 64
+_MOST_SAMPLES: Final = 1 << 14  # of a topic
+_STAMP: Final = ("header", "stamp", "sec")
+_LISTS: Final = ("float64[]", "float32[]")
+_NAMES: Final = Leaf(("name",), "string[]")
+_BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
+"""Names that a message path can hold, and that are no number."""
+
+
+class TopicLook:
+    """One topic as it is looked through; the first messages show what they hold.
+
+    problem : why its messages cannot be read, if so.
+    """
+
+    def __init__(self, channel: Channel, schema: Schema | None, first: Messages) -> None:
+        self.name = channel.topic
+        self.problem: str | None = None
+        self._kind = schema.name if schema is not None else channel.message_encoding
+        self._leaves: list[Leaf] = []
+        self._stamps: _Stamps | None = None
+        self._read: Read | None = None
+        self._time: list[IntArray] = []
+        self._value: list[FloatArray] = []
+        self._ends: list[int] = []
+        self._every = 1  # of so many messages, one is sampled at most
+        self._count = 0
+        try:
+            encoding = encoding_of(channel, schema)
+            self._leaves = list(islice(encoding.leaves(first.bytes_of(0)), _MAX_LEAVES))
+            if isinstance(encoding, Ros) and _NAMES in self._leaves:
+                self._leaves += _by_name(encoding, first.at(0), self._leaves)
+            if paths := [path for leaf in self._leaves for path in leaf.axes]:
+                self._read = encoding.reader(paths, stamped=False)
+            if any(leaf.path == _STAMP for leaf in self._leaves):
+                self._stamps = _Stamps(self.name, encoding.reader([], stamped=True))
+        except UNREADABLE as error:
+            self.problem = reason(error)
+
+    def note(self, messages: Messages) -> None:
+        """Note the times of messages, and sample their vectors."""
+        ticks = messages.log_time()
+        self._count += ticks.size
+        self._ends = [min([*self._ends, int(ticks.min())]), max([*self._ends, int(ticks.max())])]
+        if self._stamps is not None:
+            self._stamps.note(messages)
+        if self._read is None:
+            return
+        step = max(-(-ticks.size // SAMPLES), self._every)
+        try:
+            self._value.append(self._read(messages.at(slice(None, None, step))))
+            self._time.append(ticks[::step])
+        except UNREADABLE as error:
+            self.problem = f"a message cannot be read: {reason(error)}"
+            self._read = None
+        if sum(map(len, self._time)) > _MOST_SAMPLES:
+            self._value = [np.concatenate(self._value)[::2]]
+            self._time = [np.concatenate(self._time)[::2]]
+            self._every *= 2
+
+    def found(self) -> tuple[Stream, list[Vector]]:
+        """Its fields, and what has x, y, z, as sampled."""
+        fields: list[Field] = []
+        vectors: list[Vector] = []
+        time = np.concatenate([np.empty(0), *self._time]) / 1e9
+        order = np.argsort(time, kind="stable")
+        for leaf in self._leaves:
+            low = high = None
+            if leaf.axes and self._value:
+                column = 3 * len(vectors)
+                three = np.concatenate(self._value)[:, column : column + 3]
+                low, high = extremes(three)
+                named = leaf.axes if leaf.label else (leaf.path,)
+                vector = Vector(
+                    fields=tuple(self.name + path_text(path) for path in named),
+                    label=self.name + (leaf.label or path_text(leaf.path)),
+                    kind=f"{self._kind} {leaf.path[0] if leaf.label else leaf.kind}",
+                    unit=None,
+                    time=time[order],
+                    value=three[order],
+                )
+                vectors.append(vector)
+            fields.append(Field(path_text(leaf.path)[1:], leaf.kind, None, low, high))
+        start, end = (tick / 1e9 for tick in self._ends)
+        stream = Stream(
+            self.name,
+            self._kind,
+            self._count,
+            tuple(fields),
+            start,
+            end,
+            stamped=self._stamps is not None,
+            unusable=self._stamps.unusable() if self._stamps is not None else None,
+        )
+        return stream, vectors
+
+
+def _by_name(encoding: Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
+    """Elements of lists whose names differ in x, y, z only, as in JointState."""
+    names = [name for name in encoding.names(first.bytes_of(0)) if _BY_NAME.fullmatch(name)]
+    found: list[Leaf] = []
+    for leaf in [leaf for leaf in leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
+        for label, three in axes_of(names):
+            axes = tuple((*leaf.path, Named(name)) for name in three)
+            try:
+                encoding.reader(axes, stamped=False)(first)
+            except UNREADABLE:
+                continue
+            found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
+    return found[:_MAX_LEAVES]
+
+
+class _Stamps:
+    """Header times of one topic, followed from chunk to chunk: can they be those of its samples?
+
+    read : (N, 1), s, the header times of N messages.
+    """
+
+    def __init__(self, topic: str, read: Read) -> None:
+        self._topic, self._read = topic, read
+        self._clock = Clock(topic, "timeseries")
+        self._skew = Skew()
+        self._fault: str | None = None
+
+    def note(self, messages: Messages) -> None:
+        """Take in the topic's next messages, in the order of the file."""
+        if self._fault is not None:
+            return
+        try:
+            time = self._read(messages)[:, 0]
+            if np.isnan(time).any():
+                raise ValueError("it has more than 1e9 ns to the second, or is no number")
+            self._skew.note(time, messages.log_time() / 1e9)
+            self._clock.ascending(time)
+        except DataError as error:
+            self._fault = error.what
+        except UNREADABLE as error:
+            self._fault = f"one of {self._topic} cannot be read ({reason(error)})"
+
+    def unusable(self) -> str | None:
+        """Why the header times cannot be used, if so."""
+        if not self._skew.count and self._fault is None:
+            return f"those of {self._topic} are all zero"
+        if self._skew.worst > MAX_DEPARTURE:
+            return (
+                f"those of {self._topic} leave their usual distance to the recorder's "
+                f"by up to {self._skew.worst:.3g} s"
+            )
+        if self._fault is None:
+            try:
+                self._clock.finish()
+            except DataError as error:
+                self._fault = error.what
+        return self._fault

@@ -12,11 +12,9 @@ from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import reason
-from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.json_messages import Json
-from tdfscal.logs.messages.paths import Path as MessagePath
-from tdfscal.logs.messages.paths import parse_steps, topic_of
-from tdfscal.logs.messages.ros import Ros
+from tdfscal.logs.messages.buffer import Messages, parse_steps, topic_of
+from tdfscal.logs.messages.buffer import Path as MessagePath
+from tdfscal.logs.messages.encodings import Json, Ros
 from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
 

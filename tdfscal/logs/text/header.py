@@ -15,7 +15,7 @@ from typing import Final
 from tdfscal.errors import DataError
 from tdfscal.files.units import is_unit
 from tdfscal.frozen import record
-from tdfscal.logs.dates import is_date_time
+from tdfscal.logs.table import is_date_time
 
 SEARCHED: Final = 64
 """Lines among which a header is looked for."""

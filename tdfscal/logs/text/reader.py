@@ -8,20 +8,22 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, Literal
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.logs.contents import SAMPLES, Contents
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, mapped
 from tdfscal.logs.request import Piece, Request
-from tdfscal.logs.table import TableLook, table_piece
+from tdfscal.logs.table import table_piece
 from tdfscal.logs.text.header import SEARCHED, find_table, is_number, split_cells
 from tdfscal.logs.text.rows import RowParser, Rows, find_columns, number_in, single_spaces
 from tdfscal.records import Integrity
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
 
 Decimal = Literal[".", ","]
 
@@ -82,6 +84,8 @@ class TextLog(LogFile):
 
     def look(self) -> Contents:
         """Its columns, and some rows of each block."""
+        from tdfscal.logs.contents import SAMPLES, TableLook  # not needed to read it
+
         with open_text(self.path) as file:
             lines = file.lines[: 2 * SEARCHED]
             table = find_table(lines)

@@ -16,10 +16,17 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.units import UNITS, Quantity, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record
-from tdfscal.logs.dates import DATES, has_zone, is_date_time, seconds_of, seconds_of_all
 from tdfscal.logs.log_file import placed
 from tdfscal.logs.request import Request, Signal
-from tdfscal.logs.table import columns_of, takes_turns
+from tdfscal.logs.table import (
+    DATES,
+    columns_of,
+    has_zone,
+    is_date_time,
+    seconds_of,
+    seconds_of_all,
+    takes_turns,
+)
 from tdfscal.logs.text.header import Table, find_table, ragged, split_cells, split_label
 from tdfscal.records import FloatArray
 
