@@ -1,7 +1,5 @@
 """The Python interface, as its documentation shows it."""
 
-from __future__ import annotations
-
 import doctest
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recorded campaigns of rigs that are no part of this project, where they are present."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Records do what `dataclass(frozen=True)` promises."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from dataclasses import FrozenInstanceError, replace

@@ -1,7 +1,5 @@
 """Imports go one way, and the heavy libraries stay out of the light rooms."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Findings in words, for tests of what is said."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

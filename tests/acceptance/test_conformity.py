@@ -1,7 +1,5 @@
 """Conformity where the contact wrench can be written out; lengths of normal vectors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which results the gate accepts, at its limits and on either side of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Turns about the axes of the base against the axes of roll, pitch and yaw written out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

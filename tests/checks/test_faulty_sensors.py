@@ -1,7 +1,5 @@
 """One fault of one axis of one sensor at a time: that one is named, and no other dwell is lost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

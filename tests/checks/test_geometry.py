@@ -1,7 +1,5 @@
 """Terminals built here, wrong in one known way or within what is stated, and what is said."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

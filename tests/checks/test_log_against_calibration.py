@@ -1,7 +1,5 @@
 """Logs of a rig whose forces are solved for: at rest or in contact, altered in one known way."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A log altered in one known way: refused or not, and the alteration is what is named."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Two rig files that differ in one thing: that thing is found, and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A campaign whose positions and forces were recorded apart, each by a clock of its own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any

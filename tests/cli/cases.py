@@ -1,7 +1,5 @@
 """Command lines, how each ends and what it says: of every command each outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

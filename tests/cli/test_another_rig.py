@@ -1,7 +1,5 @@
 """A calibration of another rig, and a part of a log that it has not seen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`tdfscal calibrate` on the sample campaign: the same numbers whatever the format."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Every command: its exit statuses, what goes to which stream, and `--json`."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

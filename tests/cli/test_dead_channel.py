@@ -1,7 +1,5 @@
 """A channel that is dead on the day of the campaign, from the recording to the controller."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whatever ends a run, or takes its words: one line, an exit status, and no file half written."""
 
-from __future__ import annotations
-
 import io
 import json
 import signal

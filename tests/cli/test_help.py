@@ -1,7 +1,5 @@
 """What the help shows: commands by purpose, an example each, completion, narrow terminals."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

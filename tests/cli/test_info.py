@@ -1,7 +1,5 @@
 """`tdfscal info`: on files never seen before, and its mapping pasted into a rig file."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

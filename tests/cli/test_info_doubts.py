@@ -1,7 +1,5 @@
 """`tdfscal info` on odd logs: units that cannot be, clocks of no use, files of no table."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

@@ -1,7 +1,5 @@
 """`init`, then `calibrate`: one campaign as six recorders write it."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from datetime import UTC, datetime

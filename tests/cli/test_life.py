@@ -1,7 +1,5 @@
 """Several campaigns, `update` and `monitor` as users run them, on simulated months."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """A rig whose channels die: calibrated, updated and monitored as users run it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a log's warnings say reaches the user once, and also where the calibration fails."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

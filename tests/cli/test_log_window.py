@@ -1,7 +1,5 @@
 """`--from` and `--to`: a part of a log is what a log cut by hand would be."""
 
-from __future__ import annotations
-
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Too little memory is said plainly, and never taken for a damaged file."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

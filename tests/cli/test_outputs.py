@@ -1,7 +1,5 @@
 """Outputs: never over an input, all together or none."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

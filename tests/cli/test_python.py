@@ -1,7 +1,5 @@
 """Python and the command line: the same options, the same numbers, the same errors."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import shutil

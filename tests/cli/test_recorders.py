@@ -1,7 +1,5 @@
 """Campaigns of two recorders, from their files to a result, held against the same in one file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache

@@ -1,7 +1,5 @@
 """Every fault a user may bring: one paragraph, the contract's exit status, no file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A moving log beside a still one, and recordings that are there twice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

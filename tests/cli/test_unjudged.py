@@ -1,7 +1,5 @@
 """Campaigns that cannot be judged take no part, and nobody is told that all is well."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

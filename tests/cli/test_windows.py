@@ -1,7 +1,5 @@
 r"""A laptop with Windows: no module of POSIX alone, backslashes in paths, a console of cp1252."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

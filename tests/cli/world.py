@@ -1,7 +1,5 @@
 """Files for every outcome of every command: campaigns, calibrations, points, sound and faulty."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

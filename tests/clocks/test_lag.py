@@ -1,7 +1,5 @@
 """Clocks of two recorders, against those with which simulated campaigns were written."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

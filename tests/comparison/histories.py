@@ -1,7 +1,5 @@
 """Months of one rig: zeros drawn anew each month, angles that walk or step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """One weighing counts once; a load stated otherwise is a campaign's own, a changed one is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What all campaigns take as exact: foretold moves of the pool against months with that error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

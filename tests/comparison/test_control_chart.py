@@ -4,8 +4,6 @@ Histories are drawn from the model itself (linear, Gaussian), so that rates are 
 estimator makes of simulated campaigns is in `test_pooling.py`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

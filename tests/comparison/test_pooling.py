@@ -1,7 +1,5 @@
 """Several campaigns as one estimate: against one joint least squares, and against the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

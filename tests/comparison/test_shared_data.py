@@ -1,7 +1,5 @@
 """Two estimates of which one has the data of the other: what differs, and how far by chance."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import permutations

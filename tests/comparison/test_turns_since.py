@@ -1,7 +1,5 @@
 """Turns of which the filter is not told: against generalised least squares of the whole history."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """`tdfscal capability` on simulated campaigns, by the command line."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

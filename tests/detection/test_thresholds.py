@@ -1,7 +1,5 @@
 """Thresholds against closed forms, and against paths drawn from noise and systematic errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter

@@ -1,7 +1,5 @@
 """The documentation's pages, taken apart: code blocks, tables, links, headings."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

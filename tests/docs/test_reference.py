@@ -1,7 +1,5 @@
 """The reference names every key, command and option that there is, and nothing else."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Logs with known dwells: stops, moves, settling, noise; independent of the package."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

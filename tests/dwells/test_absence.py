@@ -1,7 +1,5 @@
 """A log without a dwell: the cause is named, and what is advised brings dwells."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

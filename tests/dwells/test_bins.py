@@ -1,7 +1,5 @@
 """Bins against numpy on the samples themselves; pieces, widths, gaps and bad input."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Dwells found on logs whose stops are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

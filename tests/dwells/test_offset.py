@@ -1,7 +1,5 @@
 """The offset between the clocks of positions and forces, put into simulated campaigns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Averaged postures that are there twice are one recording."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What rings alike after every move, however slowly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dwells of simulated campaigns: the simulator's truth, its own settling, vibration and moves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import poisson

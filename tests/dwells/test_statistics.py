@@ -1,7 +1,5 @@
 """Covariance of a dwell's mean against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The temperature of each dwell, where a log carries it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

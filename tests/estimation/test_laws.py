@@ -1,7 +1,5 @@
 """Laws of the engine over observations of every kind: at rest, in motion, whatever is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

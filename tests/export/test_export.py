@@ -1,7 +1,5 @@
 """Exports read back by readers that share no code with them."""
 
-from __future__ import annotations
-
 import csv
 import ctypes
 import io

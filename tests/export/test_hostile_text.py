@@ -1,7 +1,5 @@
 """Hostile names through every field into every output: each parses and says the same string."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

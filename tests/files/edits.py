@@ -1,7 +1,5 @@
 """Edits of a document: as told, or at random of a number, a word, a switch, a key, an order."""
 
-from __future__ import annotations
-
 import copy
 import random
 from collections.abc import Callable, Iterator

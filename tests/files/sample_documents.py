@@ -1,7 +1,5 @@
 """Documents to alter in tests: a rig file as text, a calibration built from closed forms."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One number of a calibration file moved beyond rounding: refused at its place, and only then."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

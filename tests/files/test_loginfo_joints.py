@@ -1,7 +1,5 @@
 """`tdfscal info` on joints: pairs by the joints' names."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from pathlib import Path

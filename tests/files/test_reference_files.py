@@ -3,8 +3,6 @@
 They are never made anew: where one is refused, the reading has broken.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

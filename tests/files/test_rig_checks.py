@@ -1,7 +1,5 @@
 """Parts of a rig file that contradict one another: refused at their place, and only then."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """A file appears whole or not at all, where its name leads."""
 
-from __future__ import annotations
-
 import os
 import stat
 from pathlib import Path

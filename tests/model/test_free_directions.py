@@ -1,7 +1,5 @@
 """Rotations of which only some axes are measured."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters by their definitions: order, priors, and how a state is moved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

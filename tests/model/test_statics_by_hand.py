@@ -1,7 +1,5 @@
 """The balance against Newton's law written out posture by posture, its noise against scatter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Functions by which zeros move, against what they are defined to be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Moving campaigns of the simulator, fitted with the least of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Axes that no sensor measures, in motion: the balance across their forces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces and positions by clocks that run apart: the rate is found and costs nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from tdfscal.model.dynamics import CLOCK_RATE, RATE

@@ -1,7 +1,5 @@
 """`simulate --scenario motion` and `calibrate --samples`, files in and file out."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

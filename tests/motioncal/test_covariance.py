@@ -1,7 +1,5 @@
 """What the positioners' errors do to the estimate: a field of the place, no noise of the time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

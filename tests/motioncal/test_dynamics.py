@@ -1,7 +1,5 @@
 """The model of motion against the simulator's physics, which was written apart from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

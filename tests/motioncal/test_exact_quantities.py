@@ -1,7 +1,5 @@
 """What is taken as exact in motion, against a fit of a rig file that is wrong by as much."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

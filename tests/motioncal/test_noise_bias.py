@@ -1,7 +1,5 @@
 """The score that noise in the readings makes, against its mean over many draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

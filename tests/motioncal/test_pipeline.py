@@ -1,7 +1,5 @@
 """From slow streams to a judged result: contacts, refusals, and what is stated of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Rests within a motion: the positioners' errors stand still there and average to nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

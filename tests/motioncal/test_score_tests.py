@@ -1,7 +1,5 @@
 """What a rig file does not say shows in a motion's residual, and is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is stated covers; the spectrum is that of the noise; trials confirm the interval."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Decimation while reading, and the weak form, against closed forms."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Does a calibration still hold, asked of a terminal that never stops."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Zeros that drift and follow the temperature while the terminal moves, files in and result out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Contrasts of two parts, by closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Gauss–Newton and its decomposition against scipy and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares as oracle

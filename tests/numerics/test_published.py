@@ -1,7 +1,5 @@
 """Published results, reproduced by the uncertainty code: GUM H.2; JCGM 101 9.2.4 and 9.3."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

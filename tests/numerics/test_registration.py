@@ -1,7 +1,5 @@
 """Statistics of single points: statistics by leaving them out, probabilities by their laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

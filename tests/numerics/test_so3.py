@@ -1,7 +1,5 @@
 """Axioms, sweeps around 0 and ±π, and Jacobians by an independent route."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A line through lags against normal scatter; splines against scipy and a cubic, which they are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline

@@ -1,7 +1,5 @@
 """Limits to plan within."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tdfscal.planning.candidates import Limits

@@ -1,7 +1,5 @@
 """Candidates keep every limit, and their forces are those of a terminal at rest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a posture tells: against finite differences, random draws and Eq. 9."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A planned motion: within its limits, and as certain as it says."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from functools import cache

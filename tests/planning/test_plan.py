@@ -1,7 +1,5 @@
 """A plan beats chance, and a simulated campaign confirms what it promises."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The plan's CSV as a machine reads it, and the command."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Choice by linear algebra, against brute force; and order."""
 
-from __future__ import annotations
-
 from itertools import combinations, permutations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pages of results, for what is looked at in them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tdfscal.files.calibration.document import Calibration

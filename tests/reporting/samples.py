@@ -1,7 +1,5 @@
 """Calibrations to report on: from simulated dwells, through the real steps, once per session."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The first advice is the cure: followed by its words alone, it ends in angles that are true."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.advice import cases, led

@@ -1,7 +1,5 @@
 """The catalogue holds every code of the source, and no other; every entry can be said."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 from typing import get_args

@@ -1,7 +1,5 @@
 """What a calibration file keeps for its report, against independent arithmetic."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Every figure: nothing cut, axes with units, a reading that says the number."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from itertools import combinations

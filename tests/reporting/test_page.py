@@ -1,7 +1,5 @@
 """The HTML page: one file, nothing from outside, verdict first, nothing unescaped."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser

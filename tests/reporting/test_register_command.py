@@ -1,7 +1,5 @@
 """`tdfscal register`: a transform made by hand comes back."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Several calibrations: order, drift, E_n by hand, and the commands that show them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

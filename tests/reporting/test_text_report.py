@@ -1,7 +1,5 @@
 """The report in a terminal and in a pipe."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import replace

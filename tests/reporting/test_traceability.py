@@ -1,7 +1,5 @@
 """What an auditor finds in a report: serial numbers, people, dates, assumptions, rules."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

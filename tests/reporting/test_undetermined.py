@@ -1,7 +1,5 @@
 """The page of a calibration without angles: what is weak, the log, what next; never an angle."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A sensor pitched by 90°: roll and yaw are one turn, and no interval of them stands anywhere."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

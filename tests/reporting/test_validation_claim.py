@@ -1,7 +1,5 @@
 """What a verdict rests on, and what it advises: the JSON's findings, and the deciding p in text."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The page of `validate --html`: verdict, cause, figure and where it comes from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

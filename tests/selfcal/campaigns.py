@@ -1,7 +1,5 @@
 """Simulated campaigns and their verdict against the truth, shared by the tests of this folder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What changes within a campaign is named: a turned sensor, a contact that stays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

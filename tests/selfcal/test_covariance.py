@@ -1,7 +1,5 @@
 """Covariance and its sources by propagating each, what noise fakes by drawing it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The estimator's sums of squares by brute force, its priors row by row, its answers by oracles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

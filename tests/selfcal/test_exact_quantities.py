@@ -1,7 +1,5 @@
 """What is taken as exact: predicted effects against simulated campaigns with that very error."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Inject one fault, and exactly that is named."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

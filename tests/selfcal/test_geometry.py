@@ -1,7 +1,5 @@
 """A rig file whose hinge, or a positioner whose datum, is off: named, and its harm told."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

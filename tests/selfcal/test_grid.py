@@ -1,7 +1,5 @@
 """The grid of benchmarks/selfcal_grid.py with the bounds that its table has to keep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Noise that is not what is stated: whose it is, and what only looks like it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

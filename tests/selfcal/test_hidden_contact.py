@@ -1,7 +1,5 @@
 """Postures in contact that hide each other are found and named, and no channel in their place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

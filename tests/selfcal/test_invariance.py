@@ -1,7 +1,5 @@
 """What must not change the answer: order, names, origins, units, and how the BCS is turned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

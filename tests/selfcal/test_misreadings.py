@@ -1,7 +1,5 @@
 """Logs with one gross mistake are refused by its name; poor postures are not blamed on any."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

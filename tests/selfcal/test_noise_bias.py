@@ -1,7 +1,5 @@
 """Scores of gains and compliance where nothing is wrong but the readings are noisy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Priors on the angles themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

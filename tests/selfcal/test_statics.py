@@ -1,7 +1,5 @@
 """The measurement model against the simulator's physics, and its Jacobians by other routes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

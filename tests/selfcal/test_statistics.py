@@ -1,7 +1,5 @@
 """Truth from the simulator: errors within what is stated, by the distributions themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensors that lack axes, zeros that move, frames that are turned: truth from the simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Covariance, budget and Monte Carlo against each other and against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

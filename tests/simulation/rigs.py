@@ -1,7 +1,5 @@
 """Machines without errors, and a statistic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is recorded: sensors, servos, noise, rest and motion; determinism."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

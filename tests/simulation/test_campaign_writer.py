@@ -1,7 +1,5 @@
 """Folders written, read back by libraries that share no code with the writers."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

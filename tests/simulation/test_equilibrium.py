@@ -1,7 +1,5 @@
 """The terminal's rest, checked by virtual work, closed forms and the sum of forces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Each fault moves what it should, and nothing else."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Internal forces: what they are, and that a commanded or natural one has the stated size."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

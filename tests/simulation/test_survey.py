@@ -1,7 +1,5 @@
 """The tracker session: geometry without noise, and the noise of a spherical instrument."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

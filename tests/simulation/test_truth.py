@@ -1,7 +1,5 @@
 """Truths are drawn with the standard deviations that the rig file states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small machines under control."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

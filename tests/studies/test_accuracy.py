@@ -1,7 +1,5 @@
 """Campaigns calibrated by each method; sources of uncertainty that can be taken away."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Free space and docking as studies: what a calibration does, and what hides it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`python -m studies`: files, JSON, refusals."""
 
-from __future__ import annotations
-
 import json
 import runpy
 import sys

@@ -1,7 +1,5 @@
 """The gears: energy, clearances, friction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

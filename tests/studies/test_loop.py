@@ -1,7 +1,5 @@
 """The closed loop against closed forms and the static simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

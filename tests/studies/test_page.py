@@ -3,8 +3,6 @@
 `benchmarks/paper/NAME.json` is what `python -m studies NAME studies/rig.yaml -o DIR --json` gave.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The paper's methods once more, written from its equations alone, against those of the studies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares

@@ -1,7 +1,5 @@
 """Fig. 4 against closed forms and random draws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Standard errors, intervals and verdicts against closed forms and repetitions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

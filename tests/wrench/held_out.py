@@ -1,7 +1,5 @@
 """Simulated campaigns whose last postures are held out from the calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache

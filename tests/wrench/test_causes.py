@@ -1,7 +1,5 @@
 """Whatever is wrong on a check of a sound calibration is named, with its size; before or during."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cache

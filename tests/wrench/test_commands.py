@@ -1,7 +1,5 @@
 """`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

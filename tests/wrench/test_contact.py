@@ -1,7 +1,5 @@
 """The contact wrench against closed forms and the simulator's truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

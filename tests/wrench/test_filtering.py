@@ -1,7 +1,5 @@
 """The Kalman filter against the Riccati recursion and least squares; logs that come in pieces."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

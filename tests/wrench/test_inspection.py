@@ -1,7 +1,5 @@
 """A log that contradicts its rig is refused by `apply`; what may be contact is only said."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

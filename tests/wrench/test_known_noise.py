@@ -1,7 +1,5 @@
 """Noise as the calibration found it, when a later log is judged."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

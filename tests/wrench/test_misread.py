@@ -1,7 +1,5 @@
 """A log that is read wrongly since the calibration: the mistake is named, and no change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

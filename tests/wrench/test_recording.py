@@ -1,7 +1,5 @@
 """`apply -o FILE.mcap`, read back by readers that share no code with the writer."""
 
-from __future__ import annotations
-
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path

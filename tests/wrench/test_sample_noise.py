@@ -1,7 +1,5 @@
 """The uncertainty of a single sample: noise of whatever colour, resolution."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stops by the hinges' speed, against the drive that was simulated."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tdfscal.wrench.kinematics import still

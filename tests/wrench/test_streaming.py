@@ -1,7 +1,5 @@
 """Logs in pieces, of different rates, with gaps: the same wrench as in one piece."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise

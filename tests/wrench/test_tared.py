@@ -1,7 +1,5 @@
 """Sensors tared between a calibration and its validation: zeros are no change of the rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Held-out logs: false alarms, changes found and named, and how sure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

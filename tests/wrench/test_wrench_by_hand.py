@@ -1,7 +1,5 @@
 """The contact wrench and its uncertainty where both can be written out; poses, streams, filters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far zeros have moved since they were calibrated: by what is declared, and by 1/f noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

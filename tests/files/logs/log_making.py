@@ -1,7 +1,5 @@
 """Campaigns of random numbers, written in every format by libraries other than tdfscal's reader."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """rosbag2 folders, by rosbags' writer and made by hand; their metadata against their files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

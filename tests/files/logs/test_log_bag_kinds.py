@@ -1,7 +1,5 @@
 """rosbag2's SQLite files and ROS 1 bags, by rosbags' writers: the same samples as in MCAP."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing

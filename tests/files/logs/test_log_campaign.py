@@ -1,7 +1,5 @@
 """Clocks, several files, postures: what holds for every format."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Header against log time, progress."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

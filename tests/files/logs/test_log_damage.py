@@ -1,7 +1,5 @@
 """Damaged files: refused, or read to the identical numbers; never silently different."""
 
-from __future__ import annotations
-
 import functools
 import gzip
 import io

@@ -1,7 +1,5 @@
 """The same samples in every format, container and layout: read to the bit, and described."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Logs of sensors that lack axes: read without the fields, refused with the line to write."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

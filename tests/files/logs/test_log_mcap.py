@@ -1,7 +1,5 @@
 """MCAP logs: every shape of the container, every layout of a message, against other readers."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """CSV and TSV logs, with the headers that recorders write."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Text logs by writers other than ours: spaces, no header, remarks, dates with times as clocks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone

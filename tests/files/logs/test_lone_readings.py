@@ -1,7 +1,5 @@
 """One spoilt cell of a log: left out by name, so that no dwell and no mean is touched."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

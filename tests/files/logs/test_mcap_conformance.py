@@ -6,8 +6,6 @@ schemas and channels, indexes of chunks, attachments and metadata, summary offse
 later versions have extended by fields unknown today.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from dataclasses import dataclass
