@@ -19,7 +19,7 @@ from tdfscal.commands.calibration import (
 )
 from tdfscal.commands.campaign import Campaign, no_log, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, stated_date
-from tdfscal.dwells.thermometer import Thermometer
+from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects

@@ -11,7 +11,7 @@ from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.campaign import find_logs
 from tdfscal.commands.info import InfoResult
 from tdfscal.commands.result import Result
-from tdfscal.dwells.absence import no_dwell
+from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig

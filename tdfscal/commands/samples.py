@@ -13,7 +13,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.thermometer import Thermometer
+from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding

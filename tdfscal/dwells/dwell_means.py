@@ -13,15 +13,18 @@ is added.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
+from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.frozen import record
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray, IntArray, Log
 
 _LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
 _SPECTRA = 50  # dwells, evenly over the log, that the spectrum is taken from
@@ -235,3 +238,56 @@ def _log_ratio(scatter: FloatArray, middle: FloatArray, count: IntArray) -> Floa
     sampled = np.sqrt(2.0 / np.maximum(count - 1, 1))[..., None]
     spread = 1.4826 * np.median(np.abs(log), axis=0)
     return np.asarray(log / np.maximum(sampled, spread))
+
+
+_STEP = 0.5  # s; a temperature changes slowly, and is kept as means over this time
+
+
+@dataclass(slots=True)
+class Thermometer:
+    """Lets pieces of a log pass and keeps their temperatures as means over short steps.
+
+    time, value : per field, pieces of (steps,), s and °C.
+    """
+
+    rows: bool = False
+    time: list[list[FloatArray]] = field(default_factory=list)
+    value: list[list[FloatArray]] = field(default_factory=list)
+
+    def passing(self, pieces: Iterable[Log]) -> Iterator[Log]:
+        """Pass pieces on."""
+        for piece in pieces:
+            self.rows = piece.rows == "postures"
+            self.time = self.time or [[] for _ in piece.temperature]
+            self.value = self.value or [[] for _ in piece.temperature]
+            for series, time, value in zip(piece.temperature, self.time, self.value, strict=True):
+                known = np.isfinite(series.value[:, 0])
+                if known.any():
+                    stamps, celsius = series.time[known], series.value[known, 0]
+                    step = np.floor(stamps / _STEP) if not self.rows else stamps
+                    first = np.flatnonzero(np.append(True, np.diff(step) > 0))
+                    count = np.diff(np.append(first, len(step)))
+                    time.append(np.add.reduceat(stamps, first) / count)
+                    value.append(np.add.reduceat(celsius, first) / count)
+            yield piece
+
+    def at(self, start: FloatArray, end: FloatArray, n: int) -> FloatArray | None:
+        """Mean temperature (K, n), °C, over K stretches at n sensors; None where none is recorded.
+
+        A stretch without a sample gets what lies between its neighbours. Raises DataError where a
+        field holds no number.
+        """
+        if not self.time:
+            return None
+        columns = []
+        for times, values in zip(self.time, self.value, strict=True):
+            if not times:
+                raise DataError(Finding("temperature-unreadable"))
+            time, value = np.concatenate(times), np.concatenate(values)
+            total = np.append(0.0, np.cumsum(value))
+            first, last = np.searchsorted(time, start), np.searchsorted(time, end, side="right")
+            count = last - first
+            between = np.interp((start + end) / 2, time, value)
+            mean = (total[last] - total[first]) / np.maximum(count, 1)
+            columns.append(np.where(count > 0, mean, between))
+        return np.stack(columns if len(columns) > 1 else columns * n, axis=1)

@@ -1,4 +1,4 @@
-"""Log → dwells, with statistics, temperatures and what is left out."""
+"""Log → dwells: rows that are postures already, or the search; temperatures; why none was found."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from itertools import chain
 import numpy as np
 from scipy.special import ndtri
 
-from tdfscal.dwells.averaged_postures import postures_as_dwells
 from tdfscal.dwells.bins import Bins, reduce_to_bins, zeros
 from tdfscal.dwells.clock_offset import misaligned, motion_offset
 from tdfscal.dwells.dwell_means import (
     Extent,
     Moments,
+    Thermometer,
     dwell_moments,
     still_since,
     whole_range,
 )
-from tdfscal.dwells.field import Field, prepare, within
+from tdfscal.dwells.field import SHORTEST, Field, prepare, within
+from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.search import INTERRUPTED, search
-from tdfscal.dwells.thermometer import Thermometer
 from tdfscal.errors import DataError, expect
-from tdfscal.findings import Finding
-from tdfscal.records import Dwells, LeftOut, Log
+from tdfscal.findings import Finding, Value
+from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
 
 _SAMPLE = 60  # rests that the first two rounds look at
@@ -94,7 +94,7 @@ def dwells_of_bins(bins: Bins) -> Dwells:
         extents, left_out = search(field, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
     if not len(dwells):
-        from tdfscal.dwells.absence import explain  # of logs without any
+        from tdfscal.dwells.find import explain  # of logs without any
 
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
     if dropped := zeros(bins):
@@ -157,3 +157,161 @@ def _drifts(field: Field, extents: list[Extent], moments: Moments) -> list[Findi
                 )
             )
     return found
+
+
+_DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
+_EPS = 1e-12
+
+
+def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
+    """Each row is one dwell: mean as recorded, covariance zero, one sample.
+
+    A row that repeats an earlier one is the same recording (a copy of a file, an export to a second
+    format, doubled rows); it counts once, and a warning says so.
+
+    Raises
+    ------
+    DataError
+        where the streams have different numbers of rows, or a reading is not a number.
+    """
+    logs = list(pieces)
+    supports = logs[0].supports
+    if any(log.supports != supports for log in logs):
+        raise DataError("the logs name different supports", hint="give logs of one rig")
+    time, position, force = [], [], []
+    for log in logs:
+        rows = {len(series.time) for series in (*log.position, *log.force)}
+        if len(rows) != 1:
+            raise DataError(
+                f"the streams hold different numbers of postures, {sorted(rows)}",
+                hint="give one row per posture with every position and force",
+            )
+        time.append(log.force[0].time)
+        position.append(np.stack([s.value for s in log.position], axis=1))
+        force.append(np.stack([s.value for s in log.force], axis=1))
+    t, p, f = np.concatenate(time), np.concatenate(position), np.concatenate(force)
+    if not len(t):
+        raise DataError("the log holds no posture", hint="give one row per posture")
+    for row in np.flatnonzero(~(np.isfinite(p) & np.isfinite(f)).all(axis=(1, 2))):
+        raise DataError(
+            "a reading is not a number", where=f"posture {row + 1}", hint="leave this posture out"
+        )
+    keep, found = _once(position, force)
+    t, p, f = t[keep], p[keep], f[keep]
+    zero = np.zeros((*f.shape, 3))
+    return Dwells(
+        supports=supports,
+        start=t,
+        end=t.copy(),
+        position=p,
+        position_cov=zero,
+        force=f,
+        force_cov=zero.copy(),
+        force_min=f.copy(),
+        force_max=f.copy(),
+        count=np.ones(f.shape[:2], dtype=np.int64),
+        effective=np.ones(f.shape[:2]),
+        findings=found,
+        force_range=np.stack([f.min(axis=0), f.max(axis=0)]),
+    )
+
+
+def _once(
+    position: list[FloatArray], force: list[FloatArray]
+) -> tuple[IntArray, tuple[Finding, ...]]:
+    """Rows of all files to keep, each once, and what to say of the others.
+
+    Rows are compared as far as the file with the fewest digits resolves each column.
+    """
+    files = [
+        np.concatenate(of, axis=1).reshape(len(of[0]), -1)
+        for of in zip(position, force, strict=True)
+    ]
+    value = np.concatenate(files)
+    resolution = np.max([_resolution(own) for own in files], axis=0)
+    resolution = np.maximum(resolution, _EPS * (1.0 + np.abs(value).max(axis=0)))
+    steps = np.round(value / resolution)
+    first, group = np.unique(steps, axis=0, return_index=True, return_inverse=True)[1:]
+    earlier = first[group.ravel()]
+    later = np.flatnonzero(earlier < np.arange(len(value)))
+    if not len(later):
+        return np.arange(len(value)), ()
+    values: dict[str, Value] = {
+        "postures": len(value),
+        "later": int(later[0]) + 1,
+        "earlier": int(earlier[later[0]]) + 1,
+    }
+    return np.sort(first), (Finding("postures-repeated", size=len(later), values=values),)
+
+
+def _resolution(value: FloatArray) -> FloatArray:
+    """Power of ten (6n,) that all readings (K, 6n) of a column are multiples of; 0 for none."""
+    resolution = np.zeros(value.shape[1])
+    for digits in _DIGITS:
+        rest = np.abs(np.round(value, digits) - value)
+        coarse = (rest <= _EPS * (1.0 + np.abs(value))).all(axis=0)
+        resolution[coarse] = 10.0**-digits
+    return resolution
+
+
+_SAMPLES = 20  # per stop: ten for the shortest dwell, as many for what is kept clear of moves
+_STOP = 2.0  # s, that a stop should last at least
+
+
+def no_dwell(dwells: Dwells) -> DataError:
+    """The error for a log without any dwell."""
+    absence = dwells.absence or Absence(
+        "the NCPs never rest with settled forces", "hold each posture for at least two seconds"
+    )
+    return DataError(f"no static dwell was found: {absence.seen}", where="log", hint=absence.advice)
+
+
+def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
+    """Say why no stretch of the log passes.
+
+    moving : (B,), where the search sees the NCPs move. shortest : s, of a dwell.
+    """
+    if found := zeros(bins):
+        return Absence(
+            f"the {found.values['signal']} of {found.subject[0]} drops to 0, 0, 0 and returns, at "
+            f"{100 * (found.size or 0.0):.2g} % of the samples, as if the recorder wrote zeros "
+            "where it had no reading",
+            "let the recorder leave such cells empty, or repeat the last reading",
+        )
+    begin, end = runs(~moving)
+    rest, period = float((end - begin).max(initial=0) * bins.width), float(bins.period.max())
+    if _SAMPLES / 2 * period >= max(rest, SHORTEST):
+        stop, rate = _rounded_up(_SAMPLES * period), _rounded_up(_SAMPLES / max(rest, _STOP))
+        return Absence(
+            f"sampled too slowly: there is a sample every {period:.3g} s, a dwell takes "
+            f"{_SAMPLES / 2:.0f} of them, and the NCPs rest for {rest:.2g} s at most",
+            f"record at {rate:g} Hz or more, or hold each posture for at least {stop:g} s",
+            stop,
+        )
+    if not len(begin):
+        return Absence(
+            "the NCPs never rest: their positions change from the first sample to the last",
+            f"hold each posture for at least {_STOP:g} s, and check that the position fields are "
+            "those of the NCPs, unfiltered",
+        )
+    if rest < shortest:
+        return Absence(
+            f"the stops are too short: the NCPs rest {len(begin)} times, for {rest:.2g} s at most, "
+            f"and a dwell takes {shortest:.2g} s of settled forces",
+            f"hold each posture for at least {_STOP:g} s",
+            _STOP,
+        )
+    stop = _rounded_up(2.0 * rest + _STOP)
+    return Absence(
+        f"the NCPs rest for up to {rest:.2g} s, and the forces never settle meanwhile: a smoothing "
+        "filter, slow settling, or a touch",
+        "switch the smoothing of sensor, amplifier or recorder off, look whether something touches "
+        f"the terminal, or hold each posture for at least {stop:g} s",
+        stop,
+    )
+
+
+def _rounded_up(value: float) -> float:
+    """To two digits, never less."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(np.ceil(value / digit - 1e-9) * digit)

@@ -22,7 +22,7 @@ from tdfscal.dwells import (
     motion_offset,
     reduce_to_bins,
 )
-from tdfscal.dwells.absence import no_dwell
+from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines

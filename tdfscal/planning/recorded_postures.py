@@ -27,7 +27,7 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     Raises DataError where no dwell can be used or the log contradicts the rig file.
     """
     if len(dwells) == 0:
-        from tdfscal.dwells.absence import no_dwell
+        from tdfscal.dwells.find import no_dwell
 
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)

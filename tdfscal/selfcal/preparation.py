@@ -60,7 +60,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     NotIdentifiableError where the sensors together miss a direction of forces.
     """
     if len(dwells) == 0:
-        from tdfscal.dwells.absence import no_dwell
+        from tdfscal.dwells.find import no_dwell
 
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position, dwells.force)

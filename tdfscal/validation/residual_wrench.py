@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.dwells.absence import no_dwell
+from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.absence import no_dwell
+from tdfscal.dwells.find import no_dwell
 from tdfscal.records import Absence, FloatArray, Log, Series
 from tests.words import in_words
 
