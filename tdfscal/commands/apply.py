@@ -33,7 +33,7 @@ from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
 from tdfscal.wrench.kinematics import Standstill
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.sample_noise import LogHead, SampleNoise, with_sample_noise
+from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, with_sample_noise
 
 if TYPE_CHECKING:
     import pandas as pd

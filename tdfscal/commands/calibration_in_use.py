@@ -36,8 +36,14 @@ from tdfscal.wrench.contact_wrench import (
     unknown_components,
 )
 from tdfscal.wrench.resampling import Samples, Tally, aligned
-from tdfscal.wrench.sample_noise import LogHead, take_head
-from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
+from tdfscal.wrench.wrench_noise import (
+    LogHead,
+    ZeroVariance,
+    flicker,
+    flicker_level,
+    moved_zeros,
+    take_head,
+)
 
 
 @record

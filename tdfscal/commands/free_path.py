@@ -27,7 +27,7 @@ from tdfscal.model.statics import carrying
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.wrench.kinematics import rotations
-from tdfscal.wrench.sample_noise import LogHead, by_sensor
+from tdfscal.wrench.wrench_noise import LogHead, by_sensor
 
 #: Where nothing rests: windows in which slow noise shows, s.
 _WINDOW = 60.0

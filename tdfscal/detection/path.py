@@ -14,7 +14,7 @@ from tdfscal.model.zero_motion import ZeroAge, zero_motion
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 from tdfscal.wrench.contact_wrench import Linear, linearised
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.zero_wander import ZeroVariance
+from tdfscal.wrench.wrench_noise import ZeroVariance
 
 #: Means over this time are looked at, s; every other one is dropped where there are more.
 _BLOCK, _MOST = 0.25, 256

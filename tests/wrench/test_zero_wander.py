@@ -13,8 +13,7 @@ from tdfscal.model.zero_motion import ZeroAge, zero_motion
 from tdfscal.records import Drift, FloatArray, Log, Series
 from tdfscal.simulation import Campaign, Options, Recorder, make_rig, simulate_campaign
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.sample_noise import LogHead
-from tdfscal.wrench.zero_wander import flicker, flicker_level, moved_zeros
+from tdfscal.wrench.wrench_noise import LogHead, flicker, flicker_level, moved_zeros
 
 STEP, DWELL, SPAN, LEVEL = 0.1, 4.0, 100.0, 0.5
 CHANNELS = 300
