@@ -19,8 +19,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray
 from tdfscal.significance import WRENCH_PRESENT
 from tdfscal.wrench.contact_wrench import contact_wrench, wrenches
-from tdfscal.wrench.kinematics import rotations
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples, rotations
 
 #: Samples kept of a whole log at most, and the fewest that judge a piece of it.
 _KEPT = 1024

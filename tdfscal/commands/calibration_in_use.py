@@ -35,7 +35,7 @@ from tdfscal.wrench.contact_wrench import (
     in_motion,
     unknown_components,
 )
-from tdfscal.wrench.resampling import Samples, Tally, aligned
+from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned
 from tdfscal.wrench.wrench_noise import (
     LogHead,
     ZeroVariance,

@@ -26,7 +26,7 @@ from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import carrying
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
-from tdfscal.wrench.kinematics import rotations
+from tdfscal.wrench.samples_in_motion import rotations
 from tdfscal.wrench.wrench_noise import LogHead, by_sensor
 
 #: Where nothing rests: windows in which slow noise shows, s.

@@ -13,7 +13,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.model.zero_motion import ZeroAge, zero_motion
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 from tdfscal.wrench.contact_wrench import Linear, linearised
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples
 from tdfscal.wrench.wrench_noise import ZeroVariance
 
 #: Means over this time are looked at, s; every other one is dropped where there are more.

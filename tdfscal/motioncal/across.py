@@ -23,7 +23,7 @@ from tdfscal.model.parameters import State
 from tdfscal.model.statics import Balance, Postures, balance, features, free
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.kinematics import derivatives
+from tdfscal.wrench.samples_in_motion import derivatives
 
 #: Instants on either side that a local cubic takes in.
 _HALF = 3

@@ -19,7 +19,7 @@ from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import even_spline
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.kinematics import derivatives, motion, rotations, vee
+from tdfscal.wrench.samples_in_motion import derivatives, motion, rotations, vee
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4

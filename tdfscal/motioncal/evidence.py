@@ -14,7 +14,7 @@ from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_
 from tdfscal.motioncal.rows import rms
 from tdfscal.numerics.least_squares import free_values, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray
-from tdfscal.wrench.kinematics import rotations
+from tdfscal.wrench.samples_in_motion import rotations
 
 #: Length of the stretches that are held out in turn, s, and how many at most.
 _FOLD, _MOST = 15.0, 8

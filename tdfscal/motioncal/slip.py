@@ -26,7 +26,7 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_
 from tdfscal.numerics.least_squares import Asked, ask
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CHANGED_RIG
-from tdfscal.wrench.kinematics import derivatives
+from tdfscal.wrench.samples_in_motion import derivatives
 
 #: Instants all over the log that are asked for, and those about the likeliest, again and again.
 _SPLITS, _CLOSER = 24, 12

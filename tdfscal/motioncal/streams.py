@@ -16,7 +16,7 @@ from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BoolArray, FloatArray, Log, Series
-from tdfscal.wrench.resampling import joined, together
+from tdfscal.wrench.samples_in_motion import joined, together
 
 #: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
 RATE = 20.0

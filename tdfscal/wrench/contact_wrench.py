@@ -22,8 +22,7 @@ from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.kinematics import Motion, motion, poses, rotations, vee
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Motion, Samples, motion, poses, rotations, vee
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 

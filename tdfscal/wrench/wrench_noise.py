@@ -31,7 +31,7 @@ from tdfscal.model.statics import wrench
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import BoolArray, Drift, FloatArray, Log, Series
 from tdfscal.wrench.contact_wrench import Wrenches
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
 _WINDOW, _FEWEST = 0.5, 32

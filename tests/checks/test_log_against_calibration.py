@@ -15,7 +15,7 @@ from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples
 from tests.words import in_words
 
 N = 60

@@ -11,7 +11,7 @@ from tdfscal.model.postures import register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.wrench.contact_wrench import contact_wrench, covariance, wrenches
-from tdfscal.wrench.kinematics import motion, poses
+from tdfscal.wrench.samples_in_motion import motion, poses
 
 from .held_out import HELD, RIG, world
 

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal.records import FloatArray
 from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
 each = pytest.mark.parametrize("walk", WALKS)

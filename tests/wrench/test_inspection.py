@@ -18,7 +18,7 @@ from tdfscal.files.writers.wrenches import write_wrenches
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults
 from tdfscal.wrench.contact_wrench import Wrenches
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples
 from tests.cli.running import SAMPLES, Cli, Run, rows
 from tests.words import in_words
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tdfscal.wrench.kinematics import still
-from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.samples_in_motion import Samples, still
 
 
 def driven(begin: float, end: float, speed: float) -> Samples:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
-from tdfscal.wrench.resampling import Samples, Tally, aligned
+from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned
 
 from .held_out import RIG, world
 

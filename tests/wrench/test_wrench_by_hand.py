@@ -13,8 +13,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import single, wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
-from tdfscal.wrench.kinematics import derivative_kernels, motion
-from tdfscal.wrench.resampling import Samples, Tally, aligned
+from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned, derivative_kernels, motion
 
 LEVEL = np.tile(np.eye(3), (3, 1, 1))
 STD = 1e-3
