@@ -24,10 +24,10 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
+from tdfscal.reporting.claims import changes
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.traceability import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
-from tdfscal.reporting.validation_claim import changes
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.residual_wrench import ENOUGH, Validation

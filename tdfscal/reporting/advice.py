@@ -18,7 +18,7 @@ from tdfscal.findings import Finding
 from tdfscal.planning.recorded_postures import HARDER
 from tdfscal.records import ANGLES
 from tdfscal.reporting.assumptions import STATED_BY, exceeding
-from tdfscal.reporting.headline import (
+from tdfscal.reporting.claims import (
     SPOILT,
     draft_lines,
     half_widths,

@@ -19,6 +19,16 @@ from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
 from tdfscal.reporting.assumptions import exact_names
+from tdfscal.reporting.claims import (
+    Tested,
+    change,
+    changes,
+    chi2_test,
+    extent,
+    lengths,
+    reasons,
+    search_test,
+)
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.reporting.traceability import (
     FIXED,
@@ -29,16 +39,6 @@ from tdfscal.reporting.traceability import (
     measured_on,
     report_digest,
     stated_facts,
-)
-from tdfscal.reporting.validation_claim import (
-    Tested,
-    change,
-    changes,
-    chi2_test,
-    extent,
-    lengths,
-    reasons,
-    search_test,
 )
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.in_motion import MovingValidation

@@ -17,7 +17,7 @@ from tdfscal.files.rig.model import Sensor
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.reporting.assumptions import exceeding
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.headline import headline
+from tdfscal.reporting.claims import headline
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render

@@ -9,9 +9,9 @@ import pytest
 
 from tdfscal.catalogue import documents
 from tdfscal.numerics.distributions import coverage_factor, p_text
+from tdfscal.reporting.claims import change, changes
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
-from tdfscal.reporting.validation_claim import change, changes
 from tdfscal.significance import VALIDATION_ALARM
 from tdfscal.validation.residual_wrench import Validation, validate
 from tdfscal.validation.residuals import AS_STATED, KnownNoise
