@@ -22,7 +22,7 @@ from studies.statistics import (
 )
 from tdfscal.errors import NotConvergedError
 from tdfscal.records import ANGLES, FloatArray, Rig
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import figure, signed
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import SurveyOptions
@@ -201,8 +201,8 @@ def _histogram(ax: Axes, error: FloatArray) -> None:
     counts, edges = np.histogram(error, bins=bins)
     middle, std = float(error.mean()), float(error.std(ddof=1))
     ax.stairs(counts, edges, fill=True, color="#c6d6ea")
-    ax.stairs(counts, edges, color=ink.BLACK, linewidth=0.5)
-    ax.axvline(0.0, color=ink.BLACK, linewidth=0.8, linestyle="--")
+    ax.stairs(counts, edges, color=style.BLACK, linewidth=0.5)
+    ax.axvline(0.0, color=style.BLACK, linewidth=0.8, linestyle="--")
     ax.set_ylim(0.0, 1.45 * float(counts.max()))
     said = f"mean {signed(middle, '+.2g')}\nσ {std:.3g}"
     ax.text(0.03, 0.96, said, transform=ax.transAxes, va="top", fontsize=7)

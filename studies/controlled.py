@@ -22,13 +22,13 @@ from studies.control.stability import designed, real_mass
 from studies.frame import Beside, Table
 from studies.statistics import ratio
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import signed
 from tdfscal.simulation import Pose, Truth
 
 #: Colour, line and marker of each calibration: each tells them apart on its own.
-_SELF = (ink.ORANGE, ink.RED, ink.BLUE, ink.GREEN)
-_COLOURS = (ink.BLACK, ink.GREY, ink.GREY, *_SELF, *_SELF)
+_SELF = (style.ORANGE, style.RED, style.BLUE, style.GREEN)
+_COLOURS = (style.BLACK, style.GREY, style.GREY, *_SELF, *_SELF)
 _LINES = (":", ":", "--", "--", "-.", "-", "-.", ":", ":", ":", ":")
 MARKS = tuple(zip(_COLOURS, _LINES, "x+vsDo^sDo^", strict=True))
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.

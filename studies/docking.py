@@ -18,7 +18,7 @@ from studies.control.runs import PHASES, Controller, Docking, Result
 from studies.frame import Beside, Cell, Study, Table
 from studies.statistics import mean, ratio
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import figure, legend_outside
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import SurveyOptions
@@ -288,18 +288,18 @@ def _paint_docking(one: Dockings, c: int, run: int) -> Figure:
     grid = fig.subplots(2, 3, sharex=True, sharey="row")
     for axis, ax in enumerate(grid.flat):
         seen, true = traces.measured[:last, lane, axis], traces.contact[:last, lane, axis]
-        ax.plot(time, seen, color=ink.ORANGE, linewidth=0.7, label="as the controller sees it")
-        ax.plot(time, true, color=ink.BLACK, linewidth=1.0, label="true")
+        ax.plot(time, seen, color=style.ORANGE, linewidth=0.7, label="as the controller sees it")
+        ax.plot(time, true, color=style.BLACK, linewidth=1.0, label="true")
         for phase, start, line in zip(PHASES[1:], starts[1:], ("--", ":", "-."), strict=True):
             if np.isfinite(start):
-                ax.axvline(start, color=ink.BLUE, linewidth=0.9, linestyle=line,
+                ax.axvline(start, color=style.BLUE, linewidth=0.9, linestyle=line,
                            label=f"{phase}, {start:.1f} s")  # fmt: skip
         ax.set_title(f"{_FORCES[axis]}; largest true {one.peak[c, run, axis]:.3g}")
         controlled.linear_then_log(ax, "y", _LINEAR[axis // 3])
         if axis < 3:
             limit = one.setup.controller.thresholds[axis]
-            ax.axhline(limit, color=ink.RED, linewidth=0.7)
-            ax.axhline(-limit, color=ink.RED, linewidth=0.7, label="limit" if axis == 0 else None)
+            ax.axhline(limit, color=style.RED, linewidth=0.7)
+            ax.axhline(-limit, color=style.RED, linewidth=0.7, label="limit" if axis == 0 else None)
         else:
             ax.set_xlabel("time, s")
     legend_outside(fig, grid.flat[0])
@@ -322,10 +322,10 @@ def _paint_maxima(one: Dockings) -> Figure:
             ax.plot(values, c + spread[met], marker, color=colour, markersize=2.5, alpha=0.6,
                     linestyle="none")  # fmt: skip
             middle = mean(values)
-            ax.errorbar(middle.value, c, xerr=np.nan_to_num(middle.std), color=ink.BLACK,
+            ax.errorbar(middle.value, c, xerr=np.nan_to_num(middle.std), color=style.BLACK,
                         marker="|", markersize=8, capsize=2)  # fmt: skip
         if axis < 3:
-            ax.axvline(one.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
+            ax.axvline(one.setup.controller.thresholds[axis], color=style.RED, linewidth=0.8)
         controlled.linear_then_log(ax, "x", _LINEAR[axis // 3])
         ax.set_xlabel(_FORCES[axis] + ("" if axis > 2 else "; limit in red"))
         ax.grid(axis="y", visible=False)

@@ -13,14 +13,14 @@ from studies.frame import Cell, Study, Table
 from tdfscal.commands.calibration import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, Rig
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import figure, legend_outside
 from tdfscal.reporting.layout import Drawing
 
 #: rad, "generally not exceeding 0.05 rad" (Sect. 2.3); N, standard deviation of internal forces.
 SPAN, SQUEEZE = 0.05, 200.0
 _POINTS = 101
-_LINES = ((ink.BLACK, "-", "o"), (ink.ORANGE, "--", "s"), (ink.BLUE, ":", "^"))
+_LINES = ((style.BLACK, "-", "o"), (style.ORANGE, "--", "s"), (style.BLUE, ":", "^"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Sequence
 from reprlib import repr as shortly
 from typing import Any, ClassVar, Self
@@ -166,3 +167,26 @@ def inaccessible(fault: OSError) -> UsageError:
         where=str(fault.filename or "a file or folder"),
         hint="check the path, make room, or choose another place",
     )
+
+
+def shortage() -> MemoryShortError:
+    """Return the error of too little memory."""
+    return MemoryShortError(
+        "the memory does not suffice for this run",
+        hint="close other programs, raise the limit of what the run may use (`ulimit -v "
+        "unlimited`), or use a part of the log (`--from`, `--to`)",
+    )
+
+
+def is_short(error: BaseException) -> bool:
+    """Tell whether an error comes of too little memory, itself or what it was raised from."""
+    seen: set[int] = set()
+    at: BaseException | None = error
+    while at is not None and id(at) not in seen:
+        seen.add(id(at))
+        if isinstance(at, MemoryError | MemoryShortError):
+            return True
+        if isinstance(at, OSError) and at.errno == errno.ENOMEM:
+            return True
+        at = at.__cause__ or (None if at.__suppress_context__ else at.__context__)
+    return False

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "tdfscal"
 HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "yaml", "matplotlib"}
 #: The rooms from the ground up; each imports only from those before it.
 ORDER = (
-    "frozen", "findings", "errors", "memory", "records", "significance", "numerics", "model",
+    "frozen", "findings", "errors", "records", "significance", "numerics", "model",
     "simulation",
     "clocks", "dwells", "wrench", "detection", "checks", "acceptance", "estimation", "selfcal",
     "motioncal", "trackercal", "comparison", "validation", "planning", "catalogue", "files",
@@ -78,7 +78,6 @@ def test_no_module_lies_flat_but_the_few_that_everything_uses() -> None:
         "frozen",
         "findings",
         "errors",
-        "memory",
         "records",
         "significance",
     }

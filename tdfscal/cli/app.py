@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from functools import cache
@@ -14,9 +15,9 @@ import typer
 import typer.core
 import typer.main
 
-from tdfscal import __version__, memory
+from tdfscal import __version__
 from tdfscal.cli.process import ended, failed, leave_stdout, perform
-from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.errors import TdfscalError, UsageError, is_short, shortage
 
 if TYPE_CHECKING:
     from tdfscal.commands.options import Command, Described
@@ -166,7 +167,10 @@ def _plainly_typed(command: Any) -> None:
 
 def run() -> int:
     """Run the command that the command line asks for; return the exit status."""
-    memory.limit_threads()  # a command's module loads the libraries
+    # A command's module loads the libraries. More threads of linear algebra wait for each other,
+    # and numbers would follow the machine.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     if not sys.warnoptions:  # what concerns a user is in the result
         warnings.simplefilter("ignore")
     try:
@@ -178,7 +182,7 @@ def run() -> int:
         status = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         # What else it says of too little memory was judged without a look at that.
-        return failed(memory.shortage() if memory.is_short(error) else error)
+        return failed(shortage() if is_short(error) else error)
     except _MISUSE as error:
         return ended(2, UsageError.code, _mistake(error))
     except SystemExit as end:

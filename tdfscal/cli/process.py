@@ -18,8 +18,7 @@ from inspect import signature
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from tdfscal import memory
-from tdfscal.errors import TdfscalError, UsageError, inaccessible, visible
+from tdfscal.errors import TdfscalError, UsageError, inaccessible, is_short, shortage, visible
 
 if TYPE_CHECKING:
     from tdfscal.commands.arguments import Progress
@@ -88,8 +87,8 @@ def _judged(fault: BaseException) -> int:
     """Say what no command foresees; return its status."""
     if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
         raise fault
-    if memory.is_short(fault):
-        return failed(memory.shortage())
+    if is_short(fault):
+        return failed(shortage())
     if isinstance(fault, OSError):
         return failed(inaccessible(fault))
     said = " ".join(str(fault).split())

@@ -21,11 +21,10 @@ from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, li
 from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.commands.campaign import inputs_read
 from tdfscal.commands.result import Result
-from tdfscal.errors import UsageError, inaccessible
+from tdfscal.errors import UsageError, inaccessible, is_short
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
-from tdfscal.memory import is_short
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -11,11 +11,10 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar, cast
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError, UsageError, is_short, shortage
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.logs.request import Piece, Request
-from tdfscal.memory import is_short, shortage
 from tdfscal.records import Integrity
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
 from tdfscal.records import FloatArray
 from tdfscal.reporting.assumptions import assumption_sentences
-from tdfscal.reporting.figures.log_time import clock_from
+from tdfscal.reporting.figures import clock_from
 from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.validation.in_motion import MovingValidation

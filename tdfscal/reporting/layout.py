@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tdfscal.files.calibration.parts import RejectedPosture
     from tdfscal.files.rig.recorders import LogBlock
     from tdfscal.motioncal.blocks import Stretch
-    from tdfscal.reporting.figures.log_time import Clock
+    from tdfscal.reporting.figures import Clock
 
 Row = tuple[str, ...]
 #: The text of a table's column for the angle j of the sensor i.

@@ -1,16 +1,20 @@
-"""The figures of a report: a module per subject, a function per claim."""
+"""The figures of a report: a module per subject, a function per claim; how they count time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.frozen import field, record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tdfscal.files.calibration.document import Calibration
+    from tdfscal.files.calibration.evidence import PostureTable
+    from tdfscal.files.calibration.parts import RejectedPosture
+    from tdfscal.files.rig.model import RigFile
 
 
 @record
@@ -42,3 +46,42 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         residuals.spectrum(calibration),
     )
     return tuple(drawing for drawing in found if drawing is not None)
+
+
+@record
+class Clock:
+    """Origin is subtracted from times; label names what is then counted; unit goes with it."""
+
+    origin: float
+    label: str
+    unit: str
+
+    def stretch(self, start: float, end: float) -> str:
+        """Words for a stretch of the log."""
+        if self.unit == "row":
+            return f"row {start:.0f}"
+        return f"{start - self.origin:.1f} to {end - self.origin:.1f} {self.unit}"
+
+
+def clock(c: Calibration) -> Clock:
+    """The clock of a calibration's log."""
+    return log_clock(c.rig, c.postures, c.fit.rejected if c.fit is not None else ())
+
+
+def log_clock(
+    rig: RigFile, table: PostureTable | None, rejected: Sequence[RejectedPosture]
+) -> Clock:
+    """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
+    if any(recorder.rows == "postures" for recorder in rig.recorders):
+        return Clock(0.0, "row of the log", "row")
+    starts = [r.start for r in rejected if r.start is not None]
+    if table is not None:
+        starts += [*table.start, *(s.start for s in table.left_out or ())]
+    return clock_from(min(starts, default=0.0))
+
+
+def clock_from(first: float) -> Clock:
+    """The clock of a log whose first time is this; of a date whole seconds are subtracted."""
+    if not by_wall_clock(first):
+        return Clock(0.0, "time in the log, s", "s")
+    return Clock(float(int(first)), "time since the log's start, s", "s")

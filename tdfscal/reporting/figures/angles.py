@@ -19,7 +19,7 @@ from tdfscal.numerics import so3
 from tdfscal.planning.motion import MovingPlan
 from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import (
     Drawing,
     beside,
@@ -90,8 +90,8 @@ def _paint(c: Calibration) -> Figure:
     for y, t in zip(place, turn, strict=True):
         beside(left, signed(t, "+.2f"), t, y, 4 if t >= 0 else -4)
     ends = np.maximum(0, [value - low, high - value])
-    right.errorbar(0 * value, place, xerr=ends, color=ink.BLACK, ecolor=ink.BLUE, **_WHISKERS)
-    right.axvline(0, color=ink.GREY, linewidth=0.8)
+    right.errorbar(0 * value, place, xerr=ends, color=style.BLACK, ecolor=style.BLUE, **_WHISKERS)
+    right.axvline(0, color=style.GREY, linewidth=0.8)
     _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)))
     right.tick_params(left=False)
     return fig
@@ -103,15 +103,15 @@ def _gate(ax: Axes, limit: float, widest: float) -> None:
     if limit < _NEAR * widest:
         said += " (dashed)"
         for end in (-limit, limit):
-            ax.axvline(end, color=ink.RED, linestyle="--", linewidth=1.2)
+            ax.axvline(end, color=style.RED, linestyle="--", linewidth=1.2)
     ax.set_xlabel(f"95 % interval about the angle, mrad;\n{said}")
 
 
 def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> None:
     """Bars of the turns from the nominal mounting, mrad."""
-    ax.axvline(0, color=ink.BLACK, linewidth=0.8)
+    ax.axvline(0, color=style.BLACK, linewidth=0.8)
     ax.set_xlabel("turn from the nominal mounting, mrad")
-    ax.barh(place, turn, height=0.62, color=ink.BLUE, **ink.EDGE)
+    ax.barh(place, turn, height=0.62, color=style.BLUE, **style.EDGE)
 
 
 def differences(pairs: Sequence[Comparison], name: str = "differences") -> Drawing:
@@ -130,12 +130,12 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
     """Of each angle a whisker per pair, from the top down in their order."""
     step = 0.8 / len(pairs)
     fig, (ax,), place = by_angle(pairs[0].supports, head=1.1, row=0.16 + 0.1 * len(pairs))
-    ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
+    ax.axvline(0.0, color=style.GREY, linewidth=0.8)
     for k, pair in enumerate(pairs):
         y = place + (k - 0.5 * (len(pairs) - 1)) * step
         value, half = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
         beyond = pair.en.ravel() > 1.0
-        for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
+        for which, colour in ((~beyond, style.BLUE), (beyond, style.RED)):
             ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
         for x, at in zip(value + half, y, strict=True):
             if len(pairs) > 1:
@@ -149,7 +149,9 @@ def planned(plan: Plan | MovingPlan) -> Drawing:
 
     def paint() -> Figure:
         fig, (ax,), place = by_angle(plan.rig.supports)
-        ax.barh(place, 1e3 * plan.expected.rpy_std.ravel(), height=0.6, color=ink.BLUE, **ink.EDGE)
+        ax.barh(
+            place, 1e3 * plan.expected.rpy_std.ravel(), height=0.6, color=style.BLUE, **style.EDGE
+        )
         ax.set_xlabel("standard uncertainty, mrad")
         return fig
 
@@ -193,9 +195,9 @@ def _paint_budget(c: Calibration, budget: Budget) -> Figure:
     left = np.zeros(len(place))
     for s, (source, share) in enumerate(zip(budget.sources, 100 * budget.shares.T, strict=True)):
         ax.barh(
-            place, share, left=left, height=0.78, color=ink.FILLS[s % len(ink.FILLS)],
-            hatch=ink.HATCHES[(s + s // len(ink.FILLS)) % len(ink.HATCHES)], label=source,
-            **ink.EDGE,
+            place, share, left=left, height=0.78, color=style.FILLS[s % len(style.FILLS)],
+            hatch=style.HATCHES[(s + s // len(style.FILLS)) % len(style.HATCHES)], label=source,
+            **style.EDGE,
         )  # fmt: skip
         for y, x, width in zip(place, left, share, strict=True):
             if width >= _ROOM_FOR_LABEL:
@@ -230,10 +232,10 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     fig, (ax,), place = by_angle(list(dict.fromkeys(a.support for a in seen.angles)), row=0.21)
     left = 0.5 * min(float(shown[shown > 0].min(initial=1e3 * limit)), 1e3 * limit)
     for y, width, angle in zip(place, shown, seen.angles, strict=True):
-        look = {"facecolor": ink.BLUE, **ink.EDGE} if angle.identified else ink.REJECTED
+        look = {"facecolor": style.BLUE, **style.EDGE} if angle.identified else style.REJECTED
         ax.barh(y, width - left, left=left, height=0.72, **look)
         beside(ax, words(angle.std), width, y, 4)
-    ax.axvline(1e3 * limit, color=ink.BLACK, linewidth=1.2, linestyle="--")
+    ax.axvline(1e3 * limit, color=style.BLACK, linewidth=1.2, linestyle="--")
     ax.set_title(f"dashed: limit {1e3 * limit:.3g} mrad", fontsize=7.5, loc="right", pad=2)
     logarithmic(ax, "x")
     ax.set_xlim(left, 4e3 * _OPEN)

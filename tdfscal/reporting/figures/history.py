@@ -17,17 +17,17 @@ from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES
-from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import Drawing, panels, signed
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
 _DAYS = 30.4375
-_BAND: dict[str, Any] = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "linewidth": 0.4}
+_BAND: dict[str, Any] = {"facecolor": style.PALE, "edgecolor": style.GREY, "linewidth": 0.4}
 #: Of a step, and of a creep.
 _ALARMS: tuple[dict[str, Any], ...] = (
-    {"color": ink.RED},
-    {"color": ink.ORANGE, "linestyle": "-."},
+    {"color": style.RED},
+    {"color": style.ORANGE, "linestyle": "-."},
 )
 #: A path that moves by less is said to rest, mrad.
 _STILL = 1e-3
@@ -88,11 +88,11 @@ def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     keys = [
         Line2D(
-            [], [], marker="o", linestyle="", color=ink.BLUE, markersize=4, label="check, k = 2"
+            [], [], marker="o", linestyle="", color=style.BLUE, markersize=4, label="check, k = 2"
         ),
-        Line2D([], [], color=ink.BLACK, linewidth=1.2, label="smoothed path"),
+        Line2D([], [], color=style.BLACK, linewidth=1.2, label="smoothed path"),
         Patch(**_BAND, label="its band, k = 2"),
-        Line2D([], [], color=ink.GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
+        Line2D([], [], color=style.GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
         Line2D([], [], linewidth=1.2, label="step", **_ALARMS[False]),
         Line2D([], [], linewidth=1.2, label="creep", **_ALARMS[True]),
     ]
@@ -110,15 +110,15 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
     band, half = (1e3 * COVERAGE_FACTOR * std[:, i, j] for std in (life.path_std, life.rpy_std))
     limit = 1e3 * life.limit[:, i, j]
     ax.fill_between(dates, path - band, path + band, **_BAND)
-    ax.plot(dates, path, color=ink.BLACK, linewidth=1.2)
+    ax.plot(dates, path, color=style.BLACK, linewidth=1.2)
     for edge in (mean - limit, mean + limit):
-        ax.plot(dates[shown], edge[shown], color=ink.GREY, linestyle="--", linewidth=0.9)
+        ax.plot(dates[shown], edge[shown], color=style.GREY, linestyle="--", linewidth=0.9)
     if len(dates) > _CROWDED:
-        ax.plot(dates[shown], points[shown], "o", color=ink.BLUE, markersize=2.2)
+        ax.plot(dates[shown], points[shown], "o", color=style.BLUE, markersize=2.2)
     else:
         ax.errorbar(
-            dates[shown], points[shown], yerr=half[shown], fmt="o", color=ink.BLUE, markersize=3.5,
-            elinewidth=0.8, capsize=2,
+            dates[shown], points[shown], yerr=half[shown], fmt="o", color=style.BLUE,
+            markersize=3.5, elinewidth=0.8, capsize=2,
         )  # fmt: skip
     now = f"now {signed(1e3 * float(life.path[-1, i, j]), '+.3f')} ± {band[-1]:.3f} mrad"
-    ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
+    ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=style.GREY)

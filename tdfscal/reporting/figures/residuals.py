@@ -16,7 +16,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.reporting.figures import ink, style
+from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import Drawing, legend_above, logarithmic, raster
 from tdfscal.trackercal import PointRegistration
 from tdfscal.validation.in_motion import MovingValidation
@@ -106,10 +106,10 @@ def _before_and_after(
     fig, axes = style.panels(height, ("force, N", "moment, N·m"))
     for k, ax in enumerate(axes):
         ax.plot(
-            x, before[:, k], color=ink.ORANGE, label="before: nominal mounting, stated zeros",
+            x, before[:, k], color=style.ORANGE, label="before: nominal mounting, stated zeros",
             **looks[0],
         )  # fmt: skip
-        ax.plot(x, after[:, k], color=ink.BLUE, label=f"after: {said}", **looks[1])
+        ax.plot(x, after[:, k], color=style.BLUE, label=f"after: {said}", **looks[1])
         if min(np.nanmin(before[:, k]), np.nanmin(after[:, k])) > 0:
             logarithmic(ax)
     legend_above(axes[0], 2)
@@ -128,7 +128,7 @@ def _over_time(
         fig, axes = _before_and_after(4.0, x, old, new, said, line, line)
         for ax in axes:
             for s in left_out:
-                ax.axvspan(s.begin, s.end, color=ink.PALE)
+                ax.axvspan(s.begin, s.end, color=style.PALE)
         axes[1].set_xlabel("time in the log, s")
         return fig
 
@@ -152,10 +152,19 @@ def spectrum(c: Calibration) -> Drawing | None:
 
     def paint() -> Figure:
         fig, (ax,) = style.panels(3.2, ("residual force, N/√Hz",))
-        ax.plot(s.frequency, s.before, "s", markersize=4, color=ink.ORANGE, markerfacecolor="white",
-                label="before: nominal mounting, stated values")  # fmt: skip
-        ax.plot(s.frequency, s.after, "o", markersize=4, color=ink.BLUE, label="after: calibrated")
-        ax.plot(s.frequency, noise, "-", color=ink.BLUE, linewidth=1, label="noise as estimated")
+        ax.plot(
+            s.frequency,
+            s.before,
+            "s",
+            markersize=4,
+            color=style.ORANGE,
+            markerfacecolor="white",
+            label="before: nominal mounting, stated values",
+        )
+        ax.plot(
+            s.frequency, s.after, "o", markersize=4, color=style.BLUE, label="after: calibrated"
+        )
+        ax.plot(s.frequency, noise, "-", color=style.BLUE, linewidth=1, label="noise as estimated")
         logarithmic(ax, "xy")
         ax.set_xlabel("frequency, Hz")
         legend_above(ax, 3)
@@ -202,7 +211,7 @@ def _of_points(
     def paint() -> Figure:
         fig, (ax,) = style.panels(2.6, (label,))
         style.marks(ax, np.arange(len(names)), residual)
-        ax.axhline(0, color=ink.GREY, linewidth=0.8)
+        ax.axhline(0, color=style.GREY, linewidth=0.8)
         start, ticks, labels, upright = 0, [], [], True
         for group, members in groupby(name.split("/")[0] for name in names):
             size = len(list(members))
@@ -210,7 +219,7 @@ def _of_points(
             labels.append(f"{group} ({size})" if size > 1 else group)
             upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
             start += size
-            ax.axvline(start - 0.5, color=ink.GREY, linewidth=0.5, linestyle=":")
+            ax.axvline(start - 0.5, color=style.GREY, linewidth=0.5, linestyle=":")
         ax.set_xticks(ticks, labels, rotation=0 if upright else 90)
         ax.set_xlabel(along)
         ax.grid(axis="x", visible=False)

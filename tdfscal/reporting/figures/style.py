@@ -24,8 +24,20 @@ from matplotlib.ticker import FuncFormatter
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures import Drawing as Drawing
-from tdfscal.reporting.figures import ink
 
+BLACK, GREY, PALE = "#1a1a1a", "#6b6b6b", "#d9d9d9"
+BLUE, ORANGE, GREEN, RED = "#0b5394", "#d55e00", "#117733", "#a50f15"
+FILLS = ("#4f81bd", "#f2c14e", "#8fbf8f", "#d98880", "#b8a1d9", "#c9c9c9", "#7fcdbb", "#e0a3c8")
+LINES = (BLUE, ORANGE, GREEN, "#7b3fa0", RED, GREY, "#0e7c7b", "#b3478f")
+"""Of thin lines: dark enough on white, and so bright enough where a dark page turns them about."""
+EDGE: dict[str, Any] = {"edgecolor": BLACK, "linewidth": 0.4}
+"""Of bars."""
+REJECTED: dict[str, Any] = {"facecolor": "white", "edgecolor": RED, "hatch": "////"}
+"""Look of what was left out."""
+HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "oo", "++")
+"""Beside colours, so that areas differ in black and white."""
+AXES = (("x", "o", BLUE), ("y", "s", ORANGE), ("z", "^", GREEN))
+"""Name, mark and colour of each component of a vector."""
 WIDTH = 7.3
 """Inches: the text width of an A4 page."""
 _DPI, _SCREEN_DPI = 200, 130
@@ -38,7 +50,7 @@ _SETTINGS: dict[str, Any] = {
     "axes.labelsize": 8.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": ink.GREY,
+    "axes.edgecolor": GREY,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e6e6e6",
@@ -115,7 +127,7 @@ def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> 
 
 def marks(ax: Axes, place: npt.NDArray[Any], vectors: npt.NDArray[np.float64]) -> None:
     """Components x, y, z of vectors (K, 3) beside each other at their places (K,)."""
-    for k, (axis, marker, colour) in enumerate(ink.AXES):
+    for k, (axis, marker, colour) in enumerate(AXES):
         ax.plot(
             place + 0.2 * (k - 1), vectors[:, k], marker, color=colour, markersize=3.2, label=axis,
             rasterized=raster(vectors.size),

@@ -19,8 +19,7 @@ from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.streams import covered
 from tdfscal.records import Dwells, FloatArray
-from tdfscal.reporting.figures import ink, style
-from tdfscal.reporting.figures.log_time import Clock, clock_from, log_clock
+from tdfscal.reporting.figures import Clock, clock_from, log_clock, style
 from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
 from tdfscal.significance import COVERAGE_FACTOR
 
@@ -97,7 +96,7 @@ def _paint(log: DwellLog) -> Figure:
         force = np.where(measured, np.swapaxes(dwells.force, 0, 1), np.nan)
         names = [support.name for support in log.rig.supports]
         look: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.2, "markeredgewidth": 0.3}
-        look |= {"markeredgecolor": ink.BLACK, "rasterized": style.raster(3 * len(middle))}
+        look |= {"markeredgecolor": style.BLACK, "rasterized": style.raster(3 * len(middle))}
         _forces(axes[1:], names, middle, force, gone, _MARKERS, **look)
         legend_outside(fig, *axes[1:])
     axes[-1].set_xlabel(time.label)
@@ -107,15 +106,15 @@ def _paint(log: DwellLog) -> Figure:
 def _lanes(ax: Axes, used: Gone, gone: Gone, pieces: Gone) -> None:
     """Dwells in the fit, rejected ones, stretches that are no dwells."""
     pixels = style.raster(len(used))
-    plain: dict[str, Any] = {"facecolor": ink.FILLS[0], "edgecolor": ink.BLACK}
+    plain: dict[str, Any] = {"facecolor": style.FILLS[0], "edgecolor": style.BLACK}
     plain |= {"linewidth": 0.0 if pixels else 0.5, "rasterized": pixels}
-    dotted = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "hatch": "...", "linewidth": 0.4}
-    lanes = [("in the fit", used, plain), ("rejected", gone, {"linewidth": 0.9, **ink.REJECTED})]
+    dotted = {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "...", "linewidth": 0.4}
+    lanes = [("in the fit", used, plain), ("rejected", gone, {"linewidth": 0.9, **style.REJECTED})]
     lanes += [("no dwell", pieces, dotted)] if pieces else []
     for lane, (_, spans, look) in enumerate(lanes):
         ax.broken_barh([(a, b - a) for a, b in spans], (lane - 0.36, 0.72), **look)
     if not gone:
-        ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
+        ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=style.GREY)
     ax.set_ylim(len(lanes) - 0.45, -0.5)
     ax.set_yticks(range(len(lanes)), [name for name, *_ in lanes])
     ax.grid(axis="y", visible=False)
@@ -133,12 +132,12 @@ def _forces(
     """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
     for k, ax in enumerate(axes):
         for begin, end in gone:
-            ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED)
+            ax.axvspan(begin, end, linewidth=0.4, **style.REJECTED)
         for i, name in enumerate(supports):
             y = force[:, i, k]
             if np.isfinite(y).any():
                 ax.plot(
-                    time, y, color=ink.LINES[i % len(ink.LINES)], label=name,
+                    time, y, color=style.LINES[i % len(style.LINES)], label=name,
                     marker=markers[i % len(markers)], **line,
                 )  # fmt: skip
 
@@ -192,11 +191,11 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
             names = [letter + axis for axis in "xyz"]
             for name in names:
                 raw = columns[f"raw_{name}"]
-                ax.plot(time, raw, color=ink.PALE, linewidth=0.6, rasterized=pixels)
-            for name, (_, _, colour), line in zip(names, ink.AXES, _LINES, strict=True):
+                ax.plot(time, raw, color=style.PALE, linewidth=0.6, rasterized=pixels)
+            for name, (_, _, colour), line in zip(names, style.AXES, _LINES, strict=True):
                 look: dict[str, Any] = {"color": colour, "linewidth": 0.9, "rasterized": pixels}
                 ax.plot(time, columns[name], line, label=name, **look)
-            ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
+            ax.axhline(0.0, color=style.GREY, linewidth=0.6)
             legend_above(ax, 3)
         axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
         return fig
@@ -212,7 +211,7 @@ def detection(found: Capability, *, timed: bool) -> Drawing:
         time = found.time - found.time[0]
         fig, axes = panels(5.0, _WRENCH)
         for ax, letter, first in zip(axes, "fm", (0, 3), strict=True):
-            for k, ((axis, _, colour), line) in enumerate(zip(ink.AXES, _LINES, strict=True)):
+            for k, ((axis, _, colour), line) in enumerate(zip(style.AXES, _LINES, strict=True)):
                 c = first + k
                 look: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": line}
                 ax.plot(time, found.seen_from[:, c], label=f"{letter}{axis}", **look)
