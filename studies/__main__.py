@@ -13,9 +13,9 @@ import numpy as np
 
 from studies.frame import Study, check_folder
 from tdfscal import load_calibration
-from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.calibration_in_use import require_agreement
 from tdfscal.commands.campaign import rig_named
+from tdfscal.commands.result import Calibration
 from tdfscal.commands.simulate import survey_of
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.records import Rig

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from studies.frame import Cell, Study, Table
-from tdfscal.commands.calibration import Calibration
+from tdfscal.commands.result import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.figures import style

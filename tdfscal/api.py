@@ -11,8 +11,6 @@ from tdfscal.commands.apply import apply as apply
 from tdfscal.commands.arguments import PathLike, PathLikes, listed
 from tdfscal.commands.arguments import Progress as Progress
 from tdfscal.commands.calibrate import calibrate as calibrate
-from tdfscal.commands.calibration import Calibration as Calibration
-from tdfscal.commands.calibration import load_calibration as load_calibration
 from tdfscal.commands.capability import capability as capability
 from tdfscal.commands.compare import compare as compare
 from tdfscal.commands.export import export as export
@@ -22,6 +20,8 @@ from tdfscal.commands.monitor import monitor as monitor
 from tdfscal.commands.plan import plan as plan
 from tdfscal.commands.register import register as register
 from tdfscal.commands.report import report as report
+from tdfscal.commands.result import Calibration as Calibration
+from tdfscal.commands.result import load_calibration as load_calibration
 from tdfscal.commands.simulate import simulate as simulate
 from tdfscal.commands.update import update as update
 from tdfscal.commands.validate import validate as validate

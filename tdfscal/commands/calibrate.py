@@ -12,10 +12,10 @@ import numpy as np
 from tdfscal.acceptance import assess_stated, judge
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, listed, window
-from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
 from tdfscal.commands.options import Option
+from tdfscal.commands.result import Calibration
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES

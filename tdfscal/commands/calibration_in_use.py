@@ -12,13 +12,13 @@ from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions, other_papers
 from tdfscal.commands.arguments import PathLike, PathLikes
-from tdfscal.commands.calibration import (
+from tdfscal.commands.campaign import Campaign, no_log, resolve
+from tdfscal.commands.log_pass import LogPass, Settings, stated_date
+from tdfscal.commands.result import (
     Calibration,
     CalibrationSource,
     read_source,
 )
-from tdfscal.commands.campaign import Campaign, no_log, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, stated_date
 from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile

@@ -9,12 +9,11 @@ import numpy as np
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, listed, triple
-from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.calibration_in_use import WrenchPass, take
 from tdfscal.commands.free_path import FreePath, planned_path, read_path
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.result import Calibration, Result, by_column
 from tdfscal.detection.capability import (
     Capability,
     Request,

@@ -10,9 +10,8 @@ import numpy as np
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import read_sources, sources_of
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.result import Result, by_column, read_sources, sources_of
 from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared

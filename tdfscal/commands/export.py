@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, one
-from tdfscal.commands.calibration import Calibration, read_source
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result
+from tdfscal.commands.result import Calibration, Result, read_source
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS
 from tdfscal.exports.statements import cautions

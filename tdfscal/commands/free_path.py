@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.commands.calibration import CalibrationSource, read_source
 from tdfscal.commands.calibration_in_use import InUse, WrenchPass
 from tdfscal.commands.campaign import Campaign
+from tdfscal.commands.result import CalibrationSource, read_source
 from tdfscal.detection.capability import UNTIMED
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained

@@ -9,12 +9,11 @@ from typing import Annotated, Any
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.calibration import CalibrationSource, sources_of
 from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.read_campaigns import Read, Unusable, require_one_rig
-from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.result import CalibrationSource, Result, by_column, sources_of
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm

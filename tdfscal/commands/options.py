@@ -18,9 +18,8 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_t
 
 from tdfscal.commands import arguments
 from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, listed, one
-from tdfscal.commands.calibration import CalibrationSource
 from tdfscal.commands.campaign import inputs_read
-from tdfscal.commands.result import Result
+from tdfscal.commands.result import CalibrationSource, Result
 from tdfscal.errors import UsageError, inaccessible, is_short
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.files.yaml import as_path

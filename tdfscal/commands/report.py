@@ -9,15 +9,16 @@ import numpy as np
 
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike
-from tdfscal.commands.calibration import (
+from tdfscal.commands.options import Option
+from tdfscal.commands.result import (
     ANGLE_COLUMNS,
     Calibration,
+    Result,
     angle_rows,
+    by_column,
     read_sources,
     sources_of,
 )
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_column
 from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.frozen import record, replace
 from tdfscal.reporting.layout import Drawing, Report

@@ -15,7 +15,6 @@ import numpy as np
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.read_campaigns import (
     Read,
@@ -25,6 +24,7 @@ from tdfscal.commands.read_campaigns import (
     read_campaigns,
     refuse_repeated,
 )
+from tdfscal.commands.result import Calibration
 from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool

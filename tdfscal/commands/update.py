@@ -12,10 +12,10 @@ import numpy as np
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.commands.campaign import campaign_folders
 from tdfscal.commands.log_pass import Settings, day
 from tdfscal.commands.read_campaigns import Read, Recording, read_campaigns, refuse_repeated
+from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     PRECISION,

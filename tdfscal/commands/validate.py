@@ -10,11 +10,10 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, window
-from tdfscal.commands.calibration import Calibration
 from tdfscal.commands.calibration_in_use import InUse, take, zero_age
 from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result
+from tdfscal.commands.result import Calibration, Result
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.errors import TdfscalError

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import tdfscal
-from tdfscal.commands.calibration import load_calibration
+from tdfscal.commands.result import load_calibration
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tdfscal import calibrate
-from tdfscal.commands.calibration import load_calibration
+from tdfscal.commands.result import load_calibration
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.model import Sensor

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.commands.calibration import Calibration as InPython
+from tdfscal.commands.result import Calibration as InPython
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.rig.reading import parse_rig
