@@ -13,11 +13,9 @@ from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
-from tdfscal.motioncal.across import Across, across, filled
-from tdfscal.motioncal.blocks import Block, ComplexArray, nearness
-from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
-from tdfscal.motioncal.streams import Slow
-from tdfscal.numerics.streams import even_spline
+from tdfscal.motioncal.blocks import Across, Block, ComplexArray, across, filled, nearness
+from tdfscal.motioncal.rows import UNSTATED, Bins, NoiseModel, Rows
+from tdfscal.motioncal.streams import Slow, after_middle, course_of
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.samples_in_motion import derivatives, motion, rotations, vee
 
@@ -95,23 +93,26 @@ class BlockDesign:
         real, imaginary = parts[..., 0].reshape(F * r, c), parts[1:, ..., 1].reshape((F - 1) * r, c)
         return np.concatenate([real, imaginary])
 
+    def rows(self, all_rests: int) -> Rows:
+        """Its real rows; all_rests : turns at all rests of the log."""
+        cut = self.design.shape[2]
+        design = np.zeros((len(self.bins.count), cut + all_rests))
+        design[:, :cut] = self.real(self.design)
+        design[:, cut:][:, self.place] = self.real(self.rests)
+        return Rows(design, self.bins)
 
-def shifted(slow: Slow, rows: slice, moving: Moving) -> FloatArray:
-    """Servo positions (N, n, 3) at the instants at which the forces of these rows were felt."""
-    lag = moving.lag(_after(slow, rows))
-    return _course(slow, rows)(lag) if lag.any() else slow.position[rows]
+    def reading_gain(self, model: NoiseModel) -> FloatArray:
+        """Σ_f S_F S⁻¹ in the wrench's own components, (6, 6): what noise in the readings counts."""
+        gain = self.bins.count * model.density(self.bins.frequency)[0] / model.variance(self.bins)
+        by_component = gain.reshape(-1, len(self.mix)).sum(axis=0)
+        return np.asarray(self.mix.T @ np.diag(by_component) @ self.mix)
 
 
-def _after(slow: Slow, rows: slice) -> FloatArray:
-    """Times (N,), s, of these rows after the middle of the log."""
-    return np.asarray(slow.time[rows] - (slow.time[0] + slow.time[-1]) / 2)
-
-
-def _course(slow: Slow, rows: slice) -> Callable[[FloatArray], FloatArray]:
-    """Servo positions (N, n, 3) of these rows as a function of their delays (N,), s."""
-    course = even_spline(slow.position[rows])
-    place = np.arange(len(slow.time[rows]), dtype=np.float64)
-    return lambda lag: course(np.clip(place - lag / slow.step, 0.0, place[-1]))
+def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
+    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
+    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
+    seconds = sum(item.block.seconds for item in designs)
+    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))
 
 
 def block_design(
@@ -129,7 +130,7 @@ def block_design(
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
-    rows, after, course = block.index, _after(slow, block.index), _course(slow, block.index)
+    rows, after, course = block.index, after_middle(slow, block.index), course_of(slow, block.index)
     lag = moving.lag(after)
     position = course(lag) if lag.any() else slow.position[rows]
     observed = instants(rig, slow, position, rows)

@@ -17,11 +17,17 @@ from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, with_motions
 from tdfscal.model.statics import Balance, features, features_jacobian
-from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray, rests_of
-from tdfscal.motioncal.design import BlockDesign, block_design, drifting
-from tdfscal.motioncal.noise import NoiseModel
-from tdfscal.motioncal.rows import NormalEquations, Rows, gather, rms
+from tdfscal.motioncal.design import BlockDesign, block_design, drifting, rms
+from tdfscal.motioncal.rows import (
+    NOTHING,
+    NoiseModel,
+    NormalEquations,
+    Rows,
+    gather,
+    improve,
+    initial,
+)
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
@@ -278,14 +284,15 @@ def at_state(
         for block, own, place in zip(blocks, resting, pairwise(edges), strict=True)
     ]
     designs = tuple(design for design, _ in pairs)
-    rows, rests = gather(designs, model), edges[-1]
+    low, rests = min(float(block.frequency[1]) for block in blocks) / 2, edges[-1]
+    rows = gather(((item.rows(rests), len(item.mix)) for item in designs), low, model)
     none = (np.empty(0),) * 6
-    origin, shift, before = pairs[0][1], state.moving, model or noise.NOTHING
+    origin, shift, before = pairs[0][1], state.moving, model or NOTHING
     fit = MovingFit(priors, designs, rows, origin, shift, rests, state, before, *none, 0, False)
     fit = _at(fit, state, np.zeros(rests))
     if model is None:
         longest = max(block.seconds for block in blocks)
-        model = noise.initial(rows.bins, fit.residual**2, rig.declared.positioner, longest)
+        model = initial(rows.bins, fit.residual**2, rig.declared.positioner, longest)
     return replace(fit, noise=model)
 
 
@@ -298,7 +305,7 @@ def estimate_noise(fit: MovingFit) -> MovingFit:
         fitted = np.sum((fit.jacobian @ root) ** 2, axis=1)
         power = (fit.residual + fit.jacobian @ step) ** 2 + fitted
         # A row stands for `count` values and is fitted as one: its share of them is used up.
-        model, change = noise.improve(model, rows.bins, power, fitted / variance)
+        model, change = improve(model, rows.bins, power, fitted / variance)
         if change < _SCORED:
             break
     return replace(fit, noise=model)

@@ -9,9 +9,9 @@ from tdfscal.model import statics
 from tdfscal.model.parameters import State, gravity, sensing
 from tdfscal.model.postures import forces
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
-from tdfscal.motioncal.design import inertia_wrench, shifted
+from tdfscal.motioncal.design import inertia_wrench, rms
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
-from tdfscal.motioncal.rows import rms
+from tdfscal.motioncal.streams import shifted
 from tdfscal.numerics.least_squares import free_values, spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.wrench.samples_in_motion import rotations

@@ -23,7 +23,6 @@ from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.blocks import Stretch, stretches
-from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
@@ -37,13 +36,12 @@ from tdfscal.motioncal.evidence import (
     hold_out,
     residual_wrench,
 )
-from tdfscal.motioncal.noise import UNSTATED
-from tdfscal.motioncal.score_tests import suspicions, undeclared
+from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
+from tdfscal.motioncal.rows import UNSTATED
+from tdfscal.motioncal.score_tests import suspicions, undeclared, without_contacts
 from tdfscal.motioncal.slip import Step, likeliest_step, suspicion_of
-from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, estimate, simulate
-from tdfscal.motioncal.usable import Usable, gaps, usable_samples
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue

@@ -7,7 +7,7 @@ balance of the filtered signals is the filtered balance.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 
 import numpy as np
@@ -15,6 +15,8 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
+from tdfscal.model.dynamics import Moving
+from tdfscal.numerics.streams import even_spline
 from tdfscal.records import BoolArray, FloatArray, Log, Series
 from tdfscal.wrench.samples_in_motion import joined, together
 
@@ -302,3 +304,21 @@ def _without_hole(stamp: FloatArray, time: FloatArray, step: float) -> BoolArray
     for h in np.flatnonzero(np.diff(stamp) > _HOLE * step):
         ok &= (time <= stamp[h]) | (time >= stamp[h + 1])
     return np.asarray(ok)
+
+
+def shifted(slow: Slow, rows: slice, moving: Moving) -> FloatArray:
+    """Servo positions (N, n, 3) at the instants at which the forces of these rows were felt."""
+    lag = moving.lag(after_middle(slow, rows))
+    return course_of(slow, rows)(lag) if lag.any() else slow.position[rows]
+
+
+def after_middle(slow: Slow, rows: slice) -> FloatArray:
+    """Times (N,), s, of these rows after the middle of the log."""
+    return np.asarray(slow.time[rows] - (slow.time[0] + slow.time[-1]) / 2)
+
+
+def course_of(slow: Slow, rows: slice) -> Callable[[FloatArray], FloatArray]:
+    """Servo positions (N, n, 3) of these rows as a function of their delays (N,), s."""
+    course = even_spline(slow.position[rows])
+    place = np.arange(len(slow.time[rows]), dtype=np.float64)
+    return lambda lag: course(np.clip(place - lag / slow.step, 0.0, place[-1]))

@@ -32,9 +32,8 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, retract, sensing
 from tdfscal.model.statics import features, features_jacobian
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, estimate_noise
-from tdfscal.motioncal.rows import reading_gain
+from tdfscal.motioncal.preparation import usable_samples
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.usable import usable_samples
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum, block_diagonal, triangular
@@ -209,7 +208,7 @@ def faked_information(fit: MovingFit) -> FloatArray:
     """
     M = sensing(fit.state.still)
     noise = M @ (fit.rig.axes[:, :, None] * np.swapaxes(M, 1, 2))
-    felt = [(item.lever, reading_gain(item, fit.noise)) for item in fit.designs]
+    felt = [(item.lever, item.reading_gain(fit.noise)) for item in fit.designs]
     C = np.sum([np.einsum("nrasb,rs->nab", lever, gain) for lever, gain in felt], axis=0)
     return block_diagonal(*so3.information_of_crossing(C, noise))
 

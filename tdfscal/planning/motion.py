@@ -18,7 +18,7 @@ from tdfscal.model.parameters import EVEN_TURN, nominal, sensing
 from tdfscal.model.statics import internal_modes, internal_part
 from tdfscal.motioncal.blocks import blocks
 from tdfscal.motioncal.estimator import MovingPriors, at_state
-from tdfscal.motioncal.noise import NoiseModel
+from tdfscal.motioncal.rows import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import (

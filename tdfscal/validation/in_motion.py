@@ -17,7 +17,6 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
-from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
     MovingFit,
@@ -27,10 +26,10 @@ from tdfscal.motioncal.estimator import (
     estimate_noise,
 )
 from tdfscal.motioncal.evidence import ResidualWrench, residual_wrench
-from tdfscal.motioncal.start import moments
+from tdfscal.motioncal.preparation import gaps, moments, usable_samples
+from tdfscal.motioncal.score_tests import without_contacts
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import posterior
-from tdfscal.motioncal.usable import gaps, usable_samples
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum

@@ -7,9 +7,8 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.model import statics
-from tdfscal.motioncal import usable as checks
-from tdfscal.motioncal.across import across
-from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal import preparation as checks
+from tdfscal.motioncal.blocks import Block, across
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingPriors, fit_moving
 from tdfscal.motioncal.pipeline import calibrate_moving

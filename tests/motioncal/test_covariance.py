@@ -10,7 +10,6 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, fit_moving
-from tdfscal.motioncal.rows import rows_of
 from tdfscal.motioncal.uncertainty import FIELD, estimate, of_poses
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information
@@ -33,7 +32,7 @@ def fit() -> MovingFit:
 def moved(fit: MovingFit, wrench: FloatArray) -> FloatArray:
     """Moves (D, 9) of the angles by wrenches (D, N, 6) of one block."""
     item = fit.designs[0]
-    own, root = rows_of(item, fit.rests), spectrum(fit.whitened()[1]).root
+    own, root = item.rows(fit.rests), spectrum(fit.whitened()[1]).root
     gain = own.design @ fit.slope * (own.bins.count / fit.noise.variance(own.bins))[:, None]
     e = item.block.transform(np.moveaxis(wrench, 0, 2))  # (F, 6, D)
     return np.asarray((root @ (root.T @ (gain.T @ item.real(e))))[:9].T)
