@@ -177,14 +177,6 @@ def test_what_cannot_be_asked(places: Places, cli: Cli, line: tuple[str, str], s
     assert not seen.out
 
 
-def test_a_page_holds_the_figure(places: Places, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    found = tdfscal.capability(places.calibration, places.free, html=page)
-    assert "<svg" in page.read_text()
-    assert list(found.to_frame()["axis"]) == ["fx", "fy", "fz", "mx", "my", "mz"]
-    assert found.plot() is not None
-
-
 def test_a_covariance_of_zeros_is_refused(places: Places) -> None:
     loaded = tdfscal.load_calibration(places.calibration)
     bare = loaded.model_copy(

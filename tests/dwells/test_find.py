@@ -199,11 +199,6 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
         find_dwells(log)
 
 
-def test_no_samples_at_all_is_an_error() -> None:
-    with pytest.raises(DataError, match="empty"):
-        find_dwells([])
-
-
 @pytest.mark.parametrize("length", [0.02, 0.03, 0.04, 0.1])
 def test_a_log_of_a_moment_has_no_dwell(length: float) -> None:
     """Of one bin, of two and of a few."""

@@ -14,8 +14,8 @@ from tdfscal.planning.predicted_information import Forecast
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
+from tests.selfcal.campaigns import fitted
 
 from .limits import limits
 
@@ -155,10 +155,7 @@ def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
     assert np.isnan(plan.expected.rpy_std[2:]).all()
     options = Options(command=plan.position, stiffness=STIFFNESS, recorder=Recorder(mean_sd=0.1))
     batch = simulate_dwells(rig, options, RNG(11), 12)
-    stated = [
-        self_calibrate(rig, batch.dwells(k), rng=RNG(0), max_trials=0).uncertainty.rpy_std[:2]
-        for k in range(12)
-    ]
+    stated = [fitted(rig, batch.dwells(k)).uncertainty.rpy_std[:2] for k in range(12)]
     found = np.sqrt(np.mean(np.square(stated), axis=0))
     assert np.allclose(plan.expected.rpy_std[:2] / found, 1.0, atol=0.2)
     assert np.mean(plan.expected.rpy_std[:2] / found) == pytest.approx(1.0, abs=0.1)

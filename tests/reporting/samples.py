@@ -1,16 +1,13 @@
 """Calibrations to report on: from simulated dwells, through the real steps, once per session."""
 
-import sys
 from dataclasses import dataclass, replace
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tdfscal.cli import main
 from tdfscal.comparison.compatibility import combine
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
@@ -124,15 +121,6 @@ def changed(c: Calibration, **changes: Any) -> Calibration:
     return Calibration.model_validate(content)
 
 
-def of_another_log(c: Calibration, name: str = "other") -> Calibration:
-    """The same file, but from inputs of its own, of which it tells no dwells."""
-    inputs = [
-        {**one, "sha256": sha256(f"{name} {one['sha256']}".encode()).hexdigest()}
-        for one in c.model_dump()["inputs"]
-    ]
-    return changed(c, inputs=inputs, dwells=None)
-
-
 def without_parameters(content: dict[str, Any]) -> dict[str, Any]:
     """No block of all parameters, nor what has its rows."""
     exact = [one | {"common": None, "apart": None} for one in content["taken_as_exact"]]
@@ -177,25 +165,3 @@ def sketch(patch: pytest.MonkeyPatch) -> None:
 
     patch.setattr("tdfscal.reporting.html.to_svg", svg)
     patch.setattr("tdfscal.reporting.figures.style.save", save)
-
-
-@dataclass(frozen=True)
-class Run:
-    status: int
-    out: str
-    err: str
-
-
-def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Run:
-    """Run `tdfscal` in this process."""
-    capsys.readouterr()
-    old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]
-    status = 0
-    try:
-        main()
-    except SystemExit as end:
-        status = int(end.code or 0)
-    finally:
-        sys.argv = old
-    captured = capsys.readouterr()
-    return Run(status, captured.out, captured.err)

@@ -4,7 +4,7 @@ import ast
 from pathlib import Path
 from typing import get_args
 
-from tdfscal.catalogue import CATALOGUE, document, sentence
+from tdfscal.catalogue import CATALOGUE, document
 from tdfscal.findings import Finding, Severity
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
@@ -38,12 +38,3 @@ def test_every_entry_can_be_said() -> None:
         assert said["severity"] == entry.severity
         rejecting = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3, {"mrad": 1.0}, True))
         assert rejecting["severity"] == "rejects"
-
-
-def test_a_size_and_its_uncertainty_are_said_in_one_unit() -> None:
-    turn = {"change": [2.1e-3, -4e-4, 1e-5], "change_95": [3.18e-4, 3.86e-4, 3.57e-4]}
-    said = sentence(Finding("change-sensor-turned", ("ncp1",), 2.14e-3, "rad", values=turn))
-    assert "(2.1, -0.4, 0.01) mrad" in said
-    assert "± (0.318, 0.386, 0.357) mrad" in said
-    known = Finding("positioner-axis-faulty", ("ncp1",), 4e-4, "m", values={"std": 2e-3})
-    assert "0.4 mm ± 2 mm" in sentence(known)

@@ -2,20 +2,18 @@
 
 import hashlib
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.catalogue import document
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
-from tests.reporting.samples import by_hand, changed, run, sample, saved
+from tests.cli.running import run
+from tests.reporting.samples import by_hand, sample, saved
 from tests.words import found
 
 STD = 2e-4
@@ -77,25 +75,6 @@ def test_oldest_first_and_e_n_by_hand() -> None:
     assert en.header[2:] == ("B − A", "C − A")
     assert rows["support_2", "yaw"] == ("0.88", "! 2.65")
     assert rows["support_1", "yaw"] == ("0.00", "0.00")
-
-
-def test_which_of_those_that_agree_is_kept() -> None:
-    """The first that is sound; a better one is named; none that was rejected or is open."""
-    better = flat(0.0, "2026-02-06T08:00:00Z", std=STD / 2)
-    unconfirmed = [document(Finding("draft-unconfirmed", ("mass (line 4)",), 1))]
-    draft = changed(JANUARY, status="provisional", findings=unconfirmed)
-    rejected = flat(0.0, "2026-01-01T08:00:00Z", status="rejected")
-    for calibrations, kept, provisional in (
-        ([JANUARY, FEBRUARY], "A", False),
-        ([JANUARY, better], "AB", False),
-        ([rejected, JANUARY], "B", False),
-        ([draft, FEBRUARY], "B", True),
-    ):
-        report = several([(str(k), c) for k, c in enumerate(calibrations)])
-        assert "".join(re.findall(r"\b[AB]\b", report.advice[0])) == kept
-        assert report.provisional is provisional
-        assert report.accepted is (rejected not in calibrations)
-        assert any("A is provisional" in text for text in report.warnings) is provisional
 
 
 def test_other_rigs_are_refused() -> None:

@@ -23,7 +23,7 @@ from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import campaign_facts
 from tdfscal.significance import UNDECLARED_ERROR
-from tests.reporting.samples import changed, sample, saved, surveyed
+from tests.reporting.samples import changed, sample, saved
 
 
 def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
@@ -37,28 +37,6 @@ def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
 def facts(c: Calibration) -> dict[str, str]:
     blocks = (b for s in calibration_report(c).sections for b in s.blocks if isinstance(b, Facts))
     return {name: text for block in blocks for name, text in block.rows}
-
-
-def test_instruments_stand_on_the_page() -> None:
-    """With the dates' origin, the assumptions and the rule."""
-    papers = {"tracker": "LT-4711, D-K-20", "scale": "W-3, D-K-21", "date": "2026-11-21"}
-    alone = facts(stated(campaign=papers))
-    assert "Tracker" not in alone
-    assert alone["Scale"] == papers["scale"]
-    c = surveyed()[1]
-    c = changed(c, rig=c.rig.model_dump(mode="json", exclude_none=True) | {"campaign": papers})
-    measured = {"begin": "2026-11-21T00:00:00Z", "end": "2026-11-22T00:00:00Z", "source": "file"}
-    c = changed(c, measured=measured)
-    found = facts(c)
-    assert (found["Tracker"], found["Scale"]) == (papers["tracker"], papers["scale"])
-    assert "by the file's date" in found["Measured"]
-    # Wherever the date stands: in the first lines, and side by side with others.
-    both = several_report(put_side_by_side([("a", c), ("b", sample().calibration)]))
-    for report in (calibration_report(c), both):
-        assert "of 2026-11-22, by the file's date" in " ".join(render(report).split())
-    for source, marked in (("file", True), ("log", False)):
-        dated = changed(stated(drift={"angle": 1e-4}), measured=measured | {"source": source})
-        assert ("by the file's date" in facts(dated)["Next due"]) is marked
 
 
 def test_a_certificate_that_had_ended_is_a_warning() -> None:

@@ -15,12 +15,12 @@ from tdfscal.numerics import so3
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render
 from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Undetermined
 from tdfscal.simulation import Options, reference_rig, simulate_campaign, simulate_dwells
 from tests.cli.running import Cli
 from tests.reporting.samples import rig_of
 from tests.reporting.test_page import read
+from tests.selfcal.campaigns import fitted
 
 FLOATING = Options(postures=16, stiffness=np.array([1e3, 1e3, 2e7]))
 TOUCHED = 5
@@ -34,9 +34,7 @@ def attempt() -> Attempt:
     force = dwells.force.copy()
     force[TOUCHED - 1, 0] += [0.0, 0.0, 60.0]
     with pytest.raises(NotIdentifiableError) as caught:
-        self_calibrate(
-            loaded.rig, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
-        )
+        fitted(loaded.rig, replace(dwells, force=force))
     log = InputFile("campaign/log <1>.csv", "ab" * 32, 1234, "verified")
     return Attempt(
         caught.value, loaded, (log,), ("a gap of 3 s",), ("campaign",), "tdfscal calibrate"

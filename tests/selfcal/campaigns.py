@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal import simulation
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options
@@ -14,9 +14,14 @@ from tdfscal.simulation import Options
 SQUEEZED = Options(squeeze=100.0)
 
 
+def fitted(rig: Rig, dwells: Dwells) -> SelfCalibration:
+    """The self-calibration without Monte Carlo."""
+    return self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+
+
 def calibrated(batch: simulation.Batch, rig: Rig, trial: int) -> SelfCalibration:
     """One campaign of a batch, without Monte Carlo."""
-    return self_calibrate(rig, batch.dwells(trial), rng=np.random.default_rng(0), max_trials=0)
+    return fitted(rig, batch.dwells(trial))
 
 
 def turns(truth: FloatArray, estimate: FloatArray) -> FloatArray:

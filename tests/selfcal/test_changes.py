@@ -15,7 +15,6 @@ from tdfscal.records import Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import estimate
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (
     Contact,
@@ -25,6 +24,7 @@ from tdfscal.simulation import (
     Slip,
 )
 from tdfscal.simulation.faults import Drift, Walk, ZeroShift
+from tests.selfcal.campaigns import fitted
 
 from .campaigns import calibrated
 
@@ -129,7 +129,7 @@ def test_postures_without_a_stated_noise_show_a_slip_too() -> None:
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(2), 1)
     dwells = batch.dwells(0)
     bare = replace(dwells, force_cov=np.zeros_like(dwells.force_cov))
-    result = self_calibrate(rig, bare, rng=np.random.default_rng(0), max_trials=0)
+    result = fitted(rig, bare)
     assert any(each.subject == ("ncp1",) for each in turned(result))
     assert result.reasons
 
@@ -142,9 +142,7 @@ def test_a_noisy_channel_is_no_slip_and_a_slip_no_noise() -> None:
         dwells = batch.dwells(k)
         force = dwells.force.copy()
         force[:, 0, 1] += 2.0 * np.random.default_rng(k).standard_normal(POSTURES)
-        noisy = self_calibrate(
-            RIG, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
-        )
+        noisy = fitted(RIG, replace(dwells, force=force))
         assert ("sensor noise", 0) in [(s.kind, s.support) for s in noisy.suspicions]
     faults = Faults(slips=(Slip(1, 12, (0.0, 0.0, SLIP)),))
     batch = simulation.simulate_dwells(

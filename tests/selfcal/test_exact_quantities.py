@@ -10,9 +10,9 @@ from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, make_rig, simulate_dwells
+from tests.selfcal.campaigns import fitted
 from tests.words import in_words
 
 #: Nothing but the error in question is uncertain, and nothing else scatters but a little.
@@ -25,7 +25,7 @@ def calibrated(stated: Rig, real: Rig, faults: Faults | None = None, squeeze: fl
     """Calibration of one campaign, and the truth; alike to the last draw but for the error."""
     options = Options(postures=24, squeeze=squeeze, faults=faults or Faults())
     batch = simulate_dwells(real, options, np.random.default_rng(3), 1)
-    result = self_calibrate(stated, batch.dwells(0), rng=np.random.default_rng(0), max_trials=0)
+    result = fitted(stated, batch.dwells(0))
     return result, batch.truth
 
 
@@ -106,7 +106,7 @@ def test_without_internal_forces_a_level_turns_every_sensor_as_much() -> None:
     options = Options(postures=40, internal=30.0, tilt=0.1)
     stated = make_rig()
     batch = simulate_dwells(stated, options, np.random.default_rng(3), 1)
-    result = self_calibrate(stated, batch.dwells(0), rng=np.random.default_rng(0), max_trials=0)
+    result = fitted(stated, batch.dwells(0))
     turns = quantity(result, "base level").reshape(3, 3, 2)
     for i in range(3):
         np.testing.assert_allclose(turns[i, :2], -np.eye(2), atol=0.2)

@@ -8,10 +8,9 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Contact, Crosstalk, Drift, Faults, Gain, Jolt, Options
 from tdfscal.simulation.faults import Walk
-from tests.selfcal.campaigns import SQUEEZED, calibrated, study
+from tests.selfcal.campaigns import SQUEEZED, calibrated, fitted, study
 from tests.words import in_words
 
 RIG = simulation.reference_rig()
@@ -84,9 +83,7 @@ def test_friction_of_postures_that_only_tilt_is_named_with_what_looks_alike() ->
         force = dwells.force.copy()
         moment = 0.8 * rng.standard_normal((len(force), 2))
         force[:, :, 2] += moment @ np.linalg.pinv(lever - lever.mean(axis=0))
-        found = self_calibrate(
-            RIG, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
-        ).suspicions
+        found = fitted(RIG, replace(dwells, force=force)).suspicions
         assert {doubt.kind for doubt in found} <= {"hinge friction", "position noise"}
         sizes += [doubt.causes[0].size or 0.0 for doubt in found if doubt.kind == "hinge friction"]
     # The rms of 2 moments in so many postures, all campaigns together, within 3 of its own scatter.
@@ -177,13 +174,10 @@ def test_a_jolt_does_not_reach_the_angles() -> None:
 
     from tdfscal.dwells import find_dwells
     from tdfscal.numerics import so3
-    from tdfscal.selfcal.pipeline import self_calibrate
 
     options = with_faults(Faults(jolts=(Jolt(6, (200.0, -100.0, 300.0)),)))
     campaign = simulation.simulate_campaign(RIG, options, np.random.default_rng(8))
-    result = self_calibrate(
-        RIG, find_dwells(campaign.log), rng=np.random.default_rng(0), max_trials=0
-    )
+    result = fitted(RIG, find_dwells(campaign.log))
     d = so3.log(campaign.truth.rotation @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
     d2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
     assert d2 < stats.chi2.ppf(1 - 1e-4, 9)
@@ -197,14 +191,13 @@ def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
 
     from tdfscal.dwells import find_dwells
     from tdfscal.numerics import so3
-    from tdfscal.selfcal.pipeline import self_calibrate
 
     bare = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
     batch = simulation.simulate_dwells(bare, SQUEEZED, np.random.default_rng(9), 10)
     total = 0.0
     for i in range(10):
         dwells = find_dwells(batch.log(i))
-        result = self_calibrate(bare, dwells, rng=np.random.default_rng(0), max_trials=0)
+        result = fitted(bare, dwells)
         assert "from the residuals" in in_words(result.findings)[0]
         R = result.fit.state.rotation
         d = so3.log(batch.truth.rotation[i] @ np.swapaxes(R, 1, 2)).ravel()

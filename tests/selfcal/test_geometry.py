@@ -10,8 +10,8 @@ from tdfscal import simulation
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, Recorder
+from tests.selfcal.campaigns import fitted
 from tests.words import in_words
 
 OPTIONS = Options(squeeze=200.0, recorder=Recorder(mean_sd=0.1))
@@ -23,10 +23,6 @@ def recorded(rig: Rig, seed: int) -> tuple[Dwells, FloatArray]:
     return batch.dwells(0), batch.truth.rotation[0]
 
 
-def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
-    return self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
-
-
 @pytest.mark.parametrize(("size", "radius", "rejected"), [(5e-3, 2.0, True), (2e-4, 10.0, False)])
 def test_a_displaced_hinge_is_named_and_rejects_where_it_harms(
     size: float, radius: float, rejected: bool
@@ -35,7 +31,7 @@ def test_a_displaced_hinge_is_named_and_rejects_where_it_harms(
     dwells, truth = recorded(rig, 1)
     hinge = rig.hinge.copy()
     hinge[1, :2] += size * np.array([0.6, -0.8])
-    result = calibrated(replace(rig, hinge=hinge), dwells)
+    result = fitted(replace(rig, hinge=hinge), dwells)
     doubt = result.suspicions[0]
     assert (doubt.kind, doubt.support) == ("hinge", 1)
     assert "the distances between hinges say that the hinge of ncp2" in " ".join(
@@ -56,11 +52,11 @@ def test_the_harm_that_is_told_is_the_shift_of_the_angles() -> None:
     """Of 1 mm of a datum: against the angles without it, first order against a whole fit."""
     rig = simulation.make_rig(3)
     dwells, _ = recorded(rig, 2)
-    sound = calibrated(rig, dwells)
+    sound = fitted(rig, dwells)
     assert not sound.suspicions
     position = dwells.position.copy()
     position[:, 2] += 1e-3 * np.array([0.8, 0.0, 0.6])
-    result = calibrated(rig, replace(dwells, position=position))
+    result = fitted(rig, replace(dwells, position=position))
     doubt = result.suspicions[0]
     assert (doubt.kind, doubt.support) == ("datum", 2)
     assert result.reasons
@@ -83,7 +79,7 @@ def test_a_warned_geometry_widens_the_angles_by_the_move_that_it_names() -> None
     assert doubt.move is not None
     move = doubt.move[:9]
     own = result.uncertainty.covariance - np.outer(move, move)
-    plain = calibrated(rig, dwells).uncertainty.covariance
+    plain = fitted(rig, dwells).uncertainty.covariance
     np.testing.assert_allclose(np.diagonal(own), np.diagonal(plain), rtol=0.02)
     share = result.uncertainty.contributions["undeclared error"]
     assert np.max(np.sqrt(share)) == pytest.approx(doubt.harm, rel=0.05)

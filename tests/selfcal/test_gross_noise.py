@@ -7,9 +7,9 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, Recorder
+from tests.selfcal.campaigns import fitted
 
 RIG = simulation.reference_rig()
 TOUCHED = (1, 4, 6, 9, 11, 14)
@@ -21,7 +21,7 @@ def disturbed(seed: int, added: FloatArray) -> SelfCalibration:
     batch = simulation.simulate_dwells(RIG, OPTIONS, np.random.default_rng(seed), 1)
     dwells = batch.dwells(0)
     dwells = replace(dwells, force=dwells.force + added)
-    return self_calibrate(RIG, dwells, rng=np.random.default_rng(0), max_trials=0)
+    return fitted(RIG, dwells)
 
 
 @pytest.mark.parametrize("size", [10.0, 300.0])
@@ -54,7 +54,7 @@ def test_a_wrong_gain_is_named_before_the_noise_that_it_looks_like(size: float) 
     )
     rig = simulation.make_rig(4, mass=1500.0, radius=0.4)
     dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(1), 1).dwells(0)
-    result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+    result = fitted(rig, dwells)
     causes = [f for f in result.reasons if f.code not in ("residuals-large", "angle-uncertain")]
     assert [(cause.code, cause.subject) for cause in causes] == [("gain-suspected", ("ncp4",))]
 
@@ -65,5 +65,5 @@ def test_noise_that_is_overstated_is_said() -> None:
     ).dwells(0)
     for stated in ({"force_noise": 0.3}, {"positioner": 3e-4}):
         rig = replace(RIG, declared=replace(RIG.declared, **stated))
-        result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+        result = fitted(rig, dwells)
         assert "noise-overstated" in [each.code for each in result.findings]

@@ -8,9 +8,9 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.records import Dwells, FloatArray, UncertainValue
 from tdfscal.simulation import Options
+from tests.selfcal.campaigns import fitted
 
 RIGS = {n: simulation.make_rig(n) for n in (3, 4, 6)}
 
@@ -84,7 +84,7 @@ def test_one_mistake_is_named_instead_of_advice_on_postures(
 ) -> None:
     change, words = MISTAKES[name]
     with pytest.raises(DataError, match=words):
-        calibrate(RIGS[n], recorded(n, squeeze, change))
+        fitted(RIGS[n], recorded(n, squeeze, change))
 
 
 def test_poor_postures_are_blamed_on_no_channel() -> None:
@@ -93,11 +93,7 @@ def test_poor_postures_are_blamed_on_no_channel() -> None:
     options = Options(postures=6, stiffness=soft, travel=0.0)
     dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(0), 1).dwells(0)
     with pytest.raises(NotIdentifiableError, match="not determine"):
-        calibrate(rig, dwells)
-
-
-def calibrate(rig: Rig, dwells: Dwells) -> None:
-    self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+        fitted(rig, dwells)
 
 
 @pytest.mark.parametrize("axis", [0, 2])
@@ -106,4 +102,4 @@ def test_a_mirrored_axis_of_every_sensor_is_no_negative_mass(axis: int) -> None:
     rig = replace(RIGS[3], mass=UncertainValue(np.asarray(500.0), np.asarray(np.inf)))
     dwells = recorded(3, 150.0, scaled(-1.0, slice(None), axis))
     with pytest.raises(DataError, match=f"F{'xyz'[axis]} of every sensor has the opposite sign"):
-        calibrate(rig, dwells)
+        fitted(rig, dwells)

@@ -23,6 +23,7 @@ from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
+from tests.selfcal.campaigns import fitted
 from tests.words import in_words
 
 OPTIONS = Options(internal=200.0, recorder=Recorder(mean_sd=0.1))
@@ -101,7 +102,7 @@ def test_load_cells_alone_determine_nothing() -> None:
     rig = lacking(*product(range(4), (0, 1)), n=4)
     dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(1), 1).dwells(0)
     with pytest.raises(NotIdentifiableError, match="all directions"):
-        self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+        fitted(rig, dwells)
 
 
 def test_one_of_many_sensors_is_found_turned() -> None:
@@ -174,9 +175,7 @@ def test_a_parabola_is_estimated_where_the_residuals_ask_for_it() -> None:
     for faults, bent in ((Faults(), False), (Faults(warming=Warming(10.0, slope)), True)):
         options = replace(OPTIONS, faults=faults)
         dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(10), 1).dwells(0)
-        found = self_calibrate(
-            rig, replace(dwells, temperature=None), rng=np.random.default_rng(0), max_trials=0
-        )
+        found = fitted(rig, replace(dwells, temperature=None))
         motion = found.fit.postures.motion
         assert motion is not None
         assert ("parabola" in motion.kind) is bent

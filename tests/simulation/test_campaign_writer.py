@@ -230,13 +230,3 @@ def test_streams_of_their_own_rates_fit_mcap_only(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="MCAP"):
         simulate_to_folder(tmp_path / "c", format="csv", postures=2, recorder=recorder)
     assert not (tmp_path / "c").exists()
-
-
-def test_impossible_requests(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="postures"):
-        simulate_to_folder(tmp_path / "c", postures=0)
-    with pytest.raises(UsageError, match="tilt"):
-        simulate_to_folder(tmp_path / "c", tilt_deg=80.0)
-    with pytest.raises(UsageError, match="scenario"):
-        simulate_to_folder(tmp_path / "c", scenario="nonsense")
-    assert not (tmp_path / "c").exists()

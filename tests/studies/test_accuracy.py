@@ -8,8 +8,8 @@ import pytest
 from studies import campaigns
 from studies.campaigns import Setting, errors
 from tdfscal.numerics import so3
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import reference_rig, simulate_dwells
+from tests.selfcal.campaigns import fitted
 
 RIG = reference_rig()
 FEW = Setting(postures=10)
@@ -21,7 +21,7 @@ def test_maximum_likelihood_is_that_of_the_product() -> None:
     block = np.random.SeedSequence(7).spawn(1)[0]
     batch = simulate_dwells(RIG, Setting().options, np.random.default_rng(block.spawn(2)[0]), 2)
     for k in range(2):
-        own = self_calibrate(RIG, batch.dwells(k), rng=np.random.default_rng(0), max_trials=0)
+        own = fitted(RIG, batch.dwells(k))
         theirs = so3.to_rpy(own.fit.state.rotation) - batch.truth.rpy[k]
         assert (np.abs(found[k] - theirs) < 1e-9 * own.uncertainty.rpy_std).all()
 

@@ -1,8 +1,6 @@
 """`python -m studies`: files, JSON, refusals."""
 
 import json
-import runpy
-import sys
 from pathlib import Path
 
 import pytest
@@ -76,14 +74,3 @@ def test_refusals(
     assert said in seen.err
     assert not out.exists()
     assert before == RIG.read_bytes()
-
-
-def test_as_a_program(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.argv", ["studies", "--help"])
-    monkeypatch.delitem(sys.modules, "studies.__main__")
-    with pytest.raises(SystemExit, match="0"):
-        runpy.run_module("studies", run_name="__main__")
-    shown = capsys.readouterr().out
-    assert all(name in shown for name in STUDIES)
-    with pytest.raises(SystemExit, match="2"):
-        main(["nothing", "rig", "-o", "x"])
