@@ -16,7 +16,7 @@ from tdfscal.commands.calibration_in_use import WrenchPass, take
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Result
-from tdfscal.files.writers.wrenches import (
+from tdfscal.files.writers.logs import (
     COLUMNS,
     SUFFIXES,
     columns_of,

@@ -21,7 +21,7 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, U
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.parts import Method
-from tdfscal.files.rig.draft import unconfirmed_in
+from tdfscal.files.rig.reading import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.records import InputFile, Measured, Rig
 from tdfscal.selfcal.result import Estimator, SelfCalibration

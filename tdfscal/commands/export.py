@@ -11,8 +11,7 @@ from tdfscal.commands.arguments import SILENT, PathLike, one
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Calibration, Result, read_source
 from tdfscal.errors import RejectedError
-from tdfscal.exports import FORMATS
-from tdfscal.exports.statements import cautions
+from tdfscal.exports import FORMATS, cautions
 from tdfscal.files.calibration.document import below_accepted
 from tdfscal.findings import Finding
 from tdfscal.frozen import record

@@ -13,8 +13,8 @@ from tdfscal.commands.info import InfoResult
 from tdfscal.commands.result import Result
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
-from tdfscal.files.rig.draft import draft, unconfirmed
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.rig.draft import draft
+from tdfscal.files.rig.reading import parse_rig, unconfirmed
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray

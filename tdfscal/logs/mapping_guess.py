@@ -8,7 +8,7 @@ from typing import Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.files.units import by_scale, unit_factor
+from tdfscal.files.rig.recorders import by_scale, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import Contents, Vector
 from tdfscal.logs.messages.buffer import topic_of

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.hashing import printable
-from tdfscal.files.units import UNITS, canonical
+from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
 from tdfscal.logs.request import Piece, Request

@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from tdfscal.files.units import UNITS, canonical, unit_factor
+from tdfscal.files.rig.recorders import UNITS, canonical, unit_factor
 from tdfscal.frozen import record
 from tdfscal.logs.contents import Column, Contents, Vector
 from tdfscal.logs.text.header import split_label

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.files.units import UNITS, Quantity, canonical, unit_factor
+from tdfscal.files.rig.recorders import UNITS, Dimension, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record, replace
 from tdfscal.records import BoolArray, FloatArray, LogMapping
@@ -104,7 +104,7 @@ def make_request(
     declared = mapping is not None
     if mapping is None:
         mapping = LogMapping.default(tuple(supports))
-    declarations: tuple[tuple[Quantity, str, str], ...] = (
+    declarations: tuple[tuple[Dimension, str, str], ...] = (
         ("position", mapping.length_unit, "length_unit"),
         ("force", mapping.force_unit, "force_unit"),
         ("time", mapping.time_unit, "time.unit"),

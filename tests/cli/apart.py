@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.saving import to_yaml
-from tdfscal.files.writers.documents import rig_document
+from tdfscal.files.writers.campaign import rig_document
 from tdfscal.records import Log, Rig, Series
 
 

@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.typesys import Stores, get_typestore
 
 import tdfscal
-from tdfscal.files.rig.draft import unconfirmed
+from tdfscal.files.rig.reading import unconfirmed
 from tests.cli.running import Cli
 from tests.files.logs.log_making import definition, point_stamped, wrench_stamped
 from tests.words import in_words

@@ -19,9 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
-from tdfscal.exports import FORMATS
-from tdfscal.exports.formats import c_header, csv_table, ros, urdf
-from tdfscal.exports.statements import cautions
+from tdfscal.exports import FORMATS, c_header, cautions, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.findings import Finding

@@ -14,7 +14,7 @@ from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import save_calibration
-from tdfscal.files.writers.wrenches import write_wrenches
+from tdfscal.files.writers.logs import write_wrenches
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults
 from tdfscal.wrench.contact_wrench import Wrenches

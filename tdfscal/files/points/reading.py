@@ -14,7 +14,7 @@ from tdfscal.files.field_types import LengthUnit, NotNegative, Number, Strict, T
 from tdfscal.files.model_errors import checked
 from tdfscal.files.points.columns import Columns, refuse, to_metres
 from tdfscal.files.points.table import Preamble, Table, read_table, read_text
-from tdfscal.files.rig.survey import TrackerFiles
+from tdfscal.files.rig.recorders import TrackerFiles
 from tdfscal.files.yaml import parse_document
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record

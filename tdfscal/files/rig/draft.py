@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import yaml
@@ -13,15 +11,13 @@ import yaml
 from tdfscal.errors import visible
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.model import RIG_FORMAT
+from tdfscal.files.rig.reading import CONFIRM
 from tdfscal.files.saving import represent_text
 
 if TYPE_CHECKING:
     from tdfscal.checks.rig_from_log import RigSketch
 
-#: What a line says whose value the user has still to confirm.
-CONFIRM: Final = "confirm"
 _WIDTH: Final = 90
-_KEY: Final = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
 #: What is said behind the keys of the log block.
 _MARKS: Final = {
     "files": f"  # {CONFIRM}: the names of this recorder's files",
@@ -34,7 +30,6 @@ _MARKS: Final = {
     "delay": f"  # {CONFIRM}: s, force minus position stamps; in motion",
     "supports": f"  # {CONFIRM}: these fields are this support's",
 }
-_MARK: Final = re.compile(rf"#.*\b{CONFIRM}\b")
 
 _UNCERTAINTY: Final = (
     "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
@@ -117,39 +112,6 @@ def _entry(remark: str, line: str) -> list[str]:
 def _remark(text: str) -> list[str]:
     # Names of fields and files stand in it.
     return textwrap.wrap(visible(text), _WIDTH, initial_indent="# ", subsequent_indent="# ")
-
-
-def unconfirmed(text: str) -> tuple[str, ...]:
-    """Return the keys, with values and lines, that a rig file still marks to be confirmed."""
-    found: list[str] = []
-    path: list[tuple[int, str]] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        match = _KEY.match(line)
-        if match is None or line.lstrip().startswith("#"):
-            continue
-        indent = len(match["indent"]) + len(match["item"] or "")
-        outside = len(match["indent"]) + 1 if match["item"] else indent
-        path = [(depth, key) for depth, key in path if depth < outside]
-        key = match["key"]
-        if key == "name" and match["item"]:
-            path.append((indent - 1, match["rest"].split("#")[0].strip()))
-        elif mark := _MARK.search(match["rest"]):
-            value = match["rest"][: mark.start()].strip()
-            whole = ".".join([*(k for _, k in path), key])
-            found.append(
-                f"{whole}: {value} (line {number})" if value else f"{whole} (line {number})"
-            )
-        else:
-            path.append((indent, key))
-    return tuple(found)
-
-
-def unconfirmed_in(path: Path) -> tuple[str, ...]:
-    """As `unconfirmed`, of a file; nothing where it cannot be read."""
-    try:
-        return unconfirmed(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError):
-        return ()
 
 
 def log_lines(

@@ -35,8 +35,7 @@ from tdfscal.files.field_types import (
     fault,
     key,
 )
-from tdfscal.files.rig.recorders import LogBlock, LogBlocks, check_recorders
-from tdfscal.files.rig.survey import TrackerBlock
+from tdfscal.files.rig.recorders import LogBlock, LogBlocks, TrackerBlock, check_recorders
 from tdfscal.records import FloatArray
 
 RIG_FORMAT = "tdfscal-rig/1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,7 @@ from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
-from tdfscal.files.rig.recorders import LogBlock, SupportFields
-from tdfscal.files.rig.survey import TrackerFiles
+from tdfscal.files.rig.recorders import LogBlock, SupportFields, TrackerFiles
 from tdfscal.files.yaml import Document, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
@@ -34,6 +34,12 @@ from tdfscal.records import (
 HOUR = 3600.0
 #: What a drift of the record is multiplied by for the file.
 DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0}
+
+
+#: What a line says whose value the user has still to confirm.
+CONFIRM = "confirm"
+_KEY = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
+_MARK = re.compile(rf"#.*\b{CONFIRM}\b")
 
 
 @record
@@ -175,3 +181,36 @@ def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
         temperature=block.temperature or (),
         clock=ClockPrior(_known(offset.value, offset.std), block.clock.rate_std),
     )
+
+
+def unconfirmed(text: str) -> tuple[str, ...]:
+    """Return the keys, with values and lines, that a rig file still marks to be confirmed."""
+    found: list[str] = []
+    path: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        match = _KEY.match(line)
+        if match is None or line.lstrip().startswith("#"):
+            continue
+        indent = len(match["indent"]) + len(match["item"] or "")
+        outside = len(match["indent"]) + 1 if match["item"] else indent
+        path = [(depth, key) for depth, key in path if depth < outside]
+        key = match["key"]
+        if key == "name" and match["item"]:
+            path.append((indent - 1, match["rest"].split("#")[0].strip()))
+        elif mark := _MARK.search(match["rest"]):
+            value = match["rest"][: mark.start()].strip()
+            whole = ".".join([*(k for _, k in path), key])
+            found.append(
+                f"{whole}: {value} (line {number})" if value else f"{whole} (line {number})"
+            )
+        else:
+            path.append((indent, key))
+    return tuple(found)
+
+
+def unconfirmed_in(path: Path) -> tuple[str, ...]:
+    """As `unconfirmed`, of a file; nothing where it cannot be read."""
+    try:
+        return unconfirmed(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError):
+        return ()

@@ -1,12 +1,23 @@
-"""The `log` block of the rig file: how each recorder names things, and what all must hold."""
+"""The `log` and `tracker` blocks of the rig file: every unit that a log may state, how each
+recorder names things and what all must hold; a laser tracker's survey and where its files are.
+"""
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 
 from tdfscal.files.field_types import (
+    LengthUnit,
     Name,
     NotNegative,
     Quantity,
@@ -22,8 +33,57 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
-from tdfscal.files.units import by_scale
-from tdfscal.records import CLOCK_RATE_STD, Rows
+from tdfscal.frozen import record
+from tdfscal.records import CLOCK_RATE_STD, Instrument, Rows
+
+Dimension = Literal["position", "force", "time"]
+
+UNITS: Final[dict[Dimension, dict[str, float]]] = {
+    "position": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "force": {"N": 1.0, "kN": 1e3},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
+"""Units that can be declared, and their factors to SI."""
+_SPELLINGS: Final = {"µm": "um", "μm": "um", "µs": "us", "μs": "us", "sec": "s"}
+FOREIGN: Final[dict[Dimension, dict[str, float]]] = {
+    "position": {"cm": 1e-2, "dm": 1e-1, "km": 1e3, "ft": 0.3048, "mil": 2.54e-5}
+    | dict.fromkeys(("in", "inch"), 0.0254),
+    "force": {"mN": 1e-3, "dN": 0.1, "daN": 10.0, "MN": 1e6, "gf": 9.80665e-3}
+    | dict.fromkeys(("kp", "kgf", "kg"), 9.80665)
+    | dict.fromkeys(("lbf", "lb"), 4.4482216152605),
+}
+"""Units that recorders write and that are none of ours, by the scale of the rig file for each."""
+# Naming one is a disagreement too, and not a name.
+_OTHERS: Final = frozenset(
+    ("V", "mV", "mV/V", "A", "deg", "rad", "g", "h", "min", "counts", "raw", "%")
+)
+
+
+def canonical(unit: str) -> str:
+    """Return the one spelling of a unit: µm and um are the same."""
+    return _SPELLINGS.get(unit.strip(), unit.strip())
+
+
+def unit_factor(quantity: Dimension, unit: str) -> float | None:
+    """Return the factor to SI of a unit however it is spelt; None where it is none of `UNITS`."""
+    return UNITS[quantity].get(canonical(unit))
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether a text is a unit of measurement, ours or another."""
+    unit = canonical(text)
+    tables = (_OTHERS, *UNITS.values(), *FOREIGN.values())
+    return any(unit in table for table in tables)
+
+
+def by_scale(quantity: Dimension, unit: str) -> str | None:
+    """Return how a rig file states a unit that it does not know by name; None of one unknown."""
+    factor = FOREIGN.get(quantity, {}).get(unit.strip())
+    if factor is None:
+        return None
+    line = f"{quantity}_scale: {factor:.14g}"
+    return f"write `{line}` beside the {quantity} fields of each support in the log block"
+
 
 #: In place of a field that no recorder has, of an axis that is not measured.
 _NOT_RECORDED = "none"
@@ -224,3 +284,62 @@ def _check_known(names: Sequence[str], given: Sequence[str], *place: str | int) 
             near = nearest(name, unused or list(names), cutoff=0.0)
             hint = f"write `{near}` perhaps"
             raise fault(f"`{name}` is no support of this rig", *place, name, hint=hint)
+
+
+class InstrumentBlock(Strict):
+    """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
+
+    range: NotNegative = key("m: constant part of the range")
+    range_ppm: NotNegative = key("ppm: part that grows with the range")
+    angle_arcsec: NotNegative = key("″: each angle")
+
+    @model_validator(mode="after")
+    def _not_perfect(self) -> Self:
+        if self.range == self.range_ppm == self.angle_arcsec == 0:
+            raise fault("an instrument without any uncertainty", hint="see its data sheet")
+        return self
+
+
+class Targets(Strict):
+    """Point files of the targets on the sensors: TDFS frames, and the tracker's frame."""
+
+    nominal: Text = key("point file, sensor frames")
+    measured: Text = key("point file, tracker frame")
+
+
+class Moves(Strict):
+    """Point files of the NCPs' moves: by the servo in the BCS, and in the tracker's frame."""
+
+    servo: Text = key("point file, hinge centres in the BCS")
+    measured: Text = key("point file, tracker frame")
+
+
+class TrackerBlock(Strict):
+    """A laser-tracker survey; drawing in m, misalignment of body against sensing axes in rad."""
+
+    instrument: InstrumentBlock = key("standard uncertainties, k = 1")
+    drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
+    misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
+    length_unit: LengthUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
+    targets: Targets = key("targets on the sensors")
+    moves: Moves = key("one point on each NCP, moved")
+
+
+@record
+class TrackerFiles:
+    """A laser-tracker survey as the rig file in a folder declares it; not read yet."""
+
+    stated: TrackerBlock
+    folder: Path
+
+    @property
+    def instrument(self) -> Instrument:
+        """Its standard uncertainties."""
+        return Instrument(**dict(self.stated.instrument))
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The four point files: targets nominal and measured, moves by servo and measured."""
+        targets, moves = self.stated.targets, self.stated.moves
+        names = (targets.nominal, targets.measured, moves.servo, moves.measured)
+        return tuple(self.folder / name for name in names)

@@ -13,7 +13,7 @@ from itertools import takewhile
 from typing import Final
 
 from tdfscal.errors import DataError
-from tdfscal.files.units import is_unit
+from tdfscal.files.rig.recorders import is_unit
 from tdfscal.frozen import record
 from tdfscal.logs.table import is_date_time
 

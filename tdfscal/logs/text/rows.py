@@ -13,7 +13,7 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.files.units import UNITS, Quantity, by_scale, canonical, unit_factor
+from tdfscal.files.rig.recorders import UNITS, Dimension, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record
 from tdfscal.logs.log_file import placed
@@ -127,7 +127,7 @@ def _factors(
 
 
 def _unit(
-    quantity: Quantity, declared: str, stated: str | None, request: Request, cell: str
+    quantity: Dimension, declared: str, stated: str | None, request: Request, cell: str
 ) -> float:
     """Return the factor to SI of a column whose header states a unit, or states none."""
     if stated is None or canonical(stated) == canonical(declared):

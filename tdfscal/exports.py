@@ -5,24 +5,23 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Callable
+from math import degrees, isnan
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.errors import UsageError, visible
-from tdfscal.exports.statements import (
-    cautions,
-    determined,
-    driver_factors,
-    gain,
-    number,
-    origin,
-    uncertain,
-)
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
+from tdfscal.findings import Finding
+from tdfscal.logs.request import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
-from tdfscal.reporting.traceability import report_digest
+from tdfscal.reporting.traceability import doubts, measured_on, report_digest
+from tdfscal.wrench.contact_wrench import unknown_components
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 _URDF = """\
@@ -91,10 +90,7 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 
 
 def frame(name: str, c: Calibration) -> str:
-    """Return a parent frame's name as it is.
-
-    Raises UsageError for one that URDF or ROS cannot hold, or that is a sensor's own.
-    """
+    """A parent frame's name; UsageError where URDF or ROS cannot hold it, or a sensor has it."""
     if not _FRAME.fullmatch(name):
         raise UsageError(
             f"{name!r} is no name of a frame",
@@ -134,7 +130,8 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
             base=base,
             rpy=" ".join(map(number, support.rpy)),
         )
-        for support in determined(c)
+        for support in c.supports
+        if support.determined
     ]
     return _URDF.format(
         notes="\n".join(f"  {xml_comment(note)}" for note in notes),
@@ -150,8 +147,7 @@ def ros(c: Calibration, parent: str = BCS_FRAME) -> str:
     A broadcaster adds its `offset` to what the driver reads, and multiplies the sum: the offset
     stands as −zero in the driver's own sign and unit. An axis that is not measured has no name, so
     that it is published as not a number. The transforms, whose rotation takes coordinates in the
-    sensor's frame to the BCS, stand as commands in comments. A sensitivity that was estimated is no
-    parameter of a broadcaster: it stands in the comments too.
+    sensor's frame to the BCS, stand as commands in comments, and so does an estimated sensitivity.
     """
     base = frame(parent, c)
     notes = [
@@ -198,7 +194,8 @@ def csv_table(c: Calibration) -> str:
 
     F_bcs = r · u · (F_sensor − zero); u = (I + S)⁻¹ stands only where a sensitivity was estimated.
     """
-    scaled, entries = _scaled(c), [f"{a}{b}" for a in "xyz" for b in "xyz"]
+    scaled = any(support.sensitivity for support in c.supports)
+    entries = [f"{a}{b}" for a in "xyz" for b in "xyz"]
     zeros, angles = [f"zero_{a}_N" for a in "xyz"], [f"{angle}_deg" for angle in ANGLES]
     header = ["sensor", *(f"r_{e}" for e in entries), *zeros]
     header += [f"u_{e}" for e in entries] if scaled else []
@@ -237,16 +234,18 @@ def c_header(c: Calibration) -> str:
     """
     measured = c.rig.record().axes
     rotation = np.where((c.determined[:, None] | measured)[:, None], c.rotation, 0.0)
-    matrix = rotation @ np.linalg.inv(c.sensitivity) if _scaled(c) else rotation
+    matrix = rotation
+    if any(support.sensitivity for support in c.supports):
+        matrix = rotation @ np.linalg.inv(c.sensitivity)
     notes = [
         *origin(c),
         "For C99 and later, and C++.",
         "Rows of a matrix are the BCS's axes, columns the sensor's; a column of zeros is of an "
         "axis that is not known.",
-        *(f"{support.name}: {uncertain(support)}" for support in determined(c)),
+        *(f"{support.name}: {uncertain(support)}" for support in c.supports if support.determined),
     ]
     return _HEADER.format(
-        notes=_remarks(notes),
+        notes="\n".join(f" * {c_comment(note)}" for note in notes),
         count=len(rotation),
         names=", ".join(f'"{support.name}"' for support in c.supports),
         rotation=_initialiser(rotation),
@@ -254,10 +253,6 @@ def c_header(c: Calibration) -> str:
         zero=_initialiser(c.zero),
         measured=re.sub(r"\.0", "", _initialiser(measured.astype(np.float64))),
     )
-
-
-def _remarks(notes: list[str]) -> str:
-    return "\n".join(f" * {c_comment(note)}" for note in notes)
 
 
 def _initialiser(values: FloatArray) -> str:
@@ -270,6 +265,84 @@ def _initialiser(values: FloatArray) -> str:
     return "{\n" + ",\n".join(f"    {{{block}}}" for block in blocks) + "\n}"
 
 
-def _scaled(c: Calibration) -> bool:
-    """A sensitivity was estimated."""
-    return any(support.sensitivity for support in c.supports)
+def origin(c: Calibration) -> list[str]:
+    """Lines that say what the numbers are, from what, and how to use them."""
+    own = " as it was read; the file itself keeps none" if c.unsealed else ""
+    lines = [
+        f"Installation rotations of the force sensors of: {c.rig.name}",
+        f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
+        f"{c.created}, {c.status}, content SHA-256 {report_digest(c)}{own}",
+        c.convention,
+        "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
+        *cautions(c),
+    ]
+    if c.status == "rejected":
+        lines.append("REJECTED by the quality gate: not for use on a machine")
+    return lines
+
+
+def cautions(c: Calibration) -> list[str]:
+    """What a user of the numbers must know, do without, and do to a reading first."""
+    said, given = list(doubts(c)), calibrated(c)
+    if c.undetermined:
+        said.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
+    if not given.rig.axes.all():
+        said.append(sentence(Finding("wrench-in-part", unknown_components(given))))
+    turned: dict[str, list[str]] = {}
+    for name, factors in zip(c.support_names, driver_factors(c).tolist(), strict=True):
+        if factors != [1.0] * 3:
+            each = (f"{axis} by {f:.15g}" for axis, f in zip("xyz", factors, strict=True))
+            same = len(set(factors)) == 1
+            turned.setdefault(f"by {factors[0]:.15g}" if same else ", ".join(each), []).append(name)
+    said += [
+        f"MULTIPLY the readings of {', '.join(names)}, as the rig's log has them, {factors}, to "
+        "have the force on the terminal in N"
+        for factors, names in turned.items()
+    ]
+    return said
+
+
+def driver_factors(c: Calibration) -> FloatArray:
+    """Return (n, 3), N on the terminal per unit of a reading as the rig's log block has it."""
+    factors = np.ones((len(c.supports), 3))
+    for log in c.loaded_rig().log:
+        for i, fields in enumerate(log.force):
+            if fields:
+                factors[i] = signal_of(log, "force", i, fields).factors
+    return factors
+
+
+def uncertain(support: SupportResult) -> str:
+    """Roll, pitch, yaw in degrees and the zero in N, each with its standard uncertainty."""
+    angles = [
+        f"{name} {degrees(value or 0.0):.4f}° ± "
+        + ("not separable" if std is None else f"{1e3 * std:.3f} mrad")
+        for name, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True)
+    ]
+    zeros = [
+        "not measured"
+        if value is None
+        else f"{value:.3f} ± {'open' if std is None else f'{std:.3f}'}"
+        for value, std in zip(support.zero, support.zero_std, strict=True)
+    ]
+    return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
+
+
+def gain(support: SupportResult) -> str:
+    """The sensor's sensitivity, by rows, in words; empty where none was estimated."""
+    rows = [list(map(float, row)) for row in support.sensitivity or ()]
+    return f"{support.name}: sensitivity {rows}" if rows else ""
+
+
+def number(value: float | None) -> str:
+    """Return the shortest text that reads back as the same double; none of what is not known."""
+    return "" if value is None or isnan(value) else repr(float(value))
+
+
+FORMATS: dict[str, Callable[[Calibration, str], str]] = {
+    "urdf": urdf,
+    "ros": ros,
+    "csv": lambda calibration, parent: csv_table(calibration),
+    "c": lambda calibration, parent: c_header(calibration),
+}
+"""Format → writer of (calibration, parent frame)."""
