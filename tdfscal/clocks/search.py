@@ -7,9 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.clocks.balance import Balance, Model
-from tdfscal.clocks.refinement import lag_by_moves, moves, refine
-from tdfscal.clocks.tracks import Peak, Track, Tracks, activity, correlation_time, peaks
+from tdfscal.clocks.balance import Balance, Model, refine
+from tdfscal.clocks.tracks import (
+    Peak,
+    Track,
+    Tracks,
+    activity,
+    correlation_time,
+    lag_by_moves,
+    moves,
+    peaks,
+)
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -30,7 +38,7 @@ _DENSE = 10_000  # instants on which offset and rate are refined
 _ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
-CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
+_CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
@@ -264,4 +272,79 @@ def is_clear(best: Candidate, usual: float) -> bool:
     if not np.isfinite(best.misfit):
         return False
     ratio = usual / max(best.misfit, 1e-12)
-    return ratio > CLEAR and best.rows * np.log(ratio) > _CERTAIN
+    return ratio > _CLEAR and best.rows * np.log(ratio) > _CERTAIN
+
+
+def find_clocks(
+    first: Tracks, others: Sequence[tuple[str, Tracks, ClockPrior]]
+) -> list[RecorderClock]:
+    """Find the clocks of all other recorders (name, what it holds, what is stated) by the first's.
+
+    Each beside those found before it, as the balance wants the forces of all; forces that were
+    found by forces alone are looked at again by the positions. Raises as `find_clock` does.
+    """
+    clocks: list[RecorderClock] = []
+    tracks = [own for _, own, _ in others]
+    for name, own, prior in others:
+        found = first.joined(zip(tracks, clocks, strict=False))
+        clocks.append(find_clock(found, own, prior, name))
+    for k, (name, own, prior) in enumerate(others):
+        if not any(each.positions for each in (first, *tracks[: k + 1])):
+            rest = list(zip(tracks, clocks, strict=True))
+            clocks[k] = find_clock(first.joined(rest[:k] + rest[k + 1 :]), own, prior, name)
+    return clocks
+
+
+def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> RecorderClock:
+    """Find the clock of the second of two recorders against the first one's.
+
+    Parameters
+    ----------
+    first, second : what the two hold; the supports' positions and forces, all together.
+    prior : what is stated of the second's clock.
+    name : of the second recorder.
+
+    Raises
+    ------
+    DataError
+        The two do not overlap by what is stated, their moves contradict it, or the moves of one
+        are not found in the other.
+    NotIdentifiableError
+        Two lags explain both alike.
+    """
+    search = Search(first, second, prior)
+    if np.isfinite(search.std):
+        _check_statement(search, name)
+    if prior.exact:
+        return RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
+    return search.refined(search.chosen(name), name)
+
+
+def _check_statement(search: Search, name: str) -> None:
+    """Raise DataError where the recorders do not overlap by it, or their moves contradict it.
+
+    That they do takes a lag which the recordings tell clearly without the statement; if by
+    their balance, this is far worse at all lags which the statement allows.
+    """
+    alone = Search(search.first, search.second, ClockPrior(rate_std=search.prior.rate_std))
+    try:
+        best = alone.chosen(name)
+    except (DataError, NotIdentifiableError):
+        best = None
+    allowed = search.judged(search.candidates())
+    shift = search.second.begin - search.first.begin
+    values: dict[str, Value] = {
+        "begin": -search.stated, "end": search.spans[1] - search.stated, "span": search.spans[0],
+        "offset": float(search.prior.offset.value), "std": search.std,
+    }  # fmt: skip
+    if best is not None:
+        told, stated = shift + best.lag, float(search.prior.offset.value)
+        values |= {"found": True, "likelier": told}
+        values["reversed"] = abs(stated + told) <= max(search.reach, SAME)
+    if not allowed:
+        raise DataError(Finding("recorders-overlap-nowhere", (name,), values=values))
+    if best is None or abs(best.lag - search.stated) <= max(search.reach, SAME):
+        return
+    by_moves = best.model is None
+    if by_moves or min(c.misfit for c in allowed) > _CLEAR * best.misfit:
+        raise DataError(Finding("recorder-clock-misstated", (name,), values=values))

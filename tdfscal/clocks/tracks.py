@@ -1,18 +1,21 @@
 """The streams of one recorder as means over short bins of its own clock, and when they change.
 
 The log of how fast they change is their activity; the cross-correlation of two recorders' has a
-peak at every lag that brings their moves together.
+peak at every lag that brings their moves together. When forces and positions pass the same levels
+on their way from rest to rest tells the lag, and how it changes from move to move its rate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
+from tdfscal.numerics.streams import Line, line_through, times_of_passing
 from tdfscal.records import BoolArray, FloatArray, RecorderClock, Series
 
 _WIDTH = 0.02  # s; well below any move's length
@@ -247,3 +250,67 @@ def correlation_time(tracks: Sequence[Track], span: float) -> float:
         return span
     alike = (course / course[0]) ** 2
     return float((time[1] - time[0]) * max(2.0 * alike.sum() - 1.0, 1.0))
+
+
+_LONGEST = 60.0  # s; a longer way from rest to rest is no single move
+_REST = 0.6  # s, shortest
+_EDGE = 0.2  # s next to a move, in which forces are not yet settled or the lag is not yet known
+_FEW_MOVES, _MOST_MOVES = 5, 400  # moves
+_SPAN = 0.1  # s, over which a change shows motion
+_MOVING, _SHARE = 8.0, 5e-3  # times the noise, and share of the usual speed of the moves
+_LEAST_OF_MOVES = 0.1  # of a period, that no number of moves tells better
+
+
+def moves(positions: Sequence[Track], span: float, period: float) -> list[tuple[float, float]]:
+    """Times (end of a rest, start of the next), s, between which the terminal moves."""
+    step = max(0.02, period)
+    time = np.arange(0.0, span, step)
+    place = np.hstack([track.at(time)[0] for track in positions])
+    reach = max(round(_SPAN / step), 1)
+    change = np.linalg.norm(place[2 * reach :] - place[: -2 * reach], axis=1)
+    bend = np.median(np.abs(np.diff(place, n=2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    limit = max(_MOVING * float(np.linalg.norm(bend)), _SHARE * float(np.quantile(change, 0.98)))
+    still = np.concatenate([[False], change < limit, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    rests = [(time[a + reach], time[b - 1 + reach]) for a, b in zip(edges[::2], edges[1::2],
+             strict=True) if (b - a) * step >= _REST]  # fmt: skip
+    return [(float(a[1]), float(b[0])) for a, b in pairwise(rests)]
+
+
+def lag_by_moves(
+    positions: Sequence[tuple[Track, bool]],
+    forces: Sequence[tuple[Track, bool]],
+    way: Sequence[tuple[float, float]],
+    lag: float,
+    period: float,
+) -> Line | None:
+    """Line of the lag, s, through the moves that show it; None where too few do.
+
+    positions, forces : with whether each is on the second clock.
+    way : moves, s, of the first clock. lag : to begin with, right to a part of a rest.
+    """
+    found = []
+    single = [(begin, end) for begin, end in way if end - begin <= _LONGEST]
+    for begin, end in single[:: max(-(-len(single) // _MOST_MOVES), 1)]:
+        time = np.arange(begin - _REST, end + _REST, max(0.005, 0.25 * period))
+        passed = []
+        for streams in (positions, forces):
+            value = [track.at(time + (lag if second else 0.0)) for track, second in streams]
+            if not all(known.all() for _, known in value):
+                break
+            passed.append(_passing(np.hstack([v for v, _ in value]), time, begin, end))
+        if len(passed) == 2 and passed[0] is not None and passed[1] is not None:
+            found.append((float(np.mean(passed[0])), float(np.mean(passed[1] - passed[0]))))
+    if len(found) < _FEW_MOVES:
+        return None
+    time, late = np.array(found).T
+    # Forces on the second clock pass late where it is ahead; positions, early.
+    sign = 1.0 if any(second for _, second in forces) else -1.0
+    return line_through(time, lag + sign * late, _LEAST_OF_MOVES * period)
+
+
+def _passing(value: FloatArray, time: FloatArray, begin: float, end: float) -> FloatArray | None:
+    """Times at which streams (N, C) pass the levels on their way; None where it is unclear."""
+    rests = [time < begin - _EDGE, time > end + _EDGE]
+    ends = np.stack([value[rest].mean(axis=0) for rest in rests])
+    return times_of_passing(value, time, ends, rests)

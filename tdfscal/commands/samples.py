@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.clocks import forces_behind
 from tdfscal.commands.log_pass import LogPass
 from tdfscal.dwells import find_dwells
+from tdfscal.dwells.clock_offset import forces_behind
 from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig

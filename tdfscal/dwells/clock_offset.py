@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.clocks import forces_behind
-from tdfscal.clocks.refinement import lag_by_moves
-from tdfscal.clocks.tracks import Track
+from tdfscal.clocks.search import SAME, Search, is_clear
+from tdfscal.clocks.tracks import Peak, Track, Tracks, lag_by_moves
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
-from tdfscal.records import Dwells
+from tdfscal.records import ClockPrior, Dwells, FloatArray
 
 _MOST = 100  # moves
 _LEAST = 100  # bins in which forces seconds behind are looked for
-_SAME = 0.6  # s, up to which two lags are one
 
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
@@ -108,4 +106,27 @@ def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
     if offset is None:
         return found
     lag = found.size if found.values["late"] else -found.size
-    return None if abs(lag - offset.seconds) <= _SAME else found
+    return None if abs(lag - offset.seconds) <= SAME else found
+
+
+def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> Finding | None:
+    """Say by how many s the forces of one recording come after its positions, if it is many.
+
+    By the balance at the lags that bring the moves together; None where no other lag is far
+    better than none. time : (N,), s. position, force : (N, n, 3), m and N, of all supports.
+    """
+    tracks, begin, step = [], float(time[0]), float(np.median(np.diff(time)))
+    for kind, values in enumerate((position, force)):
+        if not np.isfinite(values).all():
+            return None  # of a component that is not measured
+        each = enumerate(np.moveaxis(values, 1, 0))
+        streams = {2 * i + kind: Track.of(time - begin, value) for i, value in each}
+        tracks.append(Tracks(begin, float(time[-1]), step, streams))
+    search = Search(tracks[0], tracks[1], ClockPrior())
+    found = search.judged([Peak(0.0, 0.0, search.spans[0]), *search.candidates()])
+    best = min(found, key=lambda candidate: candidate.misfit)
+    together = min(c.misfit for c in found if abs(c.lag) <= SAME)
+    if not (np.isfinite(together) and is_clear(best, together)):
+        return None
+    behind = search.refined(best, "").offset
+    return Finding("forces-behind", (), abs(behind), "s", values={"late": behind > 0})

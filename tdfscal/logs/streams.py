@@ -26,7 +26,7 @@ from tdfscal.logs.request import Block, Piece, Request, Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Log, LogMapping, RecorderClock, Series
 
 if TYPE_CHECKING:
-    from tdfscal.clocks import Tracks
+    from tdfscal.clocks.tracks import Tracks
 
 
 #: Largest magnitudes that are read, by quantity.
@@ -270,7 +270,8 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Reading]]) -> Iterator[Log]
 
     sources : each is read twice, for the clocks and for what it holds.
     """
-    from tdfscal.clocks import Reduction, find_clocks  # of several alone
+    from tdfscal.clocks.search import find_clocks  # of several alone
+    from tdfscal.clocks.tracks import Reduction
 
     tracks: list[Tracks] = []
     warm = 0  # temperatures of one recorder are those of the log

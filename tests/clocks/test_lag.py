@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.clocks import Reduction, Tracks, find_clock, forces_behind
+from tdfscal.clocks.search import find_clock
+from tdfscal.clocks.tracks import Reduction, Tracks
+from tdfscal.dwells.clock_offset import forces_behind
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
 from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
