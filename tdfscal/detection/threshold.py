@@ -192,14 +192,6 @@ class _Chance:
         return low[0] + high[0], low[1] + high[1]
 
 
-def contact_in_doubt(std: float, stopped: float, detect: float) -> float:
-    """Smallest contact, N or N·m, seen against errors that stay, of this standard deviation.
-
-    stopped : probability that they alone stop a machine. detect : that the contact does.
-    """
-    return std * float(ndtri(1.0 - stopped / 2.0) + ndtri(detect))
-
-
 def _log(probability: float) -> float:
     return float(np.log(max(probability, 1e-300)))
 

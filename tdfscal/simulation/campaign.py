@@ -9,9 +9,8 @@ import numpy as np
 from tdfscal.frozen import record, replace
 from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
-from tdfscal.simulation.equilibrium import Load, settle
+from tdfscal.simulation.equilibrium import Load, inertial, settle
 from tdfscal.simulation.faults import Place
-from tdfscal.simulation.inertia import draw_inertia, inertial
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import Postures, Stage, reading, set_stage, stand
 from tdfscal.simulation.time_course import (
@@ -22,7 +21,7 @@ from tdfscal.simulation.time_course import (
     shaking,
     streams,
 )
-from tdfscal.simulation.truth import Truth
+from tdfscal.simulation.truth import Truth, draw_inertia
 
 
 @record

@@ -1,6 +1,8 @@
-"""A rigid terminal on elastic carriages: where it comes to rest, and which forces hold it."""
+"""A rigid terminal on elastic carriages: where it comes to rest, which forces hold or move it."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from tdfscal.errors import NotConvergedError
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 from tdfscal.simulation import rotations
-from tdfscal.simulation.truth import Truth
+from tdfscal.simulation.truth import Truth, off_centre
 
 BALANCE = 1.0e-10
 MAX_STEPS = 30
@@ -133,3 +135,36 @@ def springs(stiffness: FloatArray, arm: FloatArray) -> FloatArray:
     out[..., :3, 3:], out[..., 3:, :3] = -coupling, -np.swapaxes(coupling, -1, -2)
     out[..., 3:, 3:] = -(lever @ stiffness @ lever).sum(axis=-3)
     return out
+
+
+#: Step of the differences in time, s.
+_STEP = 5.0e-3
+
+
+def inertial(
+    pose: Callable[[FloatArray], Pose], truth: Truth, inertia: FloatArray, time: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """D'Alembert's force and moment at times (N,), s, on a terminal that follows a course.
+
+    Returns
+    -------
+    (N, 2, 3), N and N·m, about the LCS origin in the LCS; and its angular velocity (N, 3), rad/s,
+    BCS.
+    """
+    h = _STEP
+    back, here, ahead = (pose(time + shift) for shift in (-h, 0.0, h))
+    R = here.rotation
+    after = rotations.log(ahead.rotation @ np.swapaxes(R, 1, 2))
+    before = rotations.log(R @ np.swapaxes(back.rotation, 1, 2))
+    turning, turning_rate = (after + before) / (2 * h), (after - before) / h**2
+    rise = (ahead.translation - 2 * here.translation + back.translation) / h**2
+    bary = R @ truth.barycentre
+    centre = rise + np.cross(turning_rate, bary)
+    centre += np.cross(turning, np.cross(turning, bary))
+    J = R @ (inertia - off_centre(truth)) @ np.swapaxes(R, 1, 2)
+    spin = np.einsum("kab,kb->ka", J, turning)
+    gyro = np.einsum("kab,kb->ka", J, turning_rate) + np.cross(turning, spin)
+    push = -truth.mass * centre
+    moment = -gyro + np.cross(bary, push)
+    # Rows vᵀR are the components in the LCS.
+    return np.asarray(np.stack([push, moment], axis=1) @ R), turning

@@ -13,12 +13,11 @@ import numpy as np
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults
-from tdfscal.simulation.equilibrium import Load, Pose, settle
-from tdfscal.simulation.inertia import draw_inertia, inertial
+from tdfscal.simulation.equilibrium import Load, Pose, inertial, settle
 from tdfscal.simulation.options import MovingOptions, Options
 from tdfscal.simulation.postures import internal_part, reading
 from tdfscal.simulation.time_course import Trajectory, correlated, draw_trajectory, streams
-from tdfscal.simulation.truth import Truth, draw_truths
+from tdfscal.simulation.truth import Truth, draw_inertia, draw_truths
 
 #: Rate at which the equilibrium is computed, Hz; between its instants splines run.
 _SOLVED = 40.0

@@ -98,6 +98,26 @@ def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: in
     )
 
 
+def draw_inertia(rig: Rig, truth: Truth, rng: np.random.Generator) -> FloatArray:
+    """Inertia about the LCS origin, (3, 3), kg m²: within what the rig states, or of a body.
+
+    That has the hinges' radius of gyration over √2, and its barycentre off the origin.
+    """
+    draw = rng.standard_normal((3, 3))
+    draw = (draw + draw.T) / 2
+    if rig.inertia is not None and np.all(np.isfinite(rig.inertia.std)):
+        return np.asarray(rig.inertia.value + rig.inertia.std * draw)
+    size = 0.5 * float(truth.mass) * np.mean(np.sum(truth.hinge**2, axis=1))
+    own = 0.5 * size * (np.diag([1.0, 1.1, 1.3]) + 0.05 * draw)
+    return np.asarray(own + off_centre(truth))
+
+
+def off_centre(truth: Truth) -> FloatArray:
+    """What the inertia about the LCS origin is more than that about the barycentre."""
+    r = truth.barycentre
+    return np.asarray(truth.mass * (r @ r * np.eye(3) - np.outer(r, r)))
+
+
 GRAVITY = 9.80665
 
 
