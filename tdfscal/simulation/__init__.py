@@ -11,6 +11,7 @@ from tdfscal.simulation.campaign import simulate_dwells as simulate_dwells
 from tdfscal.simulation.equilibrium import Equilibrium as Equilibrium
 from tdfscal.simulation.equilibrium import Load as Load
 from tdfscal.simulation.equilibrium import Pose as Pose
+from tdfscal.simulation.equilibrium import internal_part as internal_part
 from tdfscal.simulation.equilibrium import settle as settle
 from tdfscal.simulation.faults import Contact as Contact
 from tdfscal.simulation.faults import Crosstalk as Crosstalk
@@ -25,7 +26,6 @@ from tdfscal.simulation.moving_campaign import MovingCampaign as MovingCampaign
 from tdfscal.simulation.options import Options as Options
 from tdfscal.simulation.options import Recorder as Recorder
 from tdfscal.simulation.options import SurveyOptions as SurveyOptions
-from tdfscal.simulation.postures import internal_part as internal_part
 from tdfscal.simulation.scenarios import MOVING as MOVING
 from tdfscal.simulation.scenarios import SCENARIOS as SCENARIOS
 from tdfscal.simulation.scenarios import Run as Run

@@ -9,10 +9,18 @@ import numpy as np
 from tdfscal.frozen import record, replace
 from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
-from tdfscal.simulation.equilibrium import Load, inertial, settle
+from tdfscal.simulation.equilibrium import (
+    Load,
+    Postures,
+    Stage,
+    inertial,
+    reading,
+    set_stage,
+    settle,
+    stand,
+)
 from tdfscal.simulation.faults import Place
 from tdfscal.simulation.options import Options
-from tdfscal.simulation.postures import Postures, Stage, reading, set_stage, stand
 from tdfscal.simulation.time_course import (
     Moment,
     Timeline,

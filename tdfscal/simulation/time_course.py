@@ -9,10 +9,9 @@ import numpy as np
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, IntArray, Series
 from tdfscal.simulation import rotations
-from tdfscal.simulation.equilibrium import Pose
+from tdfscal.simulation.equilibrium import Pose, Postures, internal_part
 from tdfscal.simulation.faults import Place
 from tdfscal.simulation.options import MovingOptions, Recorder
-from tdfscal.simulation.postures import Postures, internal_part
 
 
 @record

@@ -11,8 +11,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import Options
 from tdfscal.simulation.campaign import record_means
-from tdfscal.simulation.equilibrium import settle
-from tdfscal.simulation.postures import set_stage, stand
+from tdfscal.simulation.equilibrium import set_stage, settle, stand
 
 Step = tuple[int, int, tuple[float, float, float]]
 """Month, sensor, turn in rad, BCS."""

@@ -31,7 +31,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
 from tdfscal.simulation.campaign import record_means
-from tdfscal.simulation.postures import set_stage
+from tdfscal.simulation.equilibrium import set_stage
 from tests.cli.running import run
 from tests.cli.test_life import edited
 from tests.comparison.histories import history
