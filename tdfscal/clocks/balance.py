@@ -22,7 +22,7 @@ from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import widening
 from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.numerics.rotation_descent import descend
+from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import BoolArray, FloatArray
 
 _STEPS, _SETTLED = 12, 1e-6  # of the search for the mounting; the last one, in parts of the load

@@ -18,8 +18,8 @@ from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
-from tdfscal.numerics.alignment import PRODUCT_ROUNDING, align, transposed
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.numerics.rotation_fits import PRODUCT_ROUNDING, align, transposed
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.significance import HANDEDNESS, MIRRORED
 

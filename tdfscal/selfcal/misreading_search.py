@@ -19,7 +19,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.numerics.rotation_descent import descend, stacked
+from tdfscal.numerics.rotation_fits import descend, stacked
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.mounting_search import apart, linear_in_rotations, turns_from
 from tdfscal.significance import CAUSES_APART

@@ -22,7 +22,7 @@ from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.rotation_descent import crossed, descend, stacked, turning
+from tdfscal.numerics.rotation_fits import crossed, descend, stacked, turning
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit, statistic
 from tdfscal.selfcal.mounting_search import Profile, profile

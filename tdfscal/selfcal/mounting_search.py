@@ -23,7 +23,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features, features
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.numerics.rotation_descent import descend
+from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import (
     LOOK,

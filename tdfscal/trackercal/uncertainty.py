@@ -21,8 +21,8 @@ import numpy as np
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
-from tdfscal.numerics.alignment import align
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo, propagate
+from tdfscal.numerics.rotation_fits import align
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import INTERVAL_COVERAGE, NOISE_UNDERSTATED, STATED_NOISE_RIGHT
 from tdfscal.trackercal.judged_registration import SurveyFit

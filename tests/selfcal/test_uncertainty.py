@@ -12,7 +12,7 @@ from tdfscal.estimation.fit import Priors, information
 from tdfscal.model.statics import balance, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.numerics.rotation_descent import descend
+from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
 from tdfscal.selfcal.estimator import Fit, estimate, evaluate
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
