@@ -2,16 +2,13 @@
 
 from pathlib import Path
 
-import pytest
 import yaml
 
 import tdfscal
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli
 
 
-def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(tmp_path: Path, cli: Cli) -> None:
     """Two rigs simulated from rig files that differ in one hinge alone."""
     rig = yaml.safe_load((SAMPLES / "parquet" / "rig.yaml").read_text(encoding="utf-8"))
     rig.pop("log", None)
@@ -23,26 +20,25 @@ def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
         tdfscal.simulate(tmp_path / f"at{lift}", rig=stated, seed=3, postures=8, rate=20.0)
         made.append(tmp_path / f"at{lift}.yaml")
         tdfscal.calibrate(tmp_path / f"at{lift}", trials=0, output=made[-1])
-    done = run(capsys, "compare", *made, "-q")
-    assert done.status == 1
+    done = cli("compare", *made, "-q", ends=1)
     assert "the hinge of" in " ".join(done.out.split())
 
 
 def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, cli: Cli
 ) -> None:
     target = tmp_path / "begin.yaml"
     log = tdfscal.info(SAMPLES / "parquet").description.dwells
     assert log is not None
     split = float((log.end[-7] + log.start[-6]) / 2)
     tdfscal.calibrate(SAMPLES / "parquet", to=split, trials=0, output=target)
-    later = run(capsys, "validate", target, SAMPLES / "parquet", "--from", split, "-q")
+    later = cli("validate", target, SAMPLES / "parquet", "--from", split, "-q")
     assert "went into this calibration" not in " ".join((later.err + later.out).split())
     assert "STILL VALID" in later.out
-    both = run(capsys, "validate", target, SAMPLES / "parquet", "-q")
+    both = cli("validate", target, SAMPLES / "parquet", "-q")
     assert f"6 of {len(log)} postures" in " ".join(both.out.split())
     assert "which went into this calibration" in both.err
-    again = run(capsys, "validate", target, SAMPLES / "parquet", "--to", split, "-q")
+    again = cli("validate", target, SAMPLES / "parquet", "--to", split, "-q")
     assert "went into this calibration" in " ".join((again.err + again.out).split())
     assert "NOT CONTRADICTED" in again.out
     assert "would have been detected" not in " ".join(again.out.split())

@@ -1,6 +1,5 @@
 """Two estimates of which one has the data of the other: what differs, and how far by chance."""
 
-import json
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
@@ -32,7 +31,7 @@ from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
 from tdfscal.simulation.campaign import record_means
 from tdfscal.simulation.equilibrium import set_stage
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.cli.test_life import edited
 from tests.comparison.histories import history
 from tests.comparison.test_pooling import estimate
@@ -233,44 +232,38 @@ def codes(document: dict[str, list[dict[str, str]]]) -> list[str]:
     return [finding["code"] for finding in document["findings"]]
 
 
-def test_an_update_against_what_it_stands_on(
-    made: dict[str, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_update_against_what_it_stands_on(made: dict[str, Path], cli: Cli) -> None:
     for whole in ("ab", "pooled"):
-        done = run(capsys, "compare", made["a"], made[whole], "--json", "-q")
-        (found,) = json.loads(done.out)["comparisons"]
-        assert (done.status, codes(found)) == (0, ["compared-nested"])
+        (found,) = cli.json("compare", made["a"], made[whole], "-q", ends=0)["comparisons"]
+        assert codes(found) == ["compared-nested"]
         a, ab = (tdfscal.load_calibration(made[name]) for name in ("a", whole))
         assert np.all(np.array(found["difference_rpy_std"]) < a.rpy_std)
         assert np.all(np.array(found["difference_rpy_std"]) < np.hypot(a.rpy_std, ab.rpy_std))
-    seen = run(capsys, "compare", made["a"], made["b"], "--json", "-q").out
-    (apart,) = json.loads(seen)["comparisons"]
+    (apart,) = cli.json("compare", made["a"], made["b"], "-q")["comparisons"]
     assert codes(apart) == []
 
 
 def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
-    made: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made: dict[str, Path], tmp_path: Path, cli: Cli
 ) -> None:
     """One posture less and six digits: no file of it is the same."""
     for whole in ("ab", "pooled"):
-        done = run(capsys, "compare", made["recut"], made[whole], "--json", "-q")
-        assert codes(*json.loads(done.out)["comparisons"]) == ["compared-nested"]
-        done = run(capsys, "update", made[whole], made["edited"], "-o", tmp_path / "u.yaml", "-q")
-        assert (done.status, "the same recording" in done.err) == (2, True)
-        done = run(capsys, "validate", made[whole], made["edited"], "--json", "-q")
-        assert "log-used-before" in codes(json.loads(done.out))
-    done = run(capsys, "monitor", made["pooled"], made["edited"], "-q")
-    assert (done.status, "the same recording" in done.err) == (2, True)
-    done = run(capsys, "compare", made["recut"], made["bc"], "--json", "-q")
-    assert codes(*json.loads(done.out)["comparisons"]) == []
+        done = cli.json("compare", made["recut"], made[whole], "-q")
+        assert codes(*done["comparisons"]) == ["compared-nested"]
+        line = ("update", made[whole], made["edited"], "-o", tmp_path / "u.yaml", "-q")
+        assert "the same recording" in cli(*line, ends=2).err
+        assert "log-used-before" in codes(cli.json("validate", made[whole], made["edited"], "-q"))
+    refused = cli("monitor", made["pooled"], made["edited"], "-q", ends=2)
+    assert "the same recording" in refused.err
+    apart = cli.json("compare", made["recut"], made["bc"], "-q")
+    assert codes(*apart["comparisons"]) == []
 
 
 def test_a_log_from_before_the_calibration_says_nothing_of_what_came_since(
-    made: dict[str, Path], capsys: pytest.CaptureFixture[str]
+    made: dict[str, Path], cli: Cli
 ) -> None:
-    done = run(capsys, "validate", made["b"], made["edited"], "--json", "-q")
-    said = json.loads(done.out)
-    assert (done.status, said["verdict"]) == (0, "not contradicted")
+    said = cli.json("validate", made["b"], made["edited"], "-q", ends=0)
+    assert said["verdict"] == "not contradicted"
     assert "log-before-calibration" in codes(said)
 
 
@@ -282,15 +275,14 @@ def test_the_same_data_are_no_second_result(
     made: dict[str, Path],
     pair: tuple[str, str],
     code: str,
-    capsys: pytest.CaptureFixture[str],
+    cli: Cli,
 ) -> None:
     files = [made[name] for name in pair]
-    done = run(capsys, "compare", *files, "--json", "-q")
-    (found,) = json.loads(done.out)["comparisons"]
-    assert (done.status, found["verified"], codes(found)) == (1, False, [code])
+    (found,) = cli.json("compare", *files, "-q", ends=1)["comparisons"]
+    assert (found["verified"], codes(found)) == (False, [code])
     assert found["p_value"] is None
     assert not any(value for row in found["en"] for value in row)
-    assert "ompatible" not in run(capsys, "compare", *files, "-q").out
+    assert "ompatible" not in cli("compare", *files, "-q").out
 
 
 @pytest.mark.parametrize(

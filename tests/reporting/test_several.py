@@ -12,7 +12,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.reporting.samples import by_hand, sample, saved
 from tests.words import found
 
@@ -82,7 +82,7 @@ def test_other_rigs_are_refused() -> None:
         put_side_by_side([("a", JANUARY), ("b", sample(n=6).calibration)])
 
 
-def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_another_rig_nothing_agrees(tmp_path: Path, cli: Cli) -> None:
     """A serial that both state tells two rigs apart, whatever the angles say."""
 
     def of(calibration: Calibration, serial: str) -> Calibration:
@@ -93,7 +93,7 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFix
     mine, other = of(JANUARY, "R-1"), of(FEBRUARY, "R-2")
     paths = [saved(c, tmp_path, name) for c, name in ((mine, "a.json"), (other, "b.json"))]
     for command in ("report", "compare"):
-        said = " ".join(run(capsys, command, *paths).out.split())
+        said = " ".join(cli(command, *paths).out.split())
         assert "R-2 instead of R-1" in said or "R-1 instead of R-2" in said
         assert "COMPATIBLE" not in said
         assert "Keep" not in said
@@ -101,9 +101,7 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, capsys: pytest.CaptureFix
     content = json.loads(paths[0].read_text())
     bare = tmp_path / "bare.json"
     bare.write_text(json.dumps({k: v for k, v in content.items() if k != "content_sha256"}))
-    found = json.loads(
-        run(capsys, "compare", bare, saved(FEBRUARY, tmp_path, "f.json"), "--json").out
-    )
+    found = cli.json("compare", bare, saved(FEBRUARY, tmp_path, "f.json"))
     (pair,) = found["comparisons"]
     told = {each["code"]: each["subject"] for each in pair["findings"]}
     assert told == {key: [str(bare)] for key in ("serials-untold", "calibration-unsealed")}
@@ -118,17 +116,17 @@ def files(tmp_path: Path) -> list[Path]:
     return [saved(c, tmp_path, name) for name, c in named.items()]
 
 
-def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    done = run(capsys, "compare", files[1], files[0])
+def test_compare(files: list[Path], cli: Cli) -> None:
+    done = cli("compare", files[1], files[0])
     assert (done.status, done.err) == (0, "")
     assert done.out.startswith("Metrologically compatible:")
-    document = json.loads(run(capsys, "compare", files[2], files[0], "--json").out)
+    document = cli.json("compare", files[2], files[0])
     assert document.pop("verified") is False
     (document,) = document["comparisons"]
     assert document["verified"] is False
     assert document["of"] == str(files[2])
     assert document["difference_rpy"][1][2] == pytest.approx(1.5e-3, rel=1e-12)
-    (turned,) = json.loads(run(capsys, "compare", files[0], files[2], "--json").out)["comparisons"]
+    (turned,) = cli.json("compare", files[0], files[2])["comparisons"]
     assert (turned["of"], turned["difference_rpy"]) == (str(files[2]), document["difference_rpy"])
     assert document["dof"] == 9
     assert document["sensor_p_value"] < document["p_limit"] == 0.005
@@ -137,5 +135,5 @@ def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
         "Compatible where neither probability is below 0.005: of sound calibrations 1% at most"
         in said
     )
-    three = json.loads(run(capsys, "compare", *files, "--json").out)
+    three = cli.json("compare", *files)
     assert [c["verified"] for c in three["comparisons"]] == [True, False]

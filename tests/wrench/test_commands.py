@@ -1,6 +1,5 @@
 """`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
 
-import json
 import re
 import shutil
 from dataclasses import dataclass, replace
@@ -28,7 +27,7 @@ from tdfscal.simulation import (
 )
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.filtering import WALK, Walk
-from tests.cli.running import run
+from tests.cli.running import Cli
 from tests.words import found
 
 USED, HELD = 16, 4
@@ -81,14 +80,11 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     return Places(home / "held", home / "touched", found, parts["touched"])
 
 
-def test_contact_force_appears_where_it_acts(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_contact_force_appears_where_it_acts(places: Places, cli: Cli, tmp_path: Path) -> None:
     target = tmp_path / "wrench.parquet"
-    seen = run(capsys, "apply", places.calibration, places.touched, "-o", target, "--json")
-    assert seen.status == 0, seen.err
+    seen = cli.json("apply", places.calibration, places.touched, "-o", target, ends=0)
     table = pq.read_table(target)
-    assert table.num_rows == json.loads(seen.out)["rows"]
+    assert table.num_rows == seen["rows"]
     assert table.schema.metadata[b"frame"] == b"LCS"
     column = {name: table[name].to_numpy() for name in table.column_names}
     c, settled = places.campaign, 0.6
@@ -107,15 +103,13 @@ def test_contact_force_appears_where_it_acts(
 
 
 def test_filters_take_noise_off_and_say_what_they_cost(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     found, said = {}, {}
     for kind in ("none", "kalman", "smooth"):
         target = tmp_path / f"{kind}.parquet"
         line = ("apply", places.calibration, places.touched, "-o", target, "--filter", kind)
-        seen = run(capsys, *line, "--json")
-        assert seen.status == 0, seen.err
-        said[kind] = json.loads(seen.out)["filter"]
+        said[kind] = cli.json(*line, ends=0)["filter"]
         table = pq.read_table(target)
         found[kind] = np.stack([table[f"f{a}"].to_numpy() for a in "xyz"], axis=1)
         time = table["time"].to_numpy()
@@ -131,7 +125,7 @@ def test_filters_take_noise_off_and_say_what_they_cost(
         left = found[kind][rest].std(axis=0) / found["none"][rest].std(axis=0)
         np.testing.assert_allclose(left, said[kind]["noise_left"], rtol=0.25)
     line = ("apply", places.calibration, places.held, "-o", target, "--filter", "kalman")
-    plain = run(capsys, *line)
+    plain = cli(*line)
     late_ms = float(re.search(r"filter kalman: (\d+\.?\d*) ms late", plain.out)[1])  # type: ignore[index]
     assert late_ms == pytest.approx(1e3 * Walk.of(WALK, 1.75, 1 / 200).delay, rel=0.1)
 
@@ -180,7 +174,7 @@ def edited(path: Path, change: Any) -> Path:
     ],
 )
 def test_a_rig_that_contradicts_is_refused(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, change: Any, said: str
+    places: Places, cli: Cli, tmp_path: Path, change: Any, said: str
 ) -> None:
     folder = tmp_path / "held"
     shutil.copytree(places.held, folder)
@@ -190,29 +184,27 @@ def test_a_rig_that_contradicts_is_refused(
         ("validate", places.calibration, folder),
         ("apply", places.calibration, folder, "-o", target),
     ):
-        seen = run(capsys, *arguments)
-        assert seen.status == 2
+        seen = cli(*arguments, ends=2)
         assert said in seen.err
         assert len(seen.err.strip().splitlines()) == 1
     assert not target.exists()
 
 
 def test_a_log_without_a_common_instant_is_refused(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     log = places.campaign.log
     middle = (log.force[0].time[0] + log.force[0].time[-1]) / 2
     apart = replace(between(log, -np.inf, middle), force=between(log, middle, np.inf).force)
     write_campaign(replace(places.campaign, log=apart), tmp_path / "apart", format="mcap")
     target = tmp_path / "w.mcap"
-    seen = run(capsys, "apply", places.calibration, tmp_path / "apart", "-o", target, "-q")
-    assert seen.status == 3
+    seen = cli("apply", places.calibration, tmp_path / "apart", "-o", target, "-q", ends=3)
     assert "no instant" in seen.err
     assert [path.name for path in tmp_path.iterdir()] == ["apart"]
 
 
 def test_the_embedded_rig_serves_where_there_is_no_other(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
     shutil.copy(places.held / "log.mcap", log)
@@ -220,26 +212,24 @@ def test_the_embedded_rig_serves_where_there_is_no_other(
     shutil.copy(places.calibration, found)
     other = {"operator": "of the calibration"}
     edited(found, lambda d: d.update(rig={**d["rig"], "campaign": other}, content_sha256=None))
-    seen = run(capsys, "validate", found, log, "--json")
-    assert seen.status == 0
-    assert json.loads(seen.out)["rig"]["campaign"] is None  # the log's own is not known
+    assert (
+        cli.json("validate", found, log, ends=0)["rig"]["campaign"] is None
+    )  # the log's own is not known
 
 
 def test_a_rejected_calibration_is_used_with_a_loud_warning(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    places: Places, cli: Cli, tmp_path: Path
 ) -> None:
     target = tmp_path / "rejected.yaml"
     shutil.copy(places.calibration, target)
     rejected = {"status": "rejected", "findings": [found("a test", "rejects")]}
     edited(target, lambda d: d.update(rejected, content_sha256=None))
-    seen = run(capsys, "validate", target, places.held)
+    seen = cli("validate", target, places.held)
     assert "IS A REJECTED CALIBRATION" in seen.err
     assert "a test" in seen.err
 
 
-def test_inertia_of_the_rig_file_is_used(
-    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_inertia_of_the_rig_file_is_used(places: Places, cli: Cli, tmp_path: Path) -> None:
     folder, target = tmp_path / "held", tmp_path / "w.parquet"
     shutil.copytree(places.held, folder)
     inertia = {"value": [[60, 0, 0], [0, 60, 0], [0, 0, 90]], "std": 0.0}
@@ -247,7 +237,7 @@ def test_inertia_of_the_rig_file_is_used(
     found = []
     for rig in (folder, places.held):
         line = ("apply", places.calibration, folder, "--rig", rig / "rig.yaml", "-o", target)
-        told = json.loads(run(capsys, *line, "--json").out)
+        told = cli.json(*line)
         assert told["quasi_static"] == (rig != folder)
         found.append(pq.read_table(target)["fx"].to_numpy())
     assert len(found[0]) == len(found[1])
