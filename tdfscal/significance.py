@@ -97,6 +97,8 @@ INCOMPATIBLE: Final = 0.01
 #: quarter for the search for other causes, a quarter for the overall χ². One false call in 200 is
 #: what a monthly check of a rig can bear.
 VALIDATION_ALARM: Final = 0.005
+VALIDATION_SEARCH: Final = 0.75 * VALIDATION_ALARM
+VALIDATION_CHI2: Final = VALIDATION_ALARM - VALIDATION_SEARCH
 #: Probability with which the smallest turn that a check calls detectable is detected.
 DETECTION_POWER: Final = 0.95
 #: A cause explains residuals when what it leaves is at least this probable, and what it takes less.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
@@ -19,10 +20,14 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.assumptions import assumption_sentences
 from tdfscal.reporting.figures import clock_from
 from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
-from tdfscal.significance import DETECTION_POWER
-from tdfscal.validation.in_motion import MovingValidation
-from tdfscal.validation.residual_wrench import Validation
-from tdfscal.validation.verdict import CHI2_LIMIT, NOISE, SEARCH_LIMIT, Cause
+from tdfscal.significance import DETECTION_POWER, VALIDATION_CHI2, VALIDATION_SEARCH
+
+if TYPE_CHECKING:
+    from tdfscal.validation.in_motion import MovingValidation
+    from tdfscal.validation.residual_wrench import Validation
+    from tdfscal.validation.verdict import Cause
+
+    Tested = Validation | MovingValidation
 
 #: Postures named at most.
 _NAMED = 8
@@ -158,7 +163,14 @@ def source_words(name: str) -> tuple[str, str]:
     return SOURCES.get(name, (name, ""))
 
 
-Tested = Validation | MovingValidation
+def _at_rest(v: Tested) -> TypeGuard[Validation]:
+    from tdfscal.validation.residual_wrench import Validation  # loaded where there is one
+
+    return isinstance(v, Validation)
+
+
+def _in_motion(v: Tested) -> TypeGuard[MovingValidation]:
+    return not _at_rest(v)
 
 
 def changes(v: Tested) -> list[Finding]:
@@ -176,7 +188,7 @@ def changes(v: Tested) -> list[Finding]:
 
 def zeros_known(v: Tested) -> bool:
     """The zeros moved, and by how much is known: not where the noise, or all of it, is not."""
-    return v.zeros.moved and (v.holds or any(c.kind not in NOISE for c in v.suspected[:1]))
+    return v.zeros.moved and (v.holds or any(not c.scatters for c in v.suspected[:1]))
 
 
 def _zeros(v: Tested, code: str) -> list[Finding]:
@@ -212,7 +224,7 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
         case "zero drifted":
             values["stated"] = v.zeros.moved
         case "sensor slipped" | "zero jumped":
-            assert isinstance(v, Validation)
+            assert _at_rest(v)
             first = int(v.used[cause.postures[0]])
             size = float(np.linalg.norm(cause.value))
             unit = "rad" if cause.kind == "sensor slipped" else "N"
@@ -226,13 +238,13 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
         case "gain changed" | "gains changed":
             values |= _gain(cause)
         case "contact":
-            assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
+            assert _at_rest(v)  # in motion a contact is a stretch that is left out
             force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
             size, unit = float(force), "N"
             which = [int(v.used[k]) for k in cause.postures]
             values["postures"] = [f"{k + 1} ({start(v, k)} s)" for k in which]
             values |= {"more": len(which) > 1, "torque": float(moment)}
-    if cause.kind in NOISE:
+    if cause.scatters:
         size, unit = value[0], "N·m" if cause.kind == "hinges stick" else "N"
     subject = () if support is None else (support,)
     code = f"change-{cause.kind.removesuffix(' changed').replace(' ', '-')}"
@@ -266,26 +278,27 @@ def lengths(wrench: FloatArray) -> FloatArray:
 
 def search_test(v: Tested) -> str:
     """The probability of the likeliest single change, with its limit."""
-    return f"{p_text(v.judged.search_p)}, limit {SEARCH_LIMIT:.3g}"
+    return f"{p_text(v.judged.search_p)}, limit {VALIDATION_SEARCH:.3g}"
 
 
 def chi2_test(v: Tested) -> str:
     """The probability of χ², with its limit; and by what, where it is not by χ² alone."""
     by = ", by Fisher's F" if np.isfinite(v.judged.noise_dof) else ""
-    return f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}{by}"
+    return f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}{by}"
 
 
 def extent(v: Tested) -> str:
     """How much was tested."""
-    if isinstance(v, MovingValidation):
+    if _in_motion(v):
         return f"{v.seconds:.0f} s of motion"
+    assert _at_rest(v)
     whole = f" of {len(v.dwells)}" if v.left_out else ""
     return f"{len(v.used)}{whole} posture{'s' * (len(v.dwells) > 1)}"
 
 
 def reasons(v: Tested) -> list[str]:
     """Sentences: what the check found, what of zeros, and what it would have seen."""
-    moving = isinstance(v, MovingValidation)
+    moving = _in_motion(v)
     noise = " and the noise of this log" if moving else ""
     left = f"In {extent(v)} the calibrated sensors leave"
     allow = f"force and moment than the stated uncertainties{noise} allow"
@@ -310,8 +323,11 @@ def _rejecting(v: Tested) -> str:
     """The tests that reject, the one that decides first; what does not reject is left out."""
     size = rounded(v.chi2, 4)
     both = [
-        (v.judged.search_p < SEARCH_LIMIT, "a single change explains more of it than chance would"),
-        (v.judged.p_value < CHI2_LIMIT, f"χ² = {size} for {v.dof} degrees of freedom"),
+        (
+            v.judged.search_p < VALIDATION_SEARCH,
+            "a single change explains more of it than chance would",
+        ),
+        (v.judged.p_value < VALIDATION_CHI2, f"χ² = {size} for {v.dof} degrees of freedom"),
     ]
     tests = (search_test(v), chi2_test(v))
     said = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
 from tdfscal.reporting.assumptions import exact_names
 from tdfscal.reporting.claims import (
-    Tested,
     change,
     changes,
     chi2_test,
@@ -40,10 +39,14 @@ from tdfscal.reporting.traceability import (
     report_digest,
     stated_facts,
 )
-from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
+from tdfscal.significance import (
+    DETECTION_POWER,
+    VALIDATION_ALARM,
+    VALIDATION_CHI2,
+    VALIDATION_SEARCH,
+)
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.validation.verdict import CHI2_LIMIT, SEARCH_LIMIT
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: Causes that are told, where the log does not tell them apart.
@@ -52,6 +55,10 @@ _RULE = (
     "still valid where neither χ² nor the search for a single change falls below its limit; both "
     f"limits together reject {VALIDATION_ALARM:.1%} of calibrations that hold{FIXED}"
 )
+
+if TYPE_CHECKING:
+    from tdfscal.reporting.claims import Tested
+
 #: Verdict, and what next, by the outcome.
 _SAID = {
     "holds": (
@@ -125,8 +132,8 @@ def validation_document(
         verdict=_verdict(v)[0],
         why=" ".join(_why(v, findings)),
         decided_by="search" if v.decided_by_search else "chi2",
-        search_limit=SEARCH_LIMIT,
-        chi2_limit=CHI2_LIMIT,
+        search_limit=VALIDATION_SEARCH,
+        chi2_limit=VALIDATION_CHI2,
         chi2_noise_dof=v.judged.noise_dof,
         false_alarm=VALIDATION_ALARM,
         **parts,
@@ -242,8 +249,8 @@ def validation_report(
             tested,
             *layout.residual_tiles(found),
             ("residuals against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
-             f"{p_text(v.judged.p_value)}, limit {CHI2_LIMIT:.3g}"),
-            ("single change", p_text(v.judged.search_p), f"limit {SEARCH_LIMIT:.3g}"),
+             f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}"),
+            ("single change", p_text(v.judged.search_p), f"limit {VALIDATION_SEARCH:.3g}"),
         ),
         summary=(table,),
         sections=(

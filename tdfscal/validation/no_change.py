@@ -24,7 +24,7 @@ from tdfscal.selfcal.misreadings import MOST_POSTURES, Rests, misread, misreadin
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
 from tdfscal.validation.causes import unknown_columns
 from tdfscal.validation.residuals import Linearised, Whitened, basis, whiten
-from tdfscal.validation.verdict import NOISE, Cause, Judged, Zeros
+from tdfscal.validation.verdict import Cause, Judged, Zeros
 
 
 def with_own_load(given: Calibrated, rig: Rig) -> Calibrated:
@@ -98,7 +98,7 @@ def _evidence(cause: Cause) -> float:
 
     At its best, of a change whose q unknowns take a gain of χ²: gain − q (1 + ln (gain / q)).
     """
-    if cause.kind in NOISE:
+    if cause.scatters:
         return cause.gain
     ratio = max(cause.gain / max(cause.unknowns, 1), 1.0)
     return float(cause.gain - cause.unknowns * (1.0 + np.log(ratio)))

@@ -22,7 +22,13 @@ from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.records import FloatArray, Rig
-from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, DETECTION_POWER, VALIDATION_ALARM
+from tdfscal.significance import (
+    CAUSE_EXPLAINS,
+    CAUSES_APART,
+    DETECTION_POWER,
+    VALIDATION_CHI2,
+    VALIDATION_SEARCH,
+)
 from tdfscal.validation.residuals import Whitened
 
 #: Does it hold; unproven: nothing speaks against it, but the log cannot show that it holds;
@@ -95,6 +101,11 @@ class Cause:
     def explains(self) -> bool:
         """Nothing remarkable is left."""
         return self.remaining_p >= CAUSE_EXPLAINS
+
+    @property
+    def scatters(self) -> bool:
+        """It is a scatter, not a change."""
+        return self.kind in NOISE
 
     @property
     def told(self) -> bool:
@@ -186,10 +197,7 @@ def explained(
     )
 
 
-#: Of false alarms, the part of the search for one cause, and that of all residuals together.
-SEARCH_LIMIT = 0.75 * VALIDATION_ALARM
-CHI2_LIMIT = VALIDATION_ALARM - SEARCH_LIMIT
-#: Of the search, the part of turned sensors.
+#: Of the search for one cause, the part of turned sensors.
 _TURNED = 2.0 / 3.0
 
 
@@ -213,7 +221,7 @@ class Judged:
     @property
     def holds(self) -> bool:
         """Neither all residuals together nor the likeliest single cause are beyond chance."""
-        return self.search_p >= SEARCH_LIMIT and self.p_value >= CHI2_LIMIT
+        return self.search_p >= VALIDATION_SEARCH and self.p_value >= VALIDATION_CHI2
 
     @property
     def merit(self) -> tuple[bool, float]:
@@ -306,7 +314,7 @@ class Verdict:
     @property
     def decided_by_search(self) -> bool:
         """The search for one cause is farther below its limit than χ², or nearer above it."""
-        return self.judged.search_p / SEARCH_LIMIT < self.judged.p_value / CHI2_LIMIT
+        return self.judged.search_p / VALIDATION_SEARCH < self.judged.p_value / VALIDATION_CHI2
 
     @property
     def chi2(self) -> float:
@@ -324,7 +332,7 @@ class Verdict:
 
         With probability DETECTION_POWER, though the zeros may have been tared; ∞ where none is.
         """
-        threshold = special.chdtri(3, SEARCH_LIMIT * _TURNED / self.rig.n)
+        threshold = special.chdtri(3, VALIDATION_SEARCH * _TURNED / self.rig.n)
         offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
         white = self.judged.tared or self.judged.white
         turns = white.columns[:, layout(self.rig.n)["rotation"]]
