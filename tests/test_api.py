@@ -50,17 +50,3 @@ def test_every_public_name_is_there_and_documented() -> None:
     for name in set(tdfscal.__all__) - {"__version__"}:
         assert getattr(tdfscal, name).__doc__, name
     assert set(tdfscal.__all__) == set(dir(tdfscal))
-
-
-def test_a_notebook_shows_the_verdict_in_its_colour_and_mrad(sample: tdfscal.Calibration) -> None:
-    card = sample._repr_html_()
-    assert '<strong style="color: #0f6b33">✓ ACCEPTED</strong>' in card
-    for value in 1e3 * sample.rpy.ravel():
-        assert f"{value:.3f} ± ".replace("-", "−") in card
-    assert "mrad" in card
-
-
-def test_tab_shows_what_is_ours(sample: tdfscal.Calibration) -> None:
-    names = dir(sample)
-    assert {"plot", "to_frame", "to_dict", "exit_status"} <= set(names)
-    assert not [name for name in names if name.startswith(("_", "model_"))]

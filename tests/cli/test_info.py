@@ -1,6 +1,5 @@
 """`tdfscal info`: on files never seen before, and its mapping pasted into a rig file."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,7 @@ LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mca
 def test_the_guess_reads_the_same_numbers_as_the_rig_file(
     cli: Cli, tmp_path: Path, log: Path
 ) -> None:
-    result = cli("info", log, "--json", ends=0)
-    found = json.loads(result.out)
+    found = cli.json("info", log, ends=0)
     assert found["problems"] == []
     own = log.parent / "rig.yaml"
     document = yaml.safe_load(own.read_text())

@@ -1,7 +1,6 @@
 """`tdfscal info` on odd logs: units that cannot be, clocks of no use, files of no table."""
 
 import functools
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -42,8 +41,7 @@ def scaled(columns: list[int], factor: float) -> np.ndarray:
 
 
 def told(cli: Cli, path: Path) -> dict[str, Any]:
-    result = cli("info", path, "--json", ends=0)
-    found: dict[str, Any] = json.loads(result.out)
+    found: dict[str, Any] = cli.json("info", path, ends=0)
     return found
 
 

@@ -116,8 +116,7 @@ def test_months_are_pooled_and_updated_to_the_same_numbers(
 
 
 def monitored(cli: Cli, status: int, *arguments: object) -> Any:
-    done = cli("monitor", *arguments, "--json", "-q", ends=status)
-    return json.loads(done.out)
+    return cli.json("monitor", *arguments, "-q", ends=status)
 
 
 def test_a_turned_sensor_alarms_and_is_named_in_its_month(

@@ -13,6 +13,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.records import Rig
 from tdfscal.simulation import Recorder, reference_rig
 from tests.cli.running import Cli
+from tests.cli.test_life import monitored
 from tests.words import texts
 
 #: The scenario turns a sensor in the sixth.
@@ -44,11 +45,6 @@ def calibrated(cli: Cli, path: Path, *folders: Path) -> dict[str, Any]:
     cli("calibrate", *folders, "--trials", 0, "-o", path, "-q", ends=0)
     content: dict[str, Any] = json.loads(path.read_text())
     return content
-
-
-def monitored(cli: Cli, status: int, *arguments: object) -> Any:
-    done = cli("monitor", *arguments, "--json", "-q", ends=status)
-    return json.loads(done.out)
 
 
 def truth(folder: Path) -> list[Any]:

@@ -52,8 +52,8 @@ def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
     assert sum(REPEATED in w for w in texts(json.loads(target.read_text()))) == 1
     brief = cli("calibrate", campaign, "--trials", 0, "-q")
     assert (REPEATED in " ".join(brief.out.split()), brief.err.count(REPEATED)) == (False, 1)
-    validated = cli("validate", target, campaign, "-q", "--json")
-    assert sum(REPEATED in w for w in texts(json.loads(validated.out))) == 1
+    validated = cli.json("validate", target, campaign, "-q")
+    assert sum(REPEATED in w for w in texts(validated)) == 1
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
 from tdfscal.simulation.options import MovingOptions, Touch
 from tests.cli.running import Cli
+from tests.cli.test_life import monitored
 
 RPY = np.array([[0.01, -0.02, 0.03], [-0.015, 0.005, -0.04], [0.02, 0.012, 0.025]])
 SLIPPED = Faults(slips=(Slip(1, 8, (0.0, 8e-3, 0.0)),))
@@ -61,11 +62,6 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(home, "slipped", 4, options=replace(REST, faults=SLIPPED))
     write(home, "saturated", 5, scenario="saturation")
     return home
-
-
-def monitored(cli: Cli, status: int, *paths: Path) -> Any:
-    done = cli("monitor", *paths, "--json", "-q", ends=status)
-    return json.loads(done.out)
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +115,8 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     fit = ["--trials", 0, "-o", tmp_path / "c.yaml"]
     for command in (["monitor"], ["update", base, *fit]):
         months = [home / "sound2", cut] if base in command else [*sound, cut]
-        done = cli(*command, *months, "--json", "-q", ends=0)
-        (said,) = (f["text"] for f in json.loads(done.out)["findings"] if "log.csv" in f["text"])
+        found = cli.json(*command, *months, "-q", ends=0)["findings"]
+        (said,) = (f["text"] for f in found if "log.csv" in f["text"])
         assert f"to {float(last.split(',')[0]):.4g} s" in said
     assert len(monitored(cli, 0, *sound, cut)["checks"]) == 3
 
@@ -174,8 +170,7 @@ def at_capacity(folder: Path) -> int:
 def test_a_validation_names_the_postures_that_it_does_not_rest_on(
     home: Path, base: Path, cli: Cli
 ) -> None:
-    done = cli("validate", base, home / "saturated", "--json", "-q")
-    result = json.loads(done.out)
+    result = cli.json("validate", base, home / "saturated", "-q")
     assert result["holds"]
     (found,) = (f for f in result["findings"] if f["code"] == "postures-left-out")
     assert found["size"] == len(result["left_out"]) == 15 - result["postures"]
@@ -213,9 +208,8 @@ def test_months_that_cannot_be_read_stop_neither_history_nor_pool_nor_update(
     target = tmp_path / "none.yaml"
     alone = tdfscal.update(base, two, trials=0).to_dict()
     for command, expected in ((["calibrate", one], pooled), (["update", base], alone)):
-        done = cli(*command, two, *bad, "--trials", 0, "--json", "-q", "-o", target, ends=1)
+        beside = cli.json(*command, two, *bad, "--trials", 0, "-q", "-o", target, ends=1)
         assert not target.exists()
-        beside = json.loads(done.out)
         assert sorted(name for name, _ in unjudged(beside)) == names
         assert beside["supports"] == json.loads(json.dumps(expected["supports"]))
 

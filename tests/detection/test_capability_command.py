@@ -177,21 +177,6 @@ def test_what_cannot_be_asked(places: Places, cli: Cli, line: tuple[str, str], s
     assert not seen.out
 
 
-def test_a_covariance_of_zeros_is_refused(places: Places) -> None:
-    loaded = tdfscal.load_calibration(places.calibration)
-    bare = loaded.model_copy(
-        update={
-            "covariance": loaded.covariance.model_copy(
-                update={
-                    "matrix": tuple(tuple(0.0 for _ in row) for row in loaded.covariance.matrix)
-                }
-            )
-        }
-    )
-    with pytest.raises(tdfscal.TdfscalError, match="no covariance"):
-        tdfscal.capability(bare, places.free)
-
-
 def test_moves_that_shake_beyond_the_threshold_reject_the_path(
     places: Places, cli: Cli, tmp_path: Path
 ) -> None:

@@ -14,7 +14,6 @@ from tdfscal.findings import Finding
 from tdfscal.records import Dwells, Log, Series
 
 from .rig_log import Recipe, Recorded, record
-from .test_bins import cut
 
 STOPS = (4.0,) * 8
 
@@ -197,11 +196,3 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
     force[1, 2, 0] = np.inf
     with pytest.raises(DataError, match="posture 3"):
         find_dwells(log)
-
-
-@pytest.mark.parametrize("length", [0.02, 0.03, 0.04, 0.1])
-def test_a_log_of_a_moment_has_no_dwell(length: float) -> None:
-    """Of one bin, of two and of a few."""
-    log = record(Recipe(stops=STOPS)).log
-    _, moment, _ = cut(log, (1.0, 1.0 + length), late=0.0)
-    assert not len(find_dwells(moment).start)

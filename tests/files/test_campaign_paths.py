@@ -3,8 +3,7 @@ from pathlib import Path
 import pytest
 
 from tdfscal.commands.campaign import find_logs, resolve
-from tdfscal.errors import RigError, UsageError
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.errors import UsageError
 from tests.files.sample_documents import RIG
 
 
@@ -69,14 +68,6 @@ def test_recording_folder_is_a_log(tmp_path: Path) -> None:
     assert campaign.rig.path == home / "rig.yaml"
 
 
-def test_fallback_is_the_last_resort(tmp_path: Path) -> None:
-    embedded = parse_rig(RIG.replace("Rotor-hub", "Embedded").encode(), "c.yaml")
-    bare = make(tmp_path / "a", "x.csv", rig=None)
-    assert resolve([bare], fallback=embedded).rig is embedded
-    own = make(tmp_path / "b", "x.csv")
-    assert resolve([own], fallback=embedded).rig.rig.name == "Rotor-hub rig"
-
-
 def test_same_rig_twice_is_no_conflict_but_two_rigs_are(tmp_path: Path) -> None:
     one, two = make(tmp_path / "a", "x.csv"), make(tmp_path / "b", "y.csv")
     assert len(resolve([one, two]).logs) == 2
@@ -101,12 +92,6 @@ def test_no_path_no_rig_no_log(tmp_path: Path) -> None:
     home = make(tmp_path / "b")
     with pytest.raises(UsageError, match=r"rig\.yaml: is a rig file, not a log"):
         resolve([home / "rig.yaml"])
-
-
-def test_faulty_rig_file_is_a_rig_error(tmp_path: Path) -> None:
-    home = make(tmp_path, "x.csv", rig=RIG.replace("mass:", "maas:"))
-    with pytest.raises(RigError, match=r"rig\.yaml, line 7, terminal\.maas"):
-        resolve([home])
 
 
 @pytest.mark.parametrize("stored", ["second_0.mcap", "second_0.MCAP.zstd", "second_0.db3"])

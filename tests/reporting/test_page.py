@@ -74,15 +74,6 @@ def page() -> str:
     return render_page(sample(touched=True).calibration)
 
 
-@pytest.mark.usefixtures("plain")
-def test_rejection_says_why_and_what_to_do() -> None:
-    said = " ".join(read(render_page(rejected(sample().calibration))).words)
-    assert "✗ REJECTED" in said
-    assert said.index("REJECTED") < said.index(REASON) < said.index("Do not load this result")
-    assert "force_sensitivity" in said
-    assert "ACCEPTED" not in said
-
-
 def test_nothing_comes_from_outside(page: str) -> None:
     reader = read(page)
     assert not {"script", "link", "iframe", "object", "img"} & set(reader.tags)

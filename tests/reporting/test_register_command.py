@@ -1,6 +1,5 @@
 """`tdfscal register`: a transform made by hand comes back."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,10 +58,9 @@ def test_groups_that_moved_against_each_other_are_named(
     R = Rotation.from_euler("xyz", turn).as_matrix()
     in_groups(pair[0], lambda points: points @ R.T + shift)
     in_groups(pair[1], lambda points: points)
-    done = cli("register", *pair, "--unit", "mm", "--json", ends=0)
-    itself = cli("register", pair[0], pair[0], "--unit", "mm", "--json")
-    assert (itself.status, texts(json.loads(itself.out))) == (0, [])
-    said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
+    assert texts(cli.json("register", pair[0], pair[0], "--unit", "mm", ends=0)) == []
+    done = cli.json("register", *pair, "--unit", "mm", ends=0)
+    said = [w for w in texts(done) if "of its own" in w]
     assert len(said) == moved
     assert all("(jig, second) fits " in w for w in said)
     # Before the numbers that it concerns.
@@ -80,12 +78,11 @@ def test_groups_in_frames_of_their_own(cli: Cli) -> None:
 def test_options_of_instrument_and_groups(pair: tuple[Path, Path], cli: Cli) -> None:
     measured, reference = pair
     measured.write_text(measured.read_text(encoding="utf-8").replace("jig", "A"), encoding="utf-8")
-    asked = ("register", measured, reference, "--unit", "mm", "--groups", "A=jig", "--json")
+    asked = ("register", measured, reference, "--unit", "mm", "--groups", "A=jig")
     stated = ("--range", "1e-5", "--range-ppm", "0", "--angle-arcsec", "1")
-    done = cli(*asked, *stated, ends=0)
-    found = json.loads(done.out)
+    found = cli.json(*asked, *stated, ends=0)
     assert found["sigma"] is None
     assert found["dof"] == 3 * 8 - 6
     assert abs(found["scale"] - 1) < 5 * found["scale_std"]
     for wrong in (["--range", "1e-5"], ["--range", "-1"], ["--groups", "A"], ["--match", "best"]):
-        done = cli(*asked, *wrong, ends=2)
+        cli(*asked, *wrong, ends=2)
