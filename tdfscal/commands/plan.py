@@ -37,7 +37,7 @@ from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan, plan_for_contact, plan_for_target
-from tdfscal.planning.recorded_postures import recorded, scatter_of
+from tdfscal.planning.predicted_information import recorded, scatter_of
 from tdfscal.records import Dwells, FloatArray, Log
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report

@@ -1,4 +1,4 @@
-"""What a posture would tell, by the measurement model of the estimator itself."""
+"""What recorded postures tell and others would, by the measurement model of the estimator."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.acceptance import coverage_radius
+from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.dwells.find import no_dwell
+from tdfscal.errors import DataError, NotConvergedError
+from tdfscal.estimation.fit import information as fit_information
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
-from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
+from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes, postures
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, inverse, variances
-from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, faked_information
+from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
+from tdfscal.selfcal.estimator import Fit, at_state, evaluate, faked_information
+from tdfscal.selfcal.outliers import fit_robust
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
 #: arithmetic keeps its digits.
@@ -255,3 +260,35 @@ def averaged(forecasts: Sequence[Forecast]) -> Forecast:
     assert angles is not None
     force = mean([each.contact_force for each in forecasts])
     return Forecast(angles, force, mean([each.contact_torque for each in forecasts]))
+
+
+def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
+    """Fit recorded dwells; too few for an estimate are seen from the nominal mounting.
+
+    noise : N, taken for readings that state none.
+
+    Raises DataError where no dwell can be used or the log contradicts the rig file.
+    """
+    if len(dwells) == 0:
+        raise no_dwell(dwells)
+    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
+    kept = faulty_sensors.screen(rig, dwells).keep
+    if not kept.any():
+        raise DataError("every dwell is saturated or frozen", where="given log")
+    observed = postures(rig, dwells).subset(kept)
+    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() == 0.0:
+        observed = replace(observed, force_cov=observed.force_cov + noise**2 * np.eye(3))
+    try:
+        result = fit_robust(rig, observed).fit
+    except NotConvergedError:
+        return at_state(rig, observed, nominal(rig), np.ones(len(observed)))
+    std = evaluate(result, fit_information(result), 1.0).rpy_std
+    if std.max() < rig.acceptance.identifiable:
+        return result
+    return at_state(rig, observed, nominal(rig), result.weight)
+
+
+def scatter_of(seen: Postures, rig: Rig) -> float:
+    """Quadratic mean, N per axis, of the postures' force noise beyond what the rig declares."""
+    variance = np.diagonal(seen.force_cov, axis1=2, axis2=3)[:, rig.axes].mean()
+    return float(np.sqrt(max(0.0, variance - rig.declared.force_noise**2)))

@@ -15,7 +15,6 @@ from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
-from tdfscal.planning.recorded_postures import HARDER
 from tdfscal.records import ANGLES
 from tdfscal.reporting.assumptions import STATED_BY, exceeding
 from tdfscal.reporting.claims import (
@@ -27,6 +26,7 @@ from tdfscal.reporting.claims import (
     within,
 )
 from tdfscal.reporting.traceability import not_whole
+from tdfscal.selfcal.result import HARDER
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.

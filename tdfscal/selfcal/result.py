@@ -1,7 +1,10 @@
-"""What a self-calibration is: its record, what its user must know; what is seen without angles."""
+"""What a self-calibration is: its record, what its user must know; what is seen without angles;
+what another campaign would make of it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -13,17 +16,25 @@ from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import Observability, require_angles
 from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.estimation.uncertainty import Estimate, Estimated, Quality
+from tdfscal.estimation.uncertainty import (
+    Change,
+    Estimate,
+    Estimated,
+    Prospect,
+    Quality,
+    linear_rpy_std,
+)
 from tdfscal.findings import Finding, Value, rejecting
-from tdfscal.frozen import record
-from tdfscal.model.parameters import State, nominal
+from tdfscal.frozen import record, replace
+from tdfscal.model.parameters import State, nominal, sensing
+from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.outliers import CrossValidation, cross_validate
-from tdfscal.significance import MISFIT, OVERSTATED_NOISE
+from tdfscal.significance import MISFIT, OF_CAPACITY, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
 
@@ -149,3 +160,55 @@ def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
         Finding("sensor-turned", (rig.supports[i],), float(turn[i]), "rad")
         for i in np.flatnonzero(turn > _FAR_TURNED)
     ]
+
+
+#: Postures that a campaign is easily given besides; N, what a tare just before it leaves.
+_MORE, _TARED = 5, 0.1
+#: How much harder it is squeezed.
+HARDER = 2.0
+
+
+def prospects(fit: Fit, rpy_std: FloatArray) -> tuple[Prospect, ...]:
+    """Linearise a campaign as it would be at the estimate of the one that is there.
+
+    rpy_std : (n, 3), rad, as published; what the linear covariance promises of it is its share.
+    """
+    now = _linear_std(fit)
+    return tuple(
+        Prospect(change, amount, rpy_std * _linear_std(other, more) / now)
+        for change, amount, other, more in _changes(fit)
+    )
+
+
+def _changes(fit: Fit) -> Iterator[tuple[Change, float, Fit, float]]:
+    """Each change with its amount, its fit, and by how much its rows count more."""
+    rig, used = fit.rig, int((fit.weight > 0).sum())
+    yield "postures", float(_MORE), fit, (used + _MORE) / used
+    squeezed = _squeezed(fit)
+    if squeezed is not None:
+        yield "squeeze", *squeezed, 1.0
+    if np.any(rig.zero.std > 2 * _TARED):
+        zero = UncertainValue(rig.zero.value, np.minimum(rig.zero.std, _TARED))
+        tared = replace(rig, zero=zero)
+        yield "tare", _TARED, at_state(tared, fit.postures, fit.state, fit.weight), 1.0
+
+
+def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
+    """The same postures with larger internal forces; None where a sensor would be full."""
+    seen, M = fit.postures, sensing(fit.state)
+    force = np.einsum("nab,knb->kna", M, seen.force - fit.state.zero)
+    arm = seen.position - fit.state.datum
+    inside = internal_part(arm - arm.mean(axis=1, keepdims=True), force)
+    more = np.einsum("nab,knb->kna", np.linalg.inv(M), (HARDER - 1.0) * inside)
+    reading = np.where(seen.measured, seen.force + more, 0.0)
+    if not np.all(seen.measured) or np.any(np.abs(reading) > OF_CAPACITY * fit.rig.capacity):
+        return None
+    size = HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
+    harder = replace(seen, force=reading)
+    return size, at_state(fit.rig, harder, fit.state, fit.weight)
+
+
+def _linear_std(fit: Fit, more: float = 1.0) -> FloatArray:
+    """Standard uncertainties (n, 3), rad, where each posture counts `more` times."""
+    data = (fit.root @ fit.jacobian).reshape(-1, fit.jacobian.shape[-1])
+    return linear_rpy_std(fit.state.rotation, data, fit.prior_jacobian, more)

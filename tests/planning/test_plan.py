@@ -10,8 +10,7 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Request
 from tdfscal.planning.plan import Plan, make_plan, plan_for_target
-from tdfscal.planning.predicted_information import Forecast
-from tdfscal.planning.recorded_postures import recorded, scatter_of
+from tdfscal.planning.predicted_information import Forecast, recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells

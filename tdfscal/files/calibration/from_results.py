@@ -32,10 +32,9 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
-from tdfscal.planning.recorded_postures import prospects
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
 from tdfscal.selfcal.estimator import joint_posterior
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration, prospects
 from tdfscal.significance import INTERVAL_COVERAGE
 
 if TYPE_CHECKING:
