@@ -160,8 +160,8 @@ def surveyed(
 
     Raises UsageError where the rig file declares none, DataError where its files are unusable.
     """
-    from tdfscal.files.hashing import input_file
     from tdfscal.files.points.reading import read_tracker_session
+    from tdfscal.files.saving import input_file
     from tdfscal.trackercal import calibrate_tracker
 
     files, rig = campaign.rig.tracker, campaign.rig.path

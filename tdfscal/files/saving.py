@@ -1,4 +1,4 @@
-"""Writing files: JSON and YAML that any parser reads to the same numbers, and escapes of text.
+"""Writing files: JSON and YAML that any parser reads to the same numbers, escapes of text, digests.
 
 Names, paths, columns and foreign files may hold anything. Where a format has data (YAML and JSON
 values, XML text, CSV cells) its own writer keeps the string as it is; the escapes serve the rest:
@@ -10,18 +10,23 @@ sequence that Python reads back, so nothing is lost.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import re
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 
-from tdfscal.errors import visible
+from tdfscal.errors import DataError, UsageError, visible
 from tdfscal.files.outputs import replacing
 from tdfscal.files.yaml import plain_scalar
+from tdfscal.records import InputFile, Integrity
 
 #: What XML 1.0 cannot hold (production 2), and the carriage return, which its parsers replace.
 _NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -130,3 +135,74 @@ def c_comment(text: str) -> str:
 
 def _hex(character: str) -> str:
     return f"\\x{ord(character):02x}"
+
+
+_BLOCK = 1 << 22
+
+
+def input_file(path: Path, integrity: Integrity) -> InputFile:
+    """Describe a file by its content, read in blocks.
+
+    path : the file; its text goes into the record as it was given. integrity : how far the reader
+    could check the content.
+
+    Raises UsageError where the file is not there or cannot be opened.
+    """
+    with fingerprint(path) as described:
+        return described(integrity)
+
+
+def printable(text: str) -> str:
+    r"""A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def content_sha256(content: Mapping[str, Any]) -> str:
+    """SHA-256 of a document's values, whatever their order and notation.
+
+    It is that of the document as Python's JSON in UTF-8, its keys sorted, those that are null left
+    out at any depth. content : plain JSON values.
+    """
+    text = json.dumps(_without_nulls(content), sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _without_nulls(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nulls(each) for key, each in value.items() if each is not None}
+    if not isinstance(value, list) or set(map(type, value)) <= {float, str}:
+        return value
+    return [_without_nulls(each) for each in value]
+
+
+@contextmanager
+def fingerprint(path: Path) -> Iterator[Callable[[Integrity], InputFile]]:
+    """Compute a file's digest in a thread, beside its reading.
+
+    The function given waits for it and returns the record; leaving early abandons it.
+    """
+    stop = threading.Event()
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:
+        digest = pool.submit(_sha256, path, stop.is_set)
+        try:
+            yield lambda integrity: InputFile(printable(str(path)), *digest.result(), integrity)
+        finally:
+            stop.set()
+
+
+def _sha256(path: Path, stopped: Callable[[], bool]) -> tuple[str, int]:
+    digest = hashlib.sha256()
+    block = bytearray(_BLOCK)
+    size = 0
+    try:
+        with path.open("rb", buffering=0) as stream:
+            while not stopped() and (count := stream.readinto(block)):
+                digest.update(memoryview(block)[:count])
+                size += count
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise UsageError(
+            f"the file cannot be opened ({error.strerror})", where=str(path)
+        ) from error
+    except OSError as error:
+        raise DataError(f"the file cannot be read ({error.strerror})", where=str(path)) from error
+    return digest.hexdigest(), size

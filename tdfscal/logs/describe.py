@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from glob import escape
@@ -24,9 +24,9 @@ from tdfscal.dwells import (
 )
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
-from tdfscal.files.hashing import printable
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.files.saving import printable
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
@@ -104,12 +104,11 @@ def describe_logs(
     rig: LoadedRig | None = None,
     *,
     window: TimeWindow | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> LogInfo:
     """Look through logs, guess their mapping, and read them with it: clocks, dwells.
 
     rig : names the supports; its log block is used where it has one. window : the part whose clocks
-    and dwells are looked at. progress : told the share that is read, from 0 to 1.
+    and dwells are looked at.
 
     Raises UsageError where a path is not there or is no log, DataError where a file cannot be read
     at all. What can be looked at but not used is no error: `problems` says what is wrong.
@@ -138,7 +137,7 @@ def describe_logs(
         logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
         clocks, said = _Clocks(supports), tuple[str, ...]()
         try:
-            pieces = iter_log(logs, recorders, supports, window=window, progress=progress)
+            pieces = iter_log(logs, recorders, supports, window=window)
             dwells, more = _read(clocks.passing(pieces), recorders[0].rows == "postures")
             info = replace(info, inputs=tuple(clocks.inputs), dwells=dwells, **more)
             lag = [info.lag] if info.lag else []

@@ -36,9 +36,9 @@ class LogFile(ABC):
     """A file of one format while it is read; what is whole of one that was cut short is read.
 
     faults : what its library raises on damage. mark, kind : with which its file begins, and what
-    it then is. position : bytes that are read. Known at its end: integrity, how far checksums cover
-    what was read; findings, what else is to be said; cut_at, the byte at which a file that was cut
-    short stops being whole, None of a whole one.
+    it then is. Known at its end: integrity, how far checksums cover what was read; findings, what
+    else is to be said; cut_at, the byte at which a file that was cut short stops being whole, None
+    of a whole one.
     """
 
     faults: ClassVar[tuple[type[Exception], ...]] = ()
@@ -47,7 +47,6 @@ class LogFile(ABC):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.position = 0
         self.integrity: Integrity = "unverified"
         self.findings: list[Finding] = []
         self.cut_at: int | None = None

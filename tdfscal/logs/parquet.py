@@ -18,8 +18,8 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.files.hashing import printable
 from tdfscal.files.rig.recorders import UNITS, canonical
+from tdfscal.files.saving import printable
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
 from tdfscal.logs.request import Piece, Request
@@ -67,7 +67,6 @@ class ParquetLog(LogFile):
             names = _wanted(file, request)
             timed = request.mapping.time_field in names
             row, sparse, zoned = 0, False, False
-            share = self.path.stat().st_size / max(file.metadata.num_rows, 1)
             for number in range(file.num_row_groups):
                 for table in _tables(file, number, names, _ROWS):
                     if not row and timed:
@@ -78,7 +77,6 @@ class ParquetLog(LogFile):
                     vectors = _vectors(table, request, row, sparse=sparse)
                     yield table_piece(request, vectors, factors, time, row, sparse=sparse)
                     row += table.num_rows
-                    self.position = int(row * share)
             groups = map(file.metadata.row_group, range(file.num_row_groups))
             lacking = sum(group.num_rows for group in groups) - row
         if lacking:

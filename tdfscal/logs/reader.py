@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.catalogue.entry import by_wall_clock, when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.hashing import fingerprint
+from tdfscal.files.saving import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.formats import expand, files_of, open_log
@@ -105,7 +105,6 @@ def _between(series: Series, low: float, high: float) -> Series:
     return Series(series.time[begin:end], series.value[begin:end])
 
 
-Progress = Callable[[float], None]
 #: Mappings of one recorder, of several, or of the default names.
 Recorders = LogMapping | Sequence[LogMapping] | None
 
@@ -147,7 +146,6 @@ def iter_log(
     *,
     axes: BoolArray | None = None,
     window: TimeWindow | None = None,
-    progress: Progress | None = None,
 ) -> Iterator[Log]:
     """Read recorded logs as a stream of pieces, in bounded memory.
 
@@ -155,29 +153,17 @@ def iter_log(
     come with its last piece. Parameters and errors as `read_log`.
 
     window : the part of the log that is wanted; files are read, and checked, to their end.
-    progress : told the share of all bytes that is read, from 0 to 1, not descending.
     """
     if not paths:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
     mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
     groups = files_by_recorder(paths, mappings)
-    sizes = [path.stat().st_size for _, own in groups for path in expand(own)]
-    total = max(sum(sizes), 1) * (1 if len(groups) == 1 else 2)  # several are read twice
-    before = 0
-
-    def reached(position: int, whole: int = 0) -> None:
-        """Tell how far the file at hand is read, or that it is and how long it was."""
-        nonlocal before
-        before += whole
-        if progress is not None:
-            progress(min((before + position) / total, 1.0))
-
     streams = []
     for mapping, own in groups:
         request = make_request(mapping, supports, axes)
         if axes is not None and not axes.all():
             _check_silent(expand(own)[0], make_request(mapping, supports), axes)
-        streams.append((request.mapping, partial(_campaign, own, request, reached)))
+        streams.append((request.mapping, partial(_campaign, own, request)))
     pieces = streams[0][1]() if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
@@ -201,8 +187,8 @@ def concatenate(pieces: Iterable[Log]) -> Log:
     )
 
 
-def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]) -> Iterator[Log]:
-    """Read the files of one recorder, one after the other; told : how far."""
+def _campaign(given: Sequence[Path], request: Request) -> Iterator[Log]:
+    """Read the files of one recorder, one after the other."""
     reached = np.full(len(request.signals), -np.inf)
     row = 0
     bags = files_of(given)
@@ -213,7 +199,6 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
         with fingerprint(path) as described, closing(ahead(file.pieces(request))) as pieces:
             try:
                 for number, piece in enumerate(pieces):
-                    told(file.position)
                     ascending = streams.passed(piece)
                     if number:
                         yield pending
@@ -225,7 +210,6 @@ def _campaign(given: Sequence[Path], request: Request, told: Callable[..., None]
             entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])
-        told(0, entry.bytes)
         findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
         yield replace(pending, inputs=(entry,), findings=findings)
 

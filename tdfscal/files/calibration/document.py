@@ -18,11 +18,10 @@ from tdfscal.files.calibration.consistency import (
 )
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
-from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
-from tdfscal.files.saving import to_json, to_yaml, write_text
+from tdfscal.files.saving import content_sha256, to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
 from tdfscal.findings import Finding
 from tdfscal.frozen import replace

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 from tdfscal.errors import visible
-from tdfscal.files.hashing import printable
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.files.rig.reading import CONFIRM
-from tdfscal.files.saving import represent_text
+from tdfscal.files.saving import printable, represent_text
 
 if TYPE_CHECKING:
     from tdfscal.checks.rig_from_log import RigSketch

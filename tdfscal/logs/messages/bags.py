@@ -54,7 +54,6 @@ class _BagFile(Recording):
 
     def stored(self) -> Iterator[Messages]:
         """Some MB of messages at a time, in the order that the bag has them."""
-        size = max(self.path.stat().st_size, 1)
         buffer, starts = bytearray(), list[int]()
         try:
             for number, time, data in self.rows():
@@ -64,7 +63,6 @@ class _BagFile(Recording):
                 buffer += _HEAD.pack(_MESSAGE, DATA - 9 + len(data), number, 0, time, time)
                 buffer += data
                 if len(buffer) >= _AT_ONCE:
-                    self.position = min(self.position + len(buffer), size)
                     yield _messages(buffer, starts)
                     buffer, starts = bytearray(), []
         except self.broken as error:

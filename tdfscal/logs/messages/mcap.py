@@ -80,7 +80,6 @@ class McapFile(Recording):
                     elif opcode != Opcode.MESSAGE:
                         with self._placed("a record is damaged"):
                             self._take(opcode, content)
-                    self.position = file.tell()
             except _CutShortError:
                 if loose:
                     yield self._found(loose)

@@ -70,7 +70,6 @@ class TextLog(LogFile):
                     )
                     rows_before += value.shape[1]
                     line += lines
-                    self.position = file.position
                     yield piece
         if rows_before == 0 and file.cut_at is not None:
             raise DataError(
@@ -174,11 +173,6 @@ class TextFile:
             raise DataError("the file was cut short within its first line", hint=AGAIN)
         self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
         self.lines = lines_of(text)
-
-    @property
-    def position(self) -> int:
-        """Bytes of the file that are read."""
-        return self._raw.tell()
 
     def blocks(self, skipped: int) -> Iterator[tuple[bytes, bool]]:
         """Yield blocks of whole lines after the first ones; False with a last line without an end.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.hashing import input_file
+from tdfscal.files.saving import input_file
 from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import (
