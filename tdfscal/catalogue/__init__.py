@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from tdfscal import errors
@@ -44,11 +44,6 @@ def told(finding: Finding) -> str:
     """Return what a finding says, and what to do about it."""
     advice = cure(finding)
     return f"{sentence(finding)}: {advice}" if advice else sentence(finding)
-
-
-def told_of(entry: Mapping[str, Any]) -> str:
-    """Return the same of a finding as `document` has it."""
-    return f"{entry['text']}: {entry['cure']}" if entry["cure"] else str(entry["text"])
 
 
 def document(finding: Finding) -> dict[str, Any]:

@@ -220,7 +220,7 @@ def _search(gram: FloatArray, rotation: FloatArray) -> list[Model]:
 _ROUNDS = 4
 _FITTED = 600  # instants for the mounting
 _FEWEST, _BLOCKS = 6, 24
-_SETTLED = 0.05  # of the lag's standard uncertainty
+_LAG_SETTLED = 0.05  # of the lag's standard uncertainty
 _LEAST = 0.02  # of the slowest stream's period, that no balance tells better
 
 
@@ -260,7 +260,7 @@ def refine(
         columns = _without(columns, balance.slopes(time, course, model)[known])
         step, covariance = _step(columns, blocks, lost, line[1], rate_std)
         line = line + step
-        if step[0] ** 2 < _SETTLED**2 * covariance[0, 0]:
+        if step[0] ** 2 < _LAG_SETTLED**2 * covariance[0, 0]:
             break
     covariance[0, 0] += (_LEAST * slowest) ** 2
     return line, covariance
