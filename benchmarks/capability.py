@@ -30,7 +30,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, retract
-from tdfscal.model.zero_motion import ZeroAge
+from tdfscal.model.postures import ZeroAge
 from tdfscal.records import Drift, FloatArray
 from tdfscal.simulation import Options, Recorder, make_rig, simulate_campaign
 

@@ -27,7 +27,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
-from tdfscal.model.zero_motion import ZeroAge
+from tdfscal.model.postures import ZeroAge
 from tdfscal.records import CampaignInfo, FloatArray, Rig
 from tdfscal.wrench.contact_wrench import (
     Wrenches,

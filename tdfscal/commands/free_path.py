@@ -23,8 +23,8 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.parameters import gravity, sensing
+from tdfscal.model.postures import ZeroAge
 from tdfscal.model.statics import carrying
-from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.wrench.samples_in_motion import rotations
 from tdfscal.wrench.wrench_noise import LogHead, by_sensor

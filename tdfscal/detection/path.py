@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
-from tdfscal.model.zero_motion import ZeroAge, zero_motion
+from tdfscal.model.postures import ZeroAge, zero_motion
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 from tdfscal.wrench.contact_wrench import Linear, linearised
 from tdfscal.wrench.samples_in_motion import Samples

@@ -40,7 +40,7 @@ from tdfscal.model.parameters import (
     vector,
     with_motions,
 )
-from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.model.postures import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
 from tdfscal.numerics.least_squares import (

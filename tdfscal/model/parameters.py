@@ -11,13 +11,16 @@ from __future__ import annotations
 
 from dataclasses import fields
 from math import prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.frozen import record, replace
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, Rig
+
+if TYPE_CHECKING:
+    from tdfscal.model.postures import ZeroMotion
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: Unit symmetric matrices, (6, 3, 3).

@@ -321,3 +321,10 @@ def internal_part(arm: FloatArray, force: FloatArray) -> FloatArray:
     Gt = np.swapaxes(G, -1, -2)
     flat = force.reshape(*force.shape[:-2], -1, 1)
     return np.asarray((flat - Gt @ np.linalg.solve(G @ Gt, G @ flat)).reshape(force.shape))
+
+
+def to_origin(at: Balance) -> FloatArray:
+    """Matrices (K, 6, 6) that move a balance's wrench e, BCS, from c to the LCS origin."""
+    moved = np.tile(np.eye(6), (len(at.rotation), 1, 1))
+    moved[:, 3:, :3] = so3.hat(at.rotation @ at.centre)
+    return moved

@@ -10,9 +10,8 @@ from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, symmetric
-from tdfscal.model.postures import Postures, alike
+from tdfscal.model.postures import Postures, ZeroMotion, alike, zero_motion
 from tdfscal.model.statics import Balance
-from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal.blocks import Across, Block, ComplexArray, across, filled, nearness
 from tdfscal.motioncal.rows import UNSTATED, Bins, NoiseModel, Rows
 from tdfscal.motioncal.streams import Slow, after_middle, course_of

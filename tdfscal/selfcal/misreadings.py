@@ -20,8 +20,8 @@ from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import nominal, starting_state
+from tdfscal.model.postures import ZeroMotion
 from tdfscal.model.statics import Postures
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import Fit, estimate, fit, spread

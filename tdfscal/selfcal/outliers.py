@@ -20,14 +20,13 @@ import numpy as np
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.statics import Postures, balance, features
+from tdfscal.model.statics import Postures, balance, features, to_origin
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit, at_state, fit, spread, worth
 from tdfscal.selfcal.mounting_search import Rival, best_start, rivals
 from tdfscal.significance import OUTLYING_POSTURE
-from tdfscal.wrench.contact_wrench import to_origin
 
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12

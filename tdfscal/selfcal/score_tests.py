@@ -43,8 +43,8 @@ from tdfscal.estimation.score_tests import (
 )
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.postures import walk_modes
 from tdfscal.model.statics import balance, features_jacobian
-from tdfscal.model.zero_motion import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray

@@ -18,8 +18,8 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
+from tdfscal.model.postures import ZeroAge
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
-from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.selfcal.misreadings import Rests

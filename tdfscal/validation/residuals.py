@@ -11,8 +11,8 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout, parameter_count, prior_std
+from tdfscal.model.postures import ZeroMotion
 from tdfscal.model.statics import Postures
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig

@@ -19,8 +19,7 @@ from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.postures import Postures, alike
-from tdfscal.model.statics import Balance, balance, features_jacobian, free
-from tdfscal.numerics import so3
+from tdfscal.model.statics import Balance, balance, features_jacobian, free, to_origin
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.wrench.samples_in_motion import Motion, Samples, motion, poses, rotations, vee
 
@@ -96,13 +95,6 @@ def to_lcs(at: Balance) -> FloatArray:
     """T (K, 6, 6) with the contact wrench in the LCS about its origin = T e of a balance."""
     halves = to_origin(at).reshape(-1, 2, 3, 6)
     return np.asarray(-np.swapaxes(at.rotation, 1, 2)[:, None] @ halves).reshape(-1, 6, 6)
-
-
-def to_origin(at: Balance) -> FloatArray:
-    """Matrices (K, 6, 6) that move a balance's wrench e, BCS, from c to the LCS origin."""
-    moved = np.tile(np.eye(6), (len(at.rotation), 1, 1))
-    moved[:, 3:, :3] = so3.hat(at.rotation @ at.centre)
-    return moved
 
 
 def jacobian(given: Calibrated, at: Balance) -> FloatArray:

@@ -27,8 +27,8 @@ from tdfscal.dwells import dwells_of_bins, reduce_to_bins
 from tdfscal.errors import TdfscalError
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.postures import ZeroAge
 from tdfscal.model.statics import wrench
-from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import BoolArray, Drift, FloatArray, Log, Series
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.samples_in_motion import Samples

@@ -21,7 +21,7 @@ from tdfscal.model.parameters import (
     starting_state,
     vector,
 )
-from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.model.postures import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, JointPrior, Rig, UncertainValue
 

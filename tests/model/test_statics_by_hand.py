@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.postures import Postures, approach, postures, register
+from tdfscal.model.postures import Postures, ZeroMotion, approach, postures, register
 from tdfscal.model.statics import balance, features
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import least_squares, so3
 from tdfscal.records import DeclaredUncertainty, Drift, FloatArray
 from tdfscal.simulation import Options

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tdfscal.model.zero_motion import WALK_MODES, ZeroAge, walk_modes, zero_motion
+from tdfscal.model.postures import WALK_MODES, ZeroAge, walk_modes, zero_motion
 from tdfscal.records import Drift
 
 TIME = np.array([10.0, 12.0, 17.0, 30.0])

@@ -17,9 +17,8 @@ from tdfscal.model.parameters import (
     prior_std,
     retract,
 )
-from tdfscal.model.postures import postures
+from tdfscal.model.postures import ZeroMotion, postures
 from tdfscal.model.statics import balance, features
-from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig

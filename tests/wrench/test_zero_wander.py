@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import tdfscal
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.model.zero_motion import ZeroAge, zero_motion
+from tdfscal.model.postures import ZeroAge, zero_motion
 from tdfscal.records import Drift, FloatArray, Log, Series
 from tdfscal.simulation import Campaign, Options, Recorder, make_rig, simulate_campaign
 from tdfscal.wrench.samples_in_motion import Samples
