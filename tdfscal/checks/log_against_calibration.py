@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.checks.wirings import REACTION, rewired_sensors
+from tdfscal.checks.log_against_rig import REACTION, rewired_sensors
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout

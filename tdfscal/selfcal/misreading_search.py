@@ -13,7 +13,7 @@ from itertools import chain
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.checks.wirings import exchanged_channels, rewired_sensors
+from tdfscal.checks.log_against_rig import exchanged_channels, rewired_sensors
 from tdfscal.estimation.fit import Priors
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import starting_state

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.checks.wirings import REACTION
+from tdfscal.checks.log_against_rig import REACTION
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace

@@ -14,10 +14,12 @@ from tdfscal.checks.log_against_rig import (
     check_geometry,
     check_size,
     check_weight,
+    exchanged_channels,
+    exchanged_supports,
+    rewired_sensors,
     turned,
     weight_share,
 )
-from tdfscal.checks.wirings import exchanged_channels, exchanged_supports, rewired_sensors
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import postures
