@@ -108,9 +108,9 @@ class MonitorResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return a control chart per sensor."""
-        from tdfscal.reporting.figures.history import draw
+        from tdfscal.reporting.figures.timeline import control_charts
 
-        return draw(self.life)
+        return control_charts(self.life)
 
 
 @options.command("monitor 2026-*.yaml --html history.html")

@@ -16,7 +16,7 @@ from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
 from tdfscal.numerics.distributions import p_text
 from tdfscal.reporting import layout
-from tdfscal.reporting.figures.history import date_of
+from tdfscal.reporting.figures import date_of
 from tdfscal.reporting.figures.style import signed
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from tdfscal.catalogue.entry import by_wall_clock
@@ -15,6 +16,10 @@ if TYPE_CHECKING:
     from tdfscal.files.calibration.evidence import PostureTable
     from tdfscal.files.calibration.parts import RejectedPosture
     from tdfscal.files.rig.model import RigFile
+
+
+#: Of a month, on average.
+_DAYS = 30.4375
 
 
 @record
@@ -85,3 +90,8 @@ def clock_from(first: float) -> Clock:
     if not by_wall_clock(first):
         return Clock(0.0, "time in the log, s", "s")
     return Clock(float(int(first)), "time since the log's start, s", "s")
+
+
+def date_of(month: float) -> datetime:
+    """Date of a time in months since 1970."""
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=month * _DAYS)
