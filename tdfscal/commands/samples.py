@@ -18,8 +18,8 @@ from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, RATE
+from tdfscal.motioncal.preparation import with_moves
 from tdfscal.motioncal.streams import Decimator, Slow
-from tdfscal.motioncal.uncertainty import with_moves
 from tdfscal.records import Dwells, Log, RecorderClock, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration

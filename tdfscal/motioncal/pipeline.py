@@ -30,18 +30,22 @@ from tdfscal.motioncal.estimator import (
     fit_moving,
     moved_to,
 )
-from tdfscal.motioncal.evidence import (
-    HeldOut,
-    ResidualWrench,
-    hold_out,
-    residual_wrench,
-)
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, undeclared, without_contacts
 from tdfscal.motioncal.slip import Step, likeliest_step, suspicion_of
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import MOST_TRIALS, MovingEstimate, beside, estimate, simulate
+from tdfscal.motioncal.uncertainty import (
+    MOST_TRIALS,
+    HeldOut,
+    MovingEstimate,
+    ResidualWrench,
+    beside,
+    estimate,
+    hold_out,
+    residual_wrench,
+    simulate,
+)
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue

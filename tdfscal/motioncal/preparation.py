@@ -13,16 +13,18 @@ import numpy as np
 
 from tdfscal.checks.faulty_sensors import check_directions, check_unmeasured, stuck_axes
 from tdfscal.checks.log_against_rig import check_unit
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, TdfscalError
+from tdfscal.estimation.fit import factored_information
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model.parameters import State, starting_state
 from tdfscal.model.postures import Postures, alike
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
-from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, estimate_noise
 from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import fit as quasi_static
 from tdfscal.selfcal.misreadings import check_forces
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
@@ -170,6 +172,8 @@ def gaps(slow: Slow) -> list[Finding]:
     return out
 
 
+#: Blocks of a long log from which it is told what its moves would add.
+_FEW = 4
 #: Instants at most that the quasi-static start is estimated from, and their noise, N and m.
 _START_ROWS, _START_FORCE, _START_PLACE = 400, 1.0, 1.0e-5
 #: A mounting farther than this from the nominal one was not meant by it, rad.
@@ -215,3 +219,25 @@ def moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
     rows = rows[:: max(1, int(np.ceil(len(rows) / _START_ROWS)))]
     force = np.where(rig.axes, slow.force[rows], 0.0)
     return alike(slow.position[rows], force, rig.axes, place=_START_PLACE, noise=_START_FORCE)
+
+
+def with_moves(rig: Rig, slow: Slow, delay: UncertainValue, still: State) -> FloatArray | None:
+    """Standard uncertainties (n, 3) of roll, pitch, yaw to expect from the whole log, rad.
+
+    One linearisation at the estimate from the dwells, and the spectrum of what it leaves: no
+    iteration, and nothing for what that spectrum leaves open, which is little wherever the moves
+    tell much. Of a long log some blocks are looked at, and the rest taken to tell as much.
+
+    still : the estimate from the dwells. Returns None where the log does not serve in motion.
+    """
+    try:
+        whole = usable_samples(rig, slow).blocks
+        few = whole[:: -(-len(whole) // _FEW)]
+        priors = MovingPriors(rig, slow, delay)
+        fit = estimate_noise(at_state(priors, few, priors.start(still), None))
+        turns = factored_information(fit).root[: 3 * rig.n]
+        std = np.sqrt(so3.rpy_variance(still.rotation, turns @ turns.T))
+    except (TdfscalError, np.linalg.LinAlgError):
+        return None
+    seen, all_seconds = (sum(block.seconds for block in part) for part in (few, whole))
+    return std * float(np.sqrt(seen / all_seconds))

@@ -1,8 +1,9 @@
-"""From a fit in motion to the covariance of its rotations: by source, by trials, and forecast.
+"""From a fit in motion to the covariance of its rotations, by source and trials, and its evidence.
 
 A trial (JCGM 101) draws all parameters together from their covariance, and takes the estimate to
 where the balance, which is bent in rotations, zeros and load, leads it: one step of Gauss and
-Newton on the statistic from the linear answer, whose error is of the third order.
+Newton on the statistic from the linear answer, whose error is of the third order. The evidence is
+whether the result holds on stretches held out, and what is left over time.
 """
 
 from __future__ import annotations
@@ -11,8 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tdfscal.errors import TdfscalError
-from tdfscal.estimation.fit import factored_information, information
+from tdfscal.estimation.fit import information
 from tdfscal.estimation.uncertainty import (
     UNDECLARED,
     Estimate,
@@ -27,17 +27,26 @@ from tdfscal.estimation.uncertainty import (
     simulate_angles,
 )
 from tdfscal.frozen import record
-from tdfscal.model import dynamics
+from tdfscal.model import dynamics, statics
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import State, retract, sensing
+from tdfscal.model.parameters import State, gravity, retract, sensing
+from tdfscal.model.postures import forces
 from tdfscal.model.statics import features, features_jacobian
-from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, estimate_noise
-from tdfscal.motioncal.preparation import usable_samples
-from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
+from tdfscal.motioncal.design import inertia_wrench, rms
+from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
+from tdfscal.motioncal.streams import shifted
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.numerics.least_squares import Spectrum, block_diagonal, triangular
-from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
+from tdfscal.numerics.least_squares import (
+    Spectrum,
+    block_diagonal,
+    free_values,
+    spectrum,
+    triangular,
+)
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.wrench.samples_in_motion import rotations
 
 #: Names in the budget of what only motion has.
 SPECTRUM = "noise spectrum"
@@ -49,8 +58,6 @@ _PLACES = 1000
 MOST_TRIALS = 30_000
 #: Trials worked on together.
 _CHUNK = 2_000
-#: Blocks of a long log that are looked at.
-_FEW = 4
 #: How many times as long a motion is easily made.
 _LONGER = 2.0
 
@@ -69,8 +76,7 @@ class MovingEstimate(Estimate[MovingFit]):
     @property
     def moving_std(self) -> FloatArray:
         """Standard uncertainty (9,) of I_O, τ, d, ρ."""
-        std = parameter_std(self.fit.active, self.posterior, self.parts)
-        return std[-dynamics.PARAMETERS :]
+        return parameter_std(self.fit.active, self.posterior, self.parts)[-dynamics.PARAMETERS :]
 
     @property
     def calibrated(self) -> Calibrated:
@@ -178,8 +184,7 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
     p = len(C)
     out = np.zeros((p, p))
     for item in fit.designs:
-        block, N = item.block, len(item.turned)
-        frequency = block.frequency
+        block, N, frequency = item.block, len(item.turned), item.block.frequency
         turned = np.swapaxes(item.turned, 1, 2) * block.taper[0][:, None, None]
         # Change of the parameters by a unit wrench at every instant, Re Σ_f gain e^{−iωt}: of a
         # real transform all coefficients but the mean count twice.
@@ -203,8 +208,7 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
 def faked_information(fit: MovingFit) -> FloatArray:
     """Information (3n, 3n) about the rotations that noise in the readings fakes.
 
-    As of static postures, summed over the Fourier coefficients: reading noise
-    of density S_F turned by [u]×, through B, weighted by S⁻¹.
+    As of postures: reading noise of density S_F turned by [u]×, through B, weighted by S⁻¹.
     """
     M = sensing(fit.state.still)
     noise = M @ (fit.rig.axes[:, :, None] * np.swapaxes(M, 1, 2))
@@ -241,23 +245,106 @@ def simulate(
     return simulate_angles(draw, still.rotation, of.uncertainty, known, max_trials, chunk=_CHUNK)
 
 
-def with_moves(rig: Rig, slow: Slow, delay: UncertainValue, still: State) -> FloatArray | None:
-    """Standard uncertainties (n, 3) of roll, pitch, yaw to expect from the whole log, rad.
+#: Length of the stretches that are held out in turn, s, and how many at most.
+_FOLD, _MOST = 15.0, 8
+#: Blocks from which a log's own are held out.
+_MANY = 4
+#: Length of the means that are kept, s, and how many of them at most in a long log.
+_MEAN, _MEANS = 1.0, 600
 
-    One linearisation at the estimate from the dwells, and the spectrum of what it leaves: no
-    iteration, and nothing for what that spectrum leaves open, which is little wherever the moves
-    tell much. Of a long log some blocks are looked at, and the rest taken to tell as much.
 
-    still : the estimate from the dwells. Returns None where the log does not serve in motion.
+@record
+class HeldOut:
+    """Residual wrench in the band of K stretches held out in turn, quadratic means over time.
+
+    before, after : (K, 2), N and N·m, with the nominal mounting and stated values, and with the
+    calibration from the other stretches.
     """
-    try:
-        blocks = usable_samples(rig, slow).blocks
-        few = blocks[:: -(-len(blocks) // _FEW)]
-        priors = MovingPriors(rig, slow, delay)
-        fit = estimate_noise(at_state(priors, few, priors.start(still), None))
-        turns = factored_information(fit).root[: 3 * rig.n]
-        std = np.sqrt(so3.rpy_variance(still.rotation, turns @ turns.T))
-    except (TdfscalError, np.linalg.LinAlgError):
-        return None
-    seen, whole = (sum(block.seconds for block in part) for part in (few, blocks))
-    return std * float(np.sqrt(seen / whole))
+
+    before: FloatArray
+    after: FloatArray
+
+
+def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:
+    """Predict stretches of the log from all the others; start : the nominal state.
+
+    The blocks of a long log serve as they are; those of a short one are cut anew. None where there
+    is but one.
+    """
+    at, time = fit, fit.slow.time
+    if len(fit.blocks) < _MANY:
+        seconds = float(keep.sum()) * fit.slow.step
+        count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), 2, _MOST))
+        part = np.minimum(count * (time - time[0]) / (np.ptp(time) + fit.slow.step), count - 1)
+        cut = [blocks(fit.slow, keep & (part.astype(int) == k)) for k in range(count)]
+        together = tuple(block for own in cut for block in own)
+        if len(together) < 2:
+            return None
+        at = at_state(fit.priors, together, fit.state, fit.noise)
+    nominal = moved_to(at, start).psi
+    folds = np.array_split(np.arange(len(at.blocks)), min(len(at.blocks), _MOST))
+    both = np.concatenate([at.psi[:, None], at.slope], axis=1)
+    prior = np.concatenate([at.prior_residual[:, None], at.prior_jacobian], axis=1)
+    before, after, factors = [], [], []
+    for fold in folds:
+        items = [at.designs[k] for k in fold]
+        rows = [item.white(item.wrench(both), at.noise) for item in items]
+        factors.append(triangular(np.concatenate(rows)))
+    for k, fold in enumerate(folds):
+        others = np.concatenate([prior, *factors[:k], *factors[k + 1 :]])
+        step = spectrum(others[:, 1:]).solve(others[:, 0])
+        after.append(rms([at.designs[i] for i in fold], at.psi + at.slope @ step))
+        before.append(rms([at.designs[i] for i in fold], nominal))
+    return HeldOut(np.array(before), np.array(after))
+
+
+@record
+class ResidualWrench:
+    """Means over a second, or over more of it in a long log.
+
+    time : (N,), s, their middles. before, after : (N, 2), length of the residual force, N, and of
+    the residual moment about the barycentre, N·m, with the nominal mounting and calibrated.
+    """
+
+    time: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+def residual_wrench(fit: MovingFit, before: State, after: State) -> ResidualWrench:
+    """Residual wrench of two states over a fit's blocks, both with its motion's parameters."""
+    times, lengths = [], []
+    mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MEANS)
+    for block in fit.blocks:
+        position = shifted(fit.slow, block.index, fit.state.moving)
+        both = [_wrench(fit, block, position, state) for state in (before, after)]
+        count = max(1, round(block.seconds / mean))
+        first = np.linspace(0, len(position), count, endpoint=False).astype(int)
+        size = np.diff(first, append=len(position))
+        times.append(np.add.reduceat(fit.slow.time[block.index], first) / size)
+        means = np.add.reduceat(np.stack(both, axis=1), first, axis=0) / size[:, None, None]
+        lengths.append(np.linalg.norm(means.reshape(count, 2, 2, 3), axis=3))
+    length = np.concatenate(lengths)
+    return ResidualWrench(np.concatenate(times), length[:, 0], length[:, 1])
+
+
+def _wrench(fit: MovingFit, block: Block, position: FloatArray, state: State) -> FloatArray:
+    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
+
+    position : (N, n, 3), m, of the servos where the forces were felt.
+    Forces that nobody measures are those that leave least of it.
+    """
+    rig, position = fit.rig, position - state.datum
+    R = rotations(state.hinge, position)
+    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
+    F = forces(state, fit.slow.force[block.index])
+    e = inertia_wrench(R, position, block.step, state, fit.state.moving)
+    e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
+    e[:, 3:] += np.cross(arm, F).sum(axis=1)
+    if rig.axes.all():
+        return e
+    B = statics.wrench(arm)
+    cov = np.einsum("knra,knsa->krs", B, B)
+    columns = statics.free(B @ sensing(state), rig.axes)
+    free, _ = free_values(cov, columns, e)
+    return np.asarray(e + (columns @ free[..., None])[..., 0])

@@ -25,11 +25,10 @@ from tdfscal.motioncal.estimator import (
     at_state,
     estimate_noise,
 )
-from tdfscal.motioncal.evidence import ResidualWrench, residual_wrench
 from tdfscal.motioncal.preparation import gaps, moments, usable_samples
 from tdfscal.motioncal.score_tests import without_contacts
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import posterior
+from tdfscal.motioncal.uncertainty import ResidualWrench, posterior, residual_wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum

@@ -25,8 +25,8 @@ from tdfscal.selfcal.result import SelfCalibration, Undetermined
 
 if TYPE_CHECKING:
     from tdfscal.acceptance import Conformity
-    from tdfscal.motioncal.evidence import HeldOut
     from tdfscal.motioncal.pipeline import MotionCalibration
+    from tdfscal.motioncal.uncertainty import HeldOut
     from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
