@@ -4,10 +4,13 @@ import csv
 import json
 import re
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
 from tdfscal.catalogue import CATALOGUE
@@ -72,6 +75,13 @@ class Cli:
     def json(self, *arguments: object, ends: int | None = None) -> Any:
         """What it prints with `--json`."""
         return json.loads(self(*arguments, "--json", ends=ends).out)
+
+
+def recorded(table: pa.Table, values: Mapping[str, np.ndarray]) -> pa.Table:
+    """A log with other numbers in some of its columns."""
+    for name, column in values.items():
+        table = table.set_column(table.column_names.index(name), name, pa.array(column))
+    return table
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from pyarrow import csv
 import tdfscal
 from tdfscal.errors import DataError
 from tdfscal.records import Measured
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import SAMPLES, Cli, recorded
 from tests.words import texts
 
 REPEATED = "1 repeat the time of the sample before"
@@ -35,11 +35,7 @@ def repeated(table: pa.Table) -> pa.Table:
 
 
 def set_to(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
-    def change(table: pa.Table) -> pa.Table:
-        values = pa.array(function(table[name].to_numpy()))
-        return table.set_column(table.column_names.index(name), name, values)
-
-    return change
+    return lambda table: recorded(table, {name: function(table[name].to_numpy())})
 
 
 def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(

@@ -5,13 +5,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
 import tdfscal
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import SAMPLES, Cli, recorded
 
 EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
 
@@ -45,9 +44,8 @@ def span(folder: Path) -> tuple[float, float]:
 
 def shifted(folder: Path, by: float) -> None:
     table = pq.read_table(folder / "log.parquet")
-    time = pa.array(table["time"].to_numpy() + by)
-    pq.write_table(table.set_column(table.column_names.index("time"), "time", time),
-                   folder / "log.parquet")  # fmt: skip
+    moved = recorded(table, {"time": table["time"].to_numpy() + by})
+    pq.write_table(moved, folder / "log.parquet")
 
 
 def test_a_part_is_what_a_log_cut_by_hand_is(campaign: Path) -> None:
@@ -63,16 +61,6 @@ def test_a_part_is_what_a_log_cut_by_hand_is(campaign: Path) -> None:
     assert relative == forces(campaign, from_=dates[0].isoformat(), to=dates[1].isoformat())
     assert relative == forces(campaign, from_=dates[0], to=dates[1].replace(tzinfo=None))
     np.testing.assert_allclose(relative, by_hand, rtol=0, atol=1e-3)  # N; of a coarser clock
-
-
-@pytest.fixture(scope="module")
-def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibration of another recording, which an update may follow."""
-    home = tmp_path_factory.mktemp("other")
-    rig = SAMPLES / "parquet" / "rig.yaml"
-    tdfscal.simulate(home / "c", rig=rig, postures=8, rate=20.0, seed=3)
-    tdfscal.calibrate(home / "c", trials=0, output=home / "c.yaml")
-    return home / "c.yaml"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from tests.cli.running import Cli
+from tests.cli.running import Cli, recorded
 
 Break = Callable[[Path], object]
 
@@ -37,11 +37,8 @@ def edit_log(change: Callable[[pa.Table], pa.Table]) -> Break:
 
 def scaled(prefix: str, axes: str, factor: float) -> Callable[[pa.Table], pa.Table]:
     def change(table: pa.Table) -> pa.Table:
-        for i, name in enumerate(table.column_names):
-            if re.fullmatch(rf"ncp\d\.{prefix}[{axes}]", name):
-                values = pa.array(table[name].to_numpy() * factor)
-                table = table.set_column(i, name, values)
-        return table
+        names = [n for n in table.column_names if re.fullmatch(rf"ncp\d\.{prefix}[{axes}]", n)]
+        return recorded(table, {name: table[name].to_numpy() * factor for name in names})
 
     return change
 
@@ -62,7 +59,7 @@ def swap(kind: str) -> dict[str, str]:
 def with_nan(table: pa.Table) -> pa.Table:
     values = table["ncp2.fx"].to_numpy().copy()
     values[1234] = float("nan")
-    return table.set_column(table.column_names.index("ncp2.fx"), "ncp2.fx", pa.array(values))
+    return recorded(table, {"ncp2.fx": values})
 
 
 FAULTS: dict[str, tuple[Break, int, str]] = {

@@ -11,7 +11,7 @@ import yaml
 
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.files.calibration.document import Calibration, save_calibration
-from tests.cli.running import SAMPLES
+from tests.cli.running import SAMPLES, recorded
 from tests.words import found
 
 
@@ -48,9 +48,7 @@ def _turned(table: pa.Table) -> pa.Table:
     force = {n: table[n].to_numpy() + 0.4 for n in table.column_names if n[-2:-1] == "f"}
     x, z = force["ncp1.fx"], force["ncp1.fz"]
     c, s = np.cos(0.02), np.sin(0.02)
-    for name, values in (force | {"ncp1.fx": c * x + s * z, "ncp1.fz": c * z - s * x}).items():
-        table = table.set_column(table.column_names.index(name), name, pa.array(values))
-    return table
+    return recorded(table, force | {"ncp1.fx": c * x + s * z, "ncp1.fz": c * z - s * x})
 
 
 def _calibrations(home: Path) -> None:

@@ -4,7 +4,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -16,7 +15,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import statistics
-from tests.cli.running import Cli
+from tests.cli.running import Cli, recorded
 from tests.reporting.samples import sketch
 
 
@@ -78,8 +77,8 @@ def test_a_sensor_that_turned_before_a_motion_is_named_and_nothing_touched_it(
     table = pq.read_table(turned / "log.parquet")
     names = [name for name in table.column_names if name.startswith("ncp2.f")]
     force = np.column_stack([table[name].to_numpy() for name in names])
-    for name, values in zip(names, (force @ so3.exp(np.array([0.02, 0.0, 0.0]))).T, strict=True):
-        table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    other = (force @ so3.exp(np.array([0.02, 0.0, 0.0]))).T
+    table = recorded(table, dict(zip(names, other, strict=True)))
     pq.write_table(table, turned / "log.parquet")
     updated = tdfscal.update(known, turned, trials=0)
     (found,) = updated.reasons

@@ -63,12 +63,6 @@ def rejected(c: Calibration) -> Calibration:
     return changed(c, status="rejected", findings=reasons, fit=fit_with(c, 13.0))
 
 
-@pytest.fixture
-def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages without their figures, which take the time and have tests of their own."""
-    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-
-
 @pytest.fixture(scope="module")
 def page() -> str:
     return render_page(sample(touched=True).calibration)

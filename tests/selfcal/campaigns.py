@@ -29,6 +29,12 @@ def turns(truth: FloatArray, estimate: FloatArray) -> FloatArray:
     return so3.log(truth @ np.swapaxes(estimate, -1, -2)).ravel()
 
 
+def distance(truth: FloatArray, result: SelfCalibration) -> float:
+    """d² of the errors of all turns in the stated covariance."""
+    d = turns(truth, result.fit.state.rotation)
+    return float(d @ np.linalg.solve(result.uncertainty.covariance, d))
+
+
 @dataclass(frozen=True)
 class Study:
     """Errors (N, 3n) of N campaigns, their stated standard uncertainties, and d² (N,)."""
@@ -42,13 +48,11 @@ class Study:
 def study(rig: Rig, options: Options, seed: int, trials: int) -> Study:
     """Calibrate `trials` independent campaigns of a rig."""
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), trials)
-    errors, stated, distance, results = [], [], [], []
+    errors, stated, distances, results = [], [], [], []
     for i in range(trials):
         result = calibrated(batch, rig, i)
-        d = turns(batch.truth.rotation[i], result.fit.state.rotation)
-        cov = result.uncertainty.covariance
-        errors.append(d)
-        stated.append(np.sqrt(np.diagonal(cov)))
-        distance.append(d @ np.linalg.solve(cov, d))
+        errors.append(turns(batch.truth.rotation[i], result.fit.state.rotation))
+        stated.append(np.sqrt(np.diagonal(result.uncertainty.covariance)))
+        distances.append(distance(batch.truth.rotation[i], result))
         results.append(result)
-    return Study(np.array(errors), np.array(stated), np.array(distance), tuple(results))
+    return Study(np.array(errors), np.array(stated), np.array(distances), tuple(results))
