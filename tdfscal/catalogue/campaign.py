@@ -95,8 +95,8 @@ contact-stays warns
   something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of
   the {frame} from posture {posture} to {last}{between:time}
   -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it,
-    and record these postures again; where it was there before or after them instead,
-    record those
+    and record these postures again. The readings alone cannot tell it from an opposite push
+    in all other postures: if it was those that were touched, record them again instead
 """,
     f"the residuals{{campaign: of ~|}} say {{tied:about as well that|that}} %s {_SHIFT}",
     _BESIDES,

@@ -177,7 +177,7 @@ posture-used-before warns
 log-used-before warns
   {subject} went into this calibration: what it shows is no proof
 log-before-calibration warns
-  this log is of {log}, and the calibration's data begin at {calibration}: the verdict is
+  this log is of {log}, and the calibration's data begin at {calibration}: what it says is
   about the time before it
 noise-of-calibration notes
   neither the log nor the rig file states a force noise; {size} per axis and posture

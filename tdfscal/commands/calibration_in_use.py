@@ -13,7 +13,7 @@ from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions, other_papers
 from tdfscal.commands.arguments import PathLike, PathLikes
 from tdfscal.commands.campaign import Campaign, no_log, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, stated_date
+from tdfscal.commands.log_pass import LogPass, Settings, measured, stated_date
 from tdfscal.commands.result import (
     Calibration,
     CalibrationSource,
@@ -24,7 +24,8 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
-from tdfscal.findings import Finding
+from tdfscal.files.calibration.parts import MeasuredResult, seconds
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.postures import ZeroAge
@@ -164,6 +165,21 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
     return ZeroAge(max(abs(now - epoch.begin), epoch.span), warming)
 
 
+def before_calibration(use: InUse, when: MeasuredResult) -> tuple[Finding, ...]:
+    """Say so where a log was recorded before any of the calibration's data."""
+    c = use.calibration
+    dated = [m for m in (c.measured, *(k.measured for k in c.campaigns)) if m is not None]
+    if when.source == "file" or not dated or any(m.source == "file" for m in dated):
+        return ()
+    begin = min((m.begin for m in dated), key=seconds)
+    if seconds(when.end) >= seconds(begin):
+        return ()
+    digits = 10 if when.end[:10] < begin[:10] else 16
+    log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
+    values: dict[str, Value] = {"log": log, "calibration": calibration}
+    return (Finding("log-before-calibration", values=values),)
+
+
 @dataclass(slots=True, kw_only=True)
 class WrenchPass(LogPass):
     """What one reading of a log under a calibration needs, and leaves behind.
@@ -239,6 +255,7 @@ class WrenchPass(LogPass):
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""
         found = [*self.messages, *self.inspection.finish()]
+        found += before_calibration(self.use, MeasuredResult.model_validate(measured(self)))
         if self.tally.uncovered:
             found.append(Finding("samples-uncovered", size=self.tally.uncovered))
         if self.tally.unreadable:

@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, window
-from tdfscal.commands.calibration_in_use import InUse, take, zero_age
+from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
 from tdfscal.commands.log_pass import LogPass, Settings, measured
 from tdfscal.commands.options import Option
 from tdfscal.commands.result import Calibration, Result
@@ -18,7 +18,7 @@ from tdfscal.commands.samples import delay_of, moving_samples, neither, read_sam
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
-from tdfscal.files.calibration.parts import MeasuredResult, seconds
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
@@ -143,7 +143,7 @@ def validate(
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
     when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
-    past = _before_calibration(use, when)
+    past = before_calibration(use, when)
     result = replace(result, earlier=bool(past))
     ended = overdue(by.rig, when.end[:10], "this check")
     found = (*use.findings, *own, *past, *_left_out(result), *result.findings, *ended)
@@ -221,21 +221,6 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
         for k, (file, span) in enumerate(zip(log.files_at(dwells.end), spans, strict=True))
         if again[k] or Recorded(file.sha256, span).meets_any(used)
     }
-
-
-def _before_calibration(use: InUse, when: MeasuredResult) -> tuple[Finding, ...]:
-    """Say so where a log was recorded before any of the calibration's data."""
-    c = use.calibration
-    dated = [m for m in (c.measured, *(k.measured for k in c.campaigns)) if m is not None]
-    if when.source == "file" or not dated or any(m.source == "file" for m in dated):
-        return ()
-    begin = min((m.begin for m in dated), key=seconds)
-    if seconds(when.end) >= seconds(begin):
-        return ()
-    digits = 10 if when.end[:10] < begin[:10] else 16
-    log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
-    values: dict[str, Value] = {"log": log, "calibration": calibration}
-    return (Finding("log-before-calibration", values=values),)
 
 
 def _left_out(tested: Validation | MovingValidation) -> list[Finding]:

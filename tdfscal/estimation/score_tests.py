@@ -108,12 +108,12 @@ class Suspicion:
 
     @property
     def spoils_motion(self) -> bool:
-        """Harmful to samples in motion, where only what is certain counts.
+        """Harmful to samples in motion, where only what is certain counts, but for a slip.
 
         A path driven twice repeats the positioners' errors, as no noise does: what is left of them
-        looks like a gain or an offset, and stands in the uncertainty.
+        looks like a gain or an offset, and stands in the uncertainty; it turns no sensor on the way.
         """
-        return self.certain and self.harmful
+        return self.harmful and (self.certain or self.kind == "slip")
 
     def findings(self, *, rejects: bool, **values: Value) -> tuple[Finding, ...]:
         """Each cause as a finding, the likeliest first."""

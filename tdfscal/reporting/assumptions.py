@@ -77,7 +77,7 @@ def assumption_sentences(c: Calibration, half_width: float) -> str:
             said += f", together by {rounded(1e3 * _together(every))} mrad"
         said += ", which is more. " if more else ". "
     if trusted := _trusted(c, half_width):
-        said += f"{_moving(trusted)}."
+        said += f"Taken from the rig file, not measured: {_moving(trusted)}, unseen."
     return said.strip()
 
 

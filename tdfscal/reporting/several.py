@@ -140,7 +140,7 @@ def _keep(view: Several) -> str:
         return "Use none of them: calibrate again."
     named = [pair for pair in sound if pair[1].status == "accepted"] or sound
     first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
-    keep = f"Keep {first[0]} in use: nothing has moved since, so that no angle need be loaded anew"
+    keep = f"Keep {first[0]} in use: no change beyond the uncertainties was seen since"
     if within(best[1]) == within(first[1]):
         return f"{keep}."
     return f"{keep}; {best[0]} knows the angles best, if a smaller ± is wanted."

@@ -167,6 +167,8 @@ def scatters(of: Estimate[Fit]) -> list[Suspicion]:
     white, left = fit.white[: ROWS * K].reshape(K, ROWS), _left(parts, K)
     for kind, support, columns in noise_columns(fit):
         theta, gain = best_variance(columns, white, left)
+        if gain <= 0:
+            continue
         through = np.einsum("kap,kab->pkb", left, columns).reshape(left.shape[2], -1)
         found.append(_suspicion(of, kind, support, theta, gain, parts.root @ through))
     return found
