@@ -71,13 +71,13 @@ def assumption_sentences(c: Calibration, half_width: float) -> str:
     ]
     said = ""
     if moves:
-        said = f"Not counted, since the rig file calls it exact: {_moving(moves)}"
+        said = f"Not counted (exact in the rig file): {_moving(moves)}"
         said = said.replace("gain, crosstalk", "gain and crosstalk")
         if len(more) > 1:
             said += f", together by {rounded(1e3 * _together(every))} mrad"
         said += ", which is more. " if more else ". "
     if trusted := _trusted(c, half_width):
-        said += f"Taken from the rig file, not measured: {_moving(trusted)}, unseen."
+        said += f"Stated, not measured: {_moving(trusted)}."
     return said.strip()
 
 
@@ -103,9 +103,7 @@ def _trusted(c: Calibration, half_width: float) -> list[str]:
         variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
         move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
         if min(std) == max(std) and move > _NOTABLE * half_width:
-            parts.append(
-                f"{quantity(error, unit)} in the stated {name} by {rounded(1e3 * move)} mrad"
-            )
+            parts.append(f"{quantity(error, unit)} in the {name} by {rounded(1e3 * move)} mrad")
     return parts
 
 

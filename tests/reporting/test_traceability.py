@@ -89,7 +89,7 @@ def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
 ) -> None:
     """One component of the zeros that is off by 1 N does no more than all of them in squares."""
     right = request.getfixturevalue("sample")
-    told = re.search(r"in the stated tare would move an angle by ([\d.]+) mrad", headline(right))
+    told = re.search(r"in the tare would move an angle by ([\d.]+) mrad", headline(right))
     assert told
     folder = Path(__file__).parents[2] / "sample_data" / "parquet"
     rig = yaml.safe_load((folder / "rig.yaml").read_text())
