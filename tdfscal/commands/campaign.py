@@ -96,6 +96,7 @@ def resolve(
     homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
     if not logs and not (surveyed and homes.intersection(map(_real, paths))):
         raise no_log(paths, "there is no log here, nor a tracker's survey")
+    protect(logs)
     return Campaign(loaded, logs, surveyed)
 
 

@@ -111,7 +111,8 @@ class Suspicion:
         """Harmful to samples in motion, where only what is certain counts, but for a slip.
 
         A path driven twice repeats the positioners' errors, as no noise does: what is left of them
-        looks like a gain or an offset, and stands in the uncertainty; it turns no sensor on the way.
+        looks like a gain or an offset, and stands in the uncertainty. It turns no sensor on the
+        way.
         """
         return self.harmful and (self.certain or self.kind == "slip")
 

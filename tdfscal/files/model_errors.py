@@ -25,6 +25,14 @@ def checked(model: type[Model], document: Document, error: type[TdfscalError]) -
         return model.model_validate(document.content)
     except ValidationError as refused:
         faults = refused.errors(include_url=False)
+    # A list is not too short for want of the entries that are at fault.
+    places = [fault["loc"] for fault in faults]
+    faults = [
+        fault
+        for fault in faults
+        if fault["type"] != "too_short"
+        or not any(place[:-1][: len(fault["loc"])] == fault["loc"] for place in places)
+    ]
     # A misspelt key comes first: what is missing is mostly what it should have been.
     faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")
     (place, what, hint), *others = [_told(model, document.content, fault) for fault in faults]
@@ -78,6 +86,8 @@ def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Pl
     kind = fault["type"]
     if kind == "extra_forbidden":
         return place, *_unknown_key(model, place)
+    if kind == "missing" and isinstance(place[-1], int):
+        return place[:-1], f"has {place[-1]} entries, too few", "add what is missing"
     if kind == "missing":
         return place[:-1], f"lacks `{place[-1]}`", _MISSING.get(place[-1], f"add `{place[-1]}`")
     # A value that stands for a mapping (`mass: 500`) has no such place in the file.

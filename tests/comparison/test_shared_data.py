@@ -265,6 +265,9 @@ def test_a_log_from_before_the_calibration_says_nothing_of_what_came_since(
     said = cli.json("validate", made["b"], made["edited"], "-q", ends=0)
     assert said["verdict"] == "not contradicted"
     assert "log-before-calibration" in codes(said)
+    wrenches = made["edited"].parent / "wrenches.csv"
+    done = run(capsys, "apply", made["b"], made["edited"], "-o", wrenches, "--json", "-q")
+    assert "log-before-calibration" in codes(json.loads(done.out))
 
 
 @pytest.mark.parametrize(
