@@ -26,9 +26,9 @@ import pyarrow.parquet as pq
 from benchmarks.frame import heads, introduce, scratch, show
 from tdfscal.errors import DataError
 from tdfscal.logs.formats import open_log
+from tdfscal.logs.log_file import make_request
 from tdfscal.logs.messages.buffer import gather
 from tdfscal.logs.messages.mcap import McapFile
-from tdfscal.logs.request import make_request
 from tdfscal.records import LogMapping
 
 PLACES, MARK = 40, 8

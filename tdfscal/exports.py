@@ -18,7 +18,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.findings import Finding
-from tdfscal.logs.request import signal_of
+from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 from tdfscal.reporting.traceability import doubts, measured_on, report_digest
 from tdfscal.wrench.contact_wrench import unknown_components

@@ -21,8 +21,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.saving import printable
 from tdfscal.files.yaml import shorten
-from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile
-from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, Piece, Request
 from tdfscal.logs.table import (
     DATES,
     TICKS,

@@ -16,8 +16,7 @@ from tdfscal.files.saving import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.formats import expand, files_of, open_log
-from tdfscal.logs.log_file import ahead, placed
-from tdfscal.logs.request import Request, make_request, with_cure
+from tdfscal.logs.log_file import Request, ahead, make_request, placed
 from tdfscal.logs.streams import Streams, as_log, files_by_recorder, on_one_clock
 from tdfscal.records import BoolArray, Log, LogMapping, Series
 
@@ -206,7 +205,7 @@ def _campaign(given: Sequence[Path], request: Request) -> Iterator[Log]:
                 said = streams.findings(file)
             except DataError as error:
                 with placed(path):
-                    raise with_cure(error, request) from error
+                    raise _with_cure(error, request) from error
             entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])
@@ -251,3 +250,17 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
             hint="calibrate from logs of one kind",
         )
     return sorted(paths, key=lambda path: starts[path])
+
+
+def _with_cure(error: DataError, request: Request) -> DataError:
+    """The error, where it names fields, with what to do where no sensor measures them."""
+    for signal in request.signals:
+        whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
+        gone = {name for name in signal.own if whole or name in error.fields}
+        if gone and signal.quantity == "force":
+            each = zip("xyz", signal.components, signal.measured, strict=True)
+            left = [axis for axis, name, there in each if there and name not in gone]
+            line = f"`axes: [{', '.join(left)}]` for {signal.support} in rig.yaml"
+            cure = f"where the sensor does not measure it, write {line}"
+            return error.restated(hint=f"{error.hint}; {cure}" if error.hint else cure)
+    return error

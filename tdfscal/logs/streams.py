@@ -21,8 +21,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.clock import Clock, apart
 from tdfscal.logs.formats import owns
-from tdfscal.logs.log_file import LogFile
-from tdfscal.logs.request import Block, Piece, Request, Signal
+from tdfscal.logs.log_file import Block, LogFile, Piece, Request, Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Log, LogMapping, RecorderClock, Series
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.logs.request import Block, Piece, Request, Signal, missing_fields
+from tdfscal.logs.log_file import Block, Piece, Request, Signal, missing_fields
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 DATES: Final = (

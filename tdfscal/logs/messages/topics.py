@@ -11,11 +11,10 @@ from mcap.records import Channel, Schema
 from tdfscal.catalogue.entry import when
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
-from tdfscal.logs.log_file import reason
+from tdfscal.logs.log_file import Block, Piece, Request, missing_fields, reason
 from tdfscal.logs.messages.buffer import Messages, parse_steps, topic_of
 from tdfscal.logs.messages.buffer import Path as MessagePath
 from tdfscal.logs.messages.encodings import Json, Ros
-from tdfscal.logs.request import Block, Piece, Request, missing_fields
 from tdfscal.records import FloatArray, IntArray
 
 Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]

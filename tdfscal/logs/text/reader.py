@@ -15,8 +15,7 @@ import pyarrow.csv as pa_csv
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, mapped
-from tdfscal.logs.request import Piece, Request
+from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, Piece, Request, mapped
 from tdfscal.logs.table import table_piece
 from tdfscal.logs.text.header import SEARCHED, find_table, is_number, split_cells
 from tdfscal.logs.text.rows import RowParser, Rows, find_columns, number_in, single_spaces

@@ -16,8 +16,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.rig.recorders import UNITS, Dimension, by_scale, canonical, unit_factor
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record
-from tdfscal.logs.log_file import placed
-from tdfscal.logs.request import Request, Signal
+from tdfscal.logs.log_file import Request, Signal, placed
 from tdfscal.logs.table import (
     DATES,
     columns_of,
