@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+import tdfscal.catalogue  # noqa: E402, F401  whose words errors are read in
+
 
 @pytest.fixture(scope="session")
 def sample() -> "Calibration":

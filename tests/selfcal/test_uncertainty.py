@@ -143,7 +143,7 @@ def test_vertical_loads_show_no_yaw_however_many_postures() -> None:
     batch = simulation.simulate_dwells(soft, options, np.random.default_rng(0), 1)
     with pytest.raises(NotIdentifiableError) as caught:
         calibrated(batch, soft, 0)
-    assert caught.value.findings[0].values["angles"] == [f"yaw of ncp{i}" for i in (1, 2, 3)]
+    assert caught.value.finding.values["angles"] == [f"yaw of ncp{i}" for i in (1, 2, 3)]
 
 
 def test_mass_barycentre_and_zeros_all_unknown_leave_the_angles_seen() -> None:
