@@ -11,7 +11,6 @@ from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Self, cast
 
-import numpy as np
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
@@ -27,7 +26,7 @@ from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import replace
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 
 if TYPE_CHECKING:
@@ -163,13 +162,6 @@ class Result:
         """Return what is the result's own, without what a library or Python adds."""
         names = {name for name in object.__dir__(self) if not name.startswith(("_", "model_"))}
         return sorted(name for name in names if hasattr(self, name))
-
-
-def by_angle(supports: Sequence[str], **values: FloatArray) -> dict[str, Any]:
-    """Return values (n, 3) as columns, one row per support and angle."""
-    n = len(supports)
-    names = {"support": np.repeat(supports, 3), "angle": np.tile(ANGLES, n)}
-    return names | {name: each.ravel() for name, each in values.items()}
 
 
 def by_column(names: str, rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:

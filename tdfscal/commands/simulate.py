@@ -9,11 +9,12 @@ from tdfscal.commands import options
 from tdfscal.commands.arguments import SILENT, PathLike
 from tdfscal.commands.campaign import rig_named
 from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_angle
+from tdfscal.commands.result import Result, by_column
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
+from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
@@ -50,7 +51,9 @@ class SimulateResult(Result):
 
     def table(self) -> dict[str, Any]:
         """One row per angle: support, angle, its true value, in rad."""
-        return by_angle(self.run.rig.supports, value=self.run.truth.rpy)
+        each = zip(self.run.rig.supports, self.run.truth.rpy, strict=True)
+        rows = ((name, *one) for name, rpy in each for one in zip(ANGLES, rpy, strict=True))
+        return by_column("support angle value", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the true turns from the nominal mounting."""
