@@ -68,6 +68,8 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_table(c)),
+            Section("Rotations, gains and budget", (*_matrices(c), *_budget(c)), page_only=True),
+            Section("As stated in the rig file", (Facts(_stated(c)),), page_only=True),
             *campaign(campaign_facts(c), c.rig.record()),
             provenance(c, digest),
         ),
@@ -151,6 +153,55 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
     return (
         Table("Zero offsets ± std. unc. (k = 1), N, sensor frames", ("sensor", *"xyz"), zeros),
         Table("Terminal, LCS", ("", "value", "std. unc."), terminal),
+    )
+
+
+def _matrices(c: Calibration) -> tuple[Table, ...]:
+    """What a reading is multiplied by, as the convention says: rows of each sensor's matrices."""
+    rows = [(m.name, *(f"{value:.9f}" for row in m.rotation for value in row)) for m in c.mounted]
+    header = ("sensor", *(f"{i}{j}" for i in "xyz" for j in "xyz"))
+    tables = [Table("Rotation, sensor to BCS, by rows", header, tuple(rows))]
+    gains = [
+        (s.name, *(f"{value:.6f}" for row in s.sensitivity for value in row))
+        for s in c.supports
+        if s.sensitivity is not None
+    ]
+    if gains:
+        tables.append(Table("Sensitivity (I + S), by rows", header, tuple(gains)))
+    return tuple(tables)
+
+
+def _budget(c: Calibration) -> tuple[Table, ...]:
+    """Standard uncertainty of every angle by source, mrad; their squares add up."""
+    if c.budget is None:
+        return ()
+    rows = tuple(
+        (f"{a.angle} of {a.support}", *(_root(a.variance.get(name)) for name in c.budget.sources))
+        for a in c.budget.angles
+    )
+    return (Table("Budget: standard uncertainty by source, mrad", ("", *c.budget.sources), rows),)
+
+
+def _root(variance: float | None) -> str:
+    return "–" if variance is None else f"{1e3 * math.sqrt(max(variance, 0.0)):.3f}"
+
+
+def _stated(c: Calibration) -> tuple[tuple[str, str], ...]:
+    """The quantities with the standard uncertainties that went into the result."""
+    rig = c.rig
+    tares = {", ".join(f"{std:g}" for std in s.zero.std) for s in rig.supports}
+    u = rig.uncertainty
+    return (
+        ("Mass", f"{rig.terminal.mass.value:g} kg, std {rig.terminal.mass.std:g} kg"),
+        ("Barycentre", f"std {', '.join(f'{1e3 * s:g}' for s in rig.terminal.barycenter.std)} mm"),
+        ("Tare", f"std {'; '.join(sorted(tares))} N on x, y, z"),
+        ("Gravity", f"{rig.gravity.magnitude:g} m/s², std of the level {rig.gravity.tilt_std:g}"),
+        (
+            "NCPs, hinges, datums",
+            f"std {1e6 * u.positioner:g}, {1e6 * u.hinge:g}, {1e6 * u.datum:g} µm",
+        ),
+        ("Force noise, gain", f"std {u.force_noise:g} N, {100 * u.force_sensitivity:g} %"),
+        ("Hinge friction", f"std {u.hinge_moment:g} N·m"),
     )
 
 
