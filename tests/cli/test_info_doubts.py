@@ -1,7 +1,6 @@
 """`tdfscal info` on odd logs: units that cannot be, clocks of no use, files of no table."""
 
 import functools
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -158,16 +157,6 @@ def test_header_times_that_cannot_be_used(
     assert why in note
     assert "/tdfs2/wrench" in note
     assert found["dwells"]["count"] == 16
-
-
-def test_a_rig_file_that_is_being_written_is_no_hindrance(tmp_path: Path) -> None:
-    (tmp_path / "rig.yaml").write_text("format: tdfscal-rig/1\nname: half\nterminal:\n")
-    shutil.copy(SAMPLES / "csv/log.csv", tmp_path)
-    result = tdfscal.info(tmp_path)
-    assert result.description.guess.mapping is not None
-    assert result.problems[0].startswith("the rig file is not used: ")
-    with pytest.raises(tdfscal.TdfscalError):
-        tdfscal.info(tmp_path, rig=tmp_path / "rig.yaml")
 
 
 @pytest.mark.parametrize("rows", [-200, 3, 25])

@@ -10,14 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import tdfscal
-from tests.cli.running import SAMPLES, Cli, recorded
+from tests.cli.running import Cli, recorded
 
 EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(SAMPLES / "parquet", tmp_path / "campaign"))
 
 
 def cut(folder: Path, low: float, high: float) -> Path:
