@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import PurePath
 
 from tdfscal.catalogue.entry import rounded
@@ -157,18 +158,20 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
 
 
 def _matrices(c: Calibration) -> tuple[Table, ...]:
-    """What a reading is multiplied by, as the convention says: rows of each sensor's matrices."""
-    rows = [(m.name, *(f"{value:.9f}" for row in m.rotation for value in row)) for m in c.mounted]
-    header = ("sensor", *(f"{i}{j}" for i in "xyz" for j in "xyz"))
-    tables = [Table("Rotation, sensor to BCS, by rows", header, tuple(rows))]
-    gains = [
-        (s.name, *(f"{value:.6f}" for row in s.sensitivity for value in row))
-        for s in c.supports
-        if s.sensitivity is not None
-    ]
-    if gains:
-        tables.append(Table("Sensitivity (I + S), by rows", header, tuple(gains)))
-    return tuple(tables)
+    """What a reading is multiplied by, as the convention says."""
+    turned = [(m.name, m.rotation) for m in c.mounted]
+    gained = [(s.name, s.sensitivity) for s in c.supports if s.sensitivity is not None]
+    tables = [_by_row("Rotation, sensor to BCS", turned)]
+    return (*tables, _by_row("Sensitivity, I + S", gained)) if gained else tuple(tables)
+
+
+def _by_row(caption: str, matrices: Sequence[tuple[str, Sequence[Sequence[float]]]]) -> Table:
+    rows = tuple(
+        (name, axis, *(f"{value:.9f}" for value in row))
+        for name, matrix in matrices
+        for axis, row in zip("xyz", matrix, strict=True)
+    )
+    return Table(caption, ("sensor", "row", *"xyz"), rows, left=2)
 
 
 def _budget(c: Calibration) -> tuple[Table, ...]:
