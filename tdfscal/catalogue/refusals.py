@@ -91,7 +91,8 @@ terminal-overturned refuses
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
   ? units , as if the positions were {units}
-  -> {foreign:convert the log: log.length_unit knows m, mm and um|{units:state the
+  -> {foreign:write the metres of one unit as `position_scale` beside each position of the
+    log block|{units:state the
     recorder's unit as log.length_unit in rig.yaml|check log.length_unit, the position
     fields and the hinge coordinates}}
   @ log positions
@@ -121,8 +122,9 @@ force-rescaled refuses
   where ~ is declared|};
   without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
-  -> look at the recorder's scaling of that channel, and at its amplifier; correct
-    the log, or leave the axis out of `axes` in rig.yaml
+  -> look at the recorder's scaling of that channel, and at its amplifier. Write the
+    newtons of one unit of the log as `force_scale` beside its force in the log block, or leave a
+    faulty axis out of `axes` in rig.yaml
   @ log forces
 zero-tared refuses
   the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and
