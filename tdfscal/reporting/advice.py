@@ -18,11 +18,11 @@ from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tdfscal.reporting.assumptions import STATED_BY, exceeding
 from tdfscal.reporting.claims import (
+    SOURCES,
     SPOILT,
     draft_lines,
     half_widths,
     numbers,
-    source_words,
     within,
 )
 from tdfscal.reporting.traceability import not_whole
@@ -276,7 +276,7 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
 
 def _remedy(c: Calibration, source: str) -> str:
     """What would lower a source's share of the uncertainty; empty where nothing would."""
-    name, remedy = source_words(source)
+    name, remedy = SOURCES.get(source, (source, ""))
     if c.motion is not None:
         remedy = _IN_MOTION.get(source, remedy)
     return remedy and f"{remedy} would lower the uncertainty, which is mostly that of {name}"

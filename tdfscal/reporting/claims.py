@@ -128,7 +128,7 @@ def _rests_on(c: Calibration) -> str:
     name = c.budget.sources[int(share.argmax())]
     if name == EARLIER and not c.history:  # given at once: of no campaign in particular
         return f"{said}."
-    source, _ = source_words(name)
+    source, _ = SOURCES.get(name, (name, ""))
     of = f"{share.max():.0%} of the variance of {angle.support}'s {angle.angle}"
     return f"{said}. The largest part of the uncertainty is from {source} ({of})."
 
@@ -156,11 +156,6 @@ def numbers(rejected: Sequence[RejectedPosture]) -> str:
     """Return numbers of postures, the first of many, by which to find them in the log."""
     more = ", …" if len(rejected) > _NAMED else ""
     return ", ".join(str(r.index + 1) for r in rejected[:_NAMED]) + more
-
-
-def source_words(name: str) -> tuple[str, str]:
-    """Return what a source of the budget is called, and what would lower it."""
-    return SOURCES.get(name, (name, ""))
 
 
 def _at_rest(v: Tested) -> TypeGuard[Validation]:
