@@ -93,11 +93,11 @@ def _clause(value: str, text: str) -> tuple[str, str]:
 
 
 class _Sizes(list[float]):
-    """Sizes, and those `beside` them that are said in the same unit."""
+    """Sizes, and those `beside` them in the same unit; an uncertainty is given 2 digits."""
 
-    def __init__(self, sizes: Sequence[float], beside: Sequence[float]) -> None:
+    def __init__(self, sizes: Sequence[float], beside: Sequence[float], digits: int = 3) -> None:
         super().__init__(sizes)
-        self.beside = beside
+        self.beside, self.digits = beside, digits
 
 
 class _Words(Formatter):
@@ -123,7 +123,8 @@ class _Words(Formatter):
         if format_spec == "when":
             return when(value)
         if format_spec in _UNITS:
-            return quantity(value, format_spec, getattr(value, "beside", ()))
+            beside, digits = getattr(value, "beside", ()), getattr(value, "digits", 3)
+            return quantity(value, format_spec, beside, digits)
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = ", ".join(without_exponent(format(each, format_spec)) for each in value)
         if isinstance(value, str):
@@ -146,23 +147,25 @@ def _fields(finding: Finding) -> dict[str, Any]:
             both = (*value, *half)
             beside += both if stem == "change" else ()
             largest = both if size is None or stem != "change" else (*both, size)
-            fields |= {stem: _Sizes(value, largest), name: _Sizes(half, largest)}
+            fields |= {stem: _Sizes(value, largest), name: _Sizes(half, largest, 2)}
     if size is not None:
         fields |= {"size": quantity(size, finding.unit, beside), "number": size}
         fields["several"] = f"{size:.0f}" if size > 1.0 else ""
         fields["stated"] = upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
         if isinstance(std, float):
-            fields["spread"] = quantity(std, finding.unit, (size,))
+            fields["spread"] = quantity(std, finding.unit, (size,), 2)
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields
 
 
-def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] = ()) -> str:
+def quantity(
+    size: float | Sequence[float], unit: str, beside: Sequence[float] = (), digits: int = 3
+) -> str:
     """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several.
 
-    beside : what is said in the same unit in the same sentence.
+    beside : what is said in the same unit in the same sentence. digits : significant ones.
     """
     each = [size] if isinstance(size, int | float) else list(size)
     largest = max((abs(value) for value in (*each, *beside) if np.isfinite(value)), default=0.0)
@@ -170,7 +173,7 @@ def quantity(size: float | Sequence[float], unit: str, beside: Sequence[float] =
     name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
     if largest == 0.0:
         name, factor = ways[0]
-    said = ", ".join(rounded(value * factor, 3) for value in each)
+    said = ", ".join(rounded(value * factor, digits) for value in each)
     said = said if isinstance(size, int | float) else f"({said})"
     return f"{said} {name}".rstrip()
 
