@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ _WIDTH = 0.02  # s; shorter than any settling, long enough to average the sample
 MOST_BINS = 225 * 1024
 _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from then on
 _SLOWEST = 2.0  # s
+_SLAB = 16384  # samples reduced at once; they stay in the cache
 # samples searched for the smallest step of the readings, and for zeros
 _PEEK, _PEEK_OF = 2048, 65536
 _ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
@@ -79,18 +81,49 @@ class _Moments:
 
 def _moments(value: FloatArray, number: IntArray, first: IntArray, *, extremes: bool) -> _Moments:
     """Moments of the samples value (N, 3) in bins `number` that begin at `first`, (P,) both."""
-    count = np.diff(first, append=len(value))
-    # Counted from each bin's first sample: a constant reading has no scatter, and its own mean.
-    reference = value[first]
-    deviation = value - np.repeat(reference, count, axis=0)
-    middle = np.add.reduceat(deviation, first) / count[:, None]
-    low = high = np.zeros(middle.shape, np.float32)
-    if extremes:
-        low = (np.minimum.reduceat(deviation, first) - middle).astype(np.float32)
-        high = (np.maximum.reduceat(deviation, first) - middle).astype(np.float32)
-    square = np.add.reduceat(deviation**2, first) - count[:, None] * middle**2
-    scatter = np.maximum(square, 0.0).astype(np.float32)
-    return _Moments(number, count, reference + middle, scatter, low, high)
+    bounds = np.append(first, len(value))
+    count = np.diff(bounds)
+    mean = np.empty((3, len(first)))
+    scatter, low, high = (np.zeros(mean.shape, np.float32) for _ in range(3))
+    for start, stop, even in _slabs(bounds, count):
+        part, size = slice(start, stop), count[start:stop]
+        begin = None if even else bounds[start:stop] - bounds[start]
+        samples = value[bounds[start] : bounds[stop]].T
+        # Counted from each bin's first sample: a constant reading has no scatter, and its own mean.
+        if begin is None:  # sample k of all bins is a row, and whole rows are added
+            deviation = samples.reshape(3, -1, size[0]).transpose(0, 2, 1).copy()
+            reference = deviation[:, 0].copy()
+            deviation -= reference[:, None]
+        else:
+            reference = samples[:, begin]
+            deviation = samples - np.repeat(reference, size, axis=1)
+        middle = _reduced(np.add, deviation, begin) / size
+        mean[:, part] = middle + reference
+        if extremes:
+            low[:, part] = _reduced(np.minimum, deviation, begin) - middle
+            high[:, part] = _reduced(np.maximum, deviation, begin) - middle
+        deviation *= deviation
+        scatter[:, part] = np.maximum(_reduced(np.add, deviation, begin) - size * middle**2, 0.0)
+    return _Moments(number, count, mean.T, scatter.T, low.T, high.T)
+
+
+def _reduced(ufunc: np.ufunc, value: FloatArray, begin: IntArray | None) -> FloatArray:
+    """Each bin's (3, G), of (3, N) where bins begin at `begin`, of (3, size, G) without."""
+    if begin is None:
+        return np.asarray(ufunc.reduce(value, axis=1))
+    return np.asarray(ufunc.reduceat(value, begin, axis=1))
+
+
+def _slabs(bounds: IntArray, size: IntArray) -> Iterator[tuple[int, int, bool]]:
+    """Bins that are reduced at once, about _SLAB samples or one bin, and whether of one size.
+
+    The longest run of bins of one size is taken as such: most of them where the clock is steady.
+    """
+    change = np.concatenate(([0], np.flatnonzero(np.diff(size)) + 1, [len(size)]))
+    k = int(np.argmax(np.diff(change)))
+    cuts = np.searchsorted(bounds, np.arange(0, bounds[-1], _SLAB))
+    for start, stop in pairwise(np.unique([*cuts, *change[k : k + 2], len(size)]).tolist()):
+        yield start, stop, bool(change[k] <= start < change[k + 1])
 
 
 def _joined(parts: Sequence[_Moments]) -> _Moments:
