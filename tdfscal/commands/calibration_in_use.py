@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +21,7 @@ from tdfscal.commands.result import (
     read_source,
 )
 from tdfscal.dwells.dwell_means import Thermometer
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
@@ -255,7 +256,9 @@ class WrenchPass(LogPass):
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""
         found = [*self.messages, *self.inspection.finish()]
-        found += before_calibration(self.use, MeasuredResult.model_validate(measured(self)))
+        with suppress(DataError, RigError):  # a clock that is set wrong dates nothing
+            when = MeasuredResult.model_validate(measured(self))
+            found += before_calibration(self.use, when)
         if self.tally.uncovered:
             found.append(Finding("samples-uncovered", size=self.tally.uncovered))
         if self.tally.unreadable:

@@ -2,11 +2,13 @@
 
 import re
 import shutil
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -27,7 +29,7 @@ from tdfscal.simulation import (
 )
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.filtering import WALK, Walk
-from tests.cli.running import Cli
+from tests.cli.running import SAMPLES, Cli
 from tests.words import found
 
 USED, HELD = 16, 4
@@ -227,6 +229,19 @@ def test_a_rejected_calibration_is_used_with_a_loud_warning(
     seen = cli("validate", target, places.held)
     assert "IS A REJECTED CALIBRATION" in seen.err
     assert "a test" in seen.err
+
+
+def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> None:
+    """A recorder's clock five days ahead: nothing is said of which came first."""
+    folder = Path(shutil.copytree(SAMPLES / "csv", tmp_path / "ahead"))
+    log = pd.read_csv(folder / "log.csv")
+    log["t_s"] += round(time.time()) + 5 * 86_400
+    log.to_csv(folder / "log.csv", index=False)
+    mounted = calibrate([SAMPLES / "csv"], trials=0, output=tmp_path / "c.yaml")
+    assert mounted.status == "accepted"
+    line = ("apply", tmp_path / "c.yaml", folder, "-o", tmp_path / "w.csv", "-q")
+    said = cli.json(*line, ends=0)
+    assert "log-before-calibration" not in {finding["code"] for finding in said["findings"]}
 
 
 def test_inertia_of_the_rig_file_is_used(places: Places, cli: Cli, tmp_path: Path) -> None:
