@@ -126,10 +126,8 @@ class ZeroEpoch:
 
 def zero_epoch(c: CalibrationFile) -> ZeroEpoch:
     """Tell it from a calibration file."""
-    latest = max((m for m in (c.measured, *(k.measured for k in c.campaigns)) if m),
-                 key=lambda m: m.record().begin, default=None)  # fmt: skip
-    told = latest.record() if latest is not None and latest.source != "file" else None
-    exact, begin = told is not None and told.source == "log", told.begin if told else None
+    told = max((m.record() for m in _recorded(c)), key=lambda when: when.begin)
+    exact, begin = told.source == "log", None if told.source == "file" else told.begin
     span, dwell, temperature = 0.0, 0.0, None
     averaged = any(recorder.rows == "postures" for recorder in c.rig.recorders)
     if c.postures is not None and c.postures.start and not averaged:
@@ -140,7 +138,7 @@ def zero_epoch(c: CalibrationFile) -> ZeroEpoch:
             temperature = c.dwells.temperature[min(c.postures.index)]
     elif c.motion is not None:
         span = c.motion.seconds
-    elif told is not None and exact:
+    elif exact:
         span = told.end - told.begin
     return ZeroEpoch(begin, exact, span, dwell, temperature)
 
@@ -166,11 +164,16 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
     return ZeroAge(max(abs(now - epoch.begin), epoch.span), warming)
 
 
+def _recorded(c: CalibrationFile) -> tuple[MeasuredResult, ...]:
+    """When its data, and those of its campaigns, were recorded."""
+    return (c.measured, *(campaign.measured for campaign in c.campaigns))
+
+
 def before_calibration(use: InUse, when: MeasuredResult) -> tuple[Finding, ...]:
     """Say so where a log was recorded before any of the calibration's data."""
     c = use.calibration
-    dated = [m for m in (c.measured, *(k.measured for k in c.campaigns)) if m is not None]
-    if when.source == "file" or not dated or any(m.source == "file" for m in dated):
+    dated = _recorded(c)
+    if "file" in (when.source, *(m.source for m in dated)):
         return ()
     begin = min((m.begin for m in dated), key=seconds)
     if seconds(when.end) >= seconds(begin):

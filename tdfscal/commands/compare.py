@@ -15,7 +15,7 @@ from tdfscal.commands.result import Result, by_column, read_sources, sources_of
 from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.document import defects, recorded
+from tdfscal.files.calibration.document import defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import ANGLES
@@ -126,7 +126,7 @@ def compare(
     first, order = read[0], read[0][1].rotations()
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other in read[1:]:
-        earlier, later = sorted((first, other), key=lambda named: recorded(named[1]).end)
+        earlier, later = sorted((first, other), key=lambda named: named[1].measured.record().end)
         pair, remark = compared(later, earlier, order)
         pairs.append(pair)
         remarks.append(remark)

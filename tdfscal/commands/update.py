@@ -33,7 +33,6 @@ from tdfscal.files.calibration.document import (
     CALIBRATION_SUFFIXES,
     defects,
     dump_calibration,
-    recorded,
 )
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.evidence import CampaignResult
@@ -77,7 +76,7 @@ class Earlier(EarlierCalibration):
             Recording(
                 campaign.name,
                 [entry.record() for entry in campaign.inputs],
-                campaign.measured.record() if campaign.measured else None,
+                campaign.measured.record(),
                 means=means,
             )
             for campaign, means in zip(
@@ -119,7 +118,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         state=known.state,
         information=constants_known(known.rig, covariance),
         determined=file.determined,
-        measured=recorded(file),
+        measured=file.measured.record(),
         sha256=sha256(content).hexdigest(),
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),

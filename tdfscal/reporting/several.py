@@ -12,7 +12,7 @@ from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.document import Calibration, defects, recorded
+from tdfscal.files.calibration.document import Calibration, defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
@@ -75,7 +75,7 @@ def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several
 
     Raises DataError where there is one only, or where their supports differ.
     """
-    ordered = sorted(calibrations, key=lambda pair: recorded(pair[1]).end)
+    ordered = sorted(calibrations, key=lambda pair: pair[1].measured.record().end)
     letters = tuple(letter(i) for i in range(len(ordered)))
     content = tuple(c for _, c in ordered)
     first, *later = zip(letters, content, strict=True)

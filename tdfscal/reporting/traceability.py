@@ -13,7 +13,7 @@ from typing import Any
 from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.consistency import UNCONFIRMED
-from tdfscal.files.calibration.document import Calibration, file_content, recorded, unsealed
+from tdfscal.files.calibration.document import Calibration, file_content, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
 from tdfscal.files.rig.model import AcceptanceBlock
@@ -177,9 +177,9 @@ def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> tuple[Section
     return (Section("Campaign and sensors", blocks),) if blocks else ()
 
 
-def stated_facts(rig: Rig, measured: MeasuredResult | None) -> list[tuple[str, str | None]]:
+def stated_facts(rig: Rig, measured: MeasuredResult) -> list[tuple[str, str | None]]:
     """What is told of the rig's serial number, dates, people and place."""
-    said, when = rig.campaign, None if measured is None else _measured_when(measured)
+    said, when = rig.campaign, _measured_when(measured)
     people = ("Operator", said.operator), ("Site", said.site), ("Note", said.note)
     return [("Serial number", rig.serial), ("Measured", when), *people]
 
@@ -203,9 +203,7 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
 
 
 def measured_on(c: Calibration) -> str:
-    """Of which day the data are, and what says so; a file of old knows its own day alone."""
-    if c.measured is None:
-        return f", computed {c.created[:10]}"
+    """Of which day the data are, and what says so."""
     several = len(c.campaigns) > 1 and not c.history
     return f" of {day_measured(c.measured, c.measured.begin if several else '')}"
 
@@ -226,10 +224,9 @@ def day_measured(measured: MeasuredResult, begin: str = "") -> str:
     return f"{first}{measured.end[:10]}, {_SOURCES[measured.source]}"
 
 
-def _by_file(measured: MeasuredResult | None) -> str:
+def _by_file(measured: MeasuredResult) -> str:
     """That nothing but a file's date says when data were recorded."""
-    undated = measured is not None and measured.source == "file"
-    return f" ({_SOURCES['file']})" if undated else ""
+    return f" ({_SOURCES['file']})" if measured.source == "file" else ""
 
 
 def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
@@ -241,15 +238,10 @@ def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
     )
 
 
-def _day(c: Calibration) -> str:
-    """Day on which the data were recorded."""
-    return (c.measured.end if c.measured is not None else c.created)[:10]
-
-
 def _next_due(c: Calibration) -> str:
     """When the next calibration is due, by drift.angle and the sensors; empty where unknown."""
     angle, limit, rig = c.rig.drift.angle, c.rig.acceptance.angle_std, c.rig.record()
-    if ended := overdue(rig, _day(c)):
+    if ended := overdue(rig, c.measured.end[:10]):
         first = min(ended, key=lambda found: str(found.values["due"]))
         return f"now: {sentence(first)}{_by_file(c.measured)}"
     due = [(end, f"when the certificate of {name}'s sensor ends") for end, name in rig.certificates]
@@ -259,7 +251,7 @@ def _next_due(c: Calibration) -> str:
         why = "by drift.angle an angle then reaches its limit"
         if months == LONGEST_INTERVAL:
             why = "after two years, though by drift.angle no limit is reached till then"
-        begin = datetime.fromtimestamp(recorded(c).end, UTC)
+        begin = datetime.fromtimestamp(c.measured.record().end, UTC)
         day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
         due.append((day, f"{why}{_by_file(c.measured)}"))
     return ", ".join(min(due)) if due else ""
@@ -273,14 +265,15 @@ def warnings(c: Calibration) -> tuple[str, ...]:
 
 def doubts(c: Calibration) -> tuple[str, ...]:
     """That a file was edited, that its dates cannot be, whose certificate had ended before."""
-    ended = overdue(c.rig.record(), _day(c), "this calibration")
+    ended = overdue(c.rig.record(), c.measured.end[:10], "this calibration")
     papers = (f"{sentence(found)}{_by_file(c.measured)}" for found in ended)
     return (*map(sentence, unsealed("this calibration", c)), *papers)
 
 
 def expired_sentence(c: Calibration) -> str:
     """Whose own certificate had ended, for the first lines; the warnings have the days."""
-    names = ", ".join(name for found in overdue(c.rig.record(), _day(c)) for name in found.subject)
+    ended = overdue(c.rig.record(), c.measured.end[:10])
+    names = ", ".join(name for found in ended for name in found.subject)
     return f"The certificate of the sensor of {names} had expired." if names else ""
 
 

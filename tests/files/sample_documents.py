@@ -116,6 +116,11 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
         "method": "self",
         "estimator": "ml",
         "created": "2026-11-21T02:00:00Z",
+        "measured": {
+            "begin": "2026-11-20T23:00:00Z",
+            "end": "2026-11-21T01:00:00Z",
+            "source": "log",
+        },
         "rig": rig,
         "software": {"name": "tdfscal", "version": "0.1.0"},
         "command": "tdfscal calibrate campaign -o calibration.yaml",
@@ -193,13 +198,3 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
         ],
     }
     return content
-
-
-def lacking(old: Any, new: Any, place: str = "") -> list[str]:
-    """Places of a document whose values another one lacks; what that one has besides is its own."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        return [p for key in old for p in lacking(old[key], new.get(key), f"{place}.{key}")]
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return [p for k, (a, b) in enumerate(zip(old, new, strict=True))
-                for p in lacking(a, b, f"{place}[{k}]")]  # fmt: skip
-    return [] if old == new else [place]

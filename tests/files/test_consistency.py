@@ -1,25 +1,24 @@
 """One number of a calibration file moved beyond rounding: refused at its place, and only then."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from tdfscal.files.calibration.document import Calibration, file_content, load_calibration
+from tdfscal.commands.calibrate import calibrate
+from tdfscal.files.calibration.document import Calibration, file_content
+from tests.cli.running import SAMPLES
 from tests.files.edits import Place, edited, nudged, place_of
 
 
-def stated(kind: str) -> dict[str, Any]:
-    """A file of 1.0 as of another program, without a digest."""
-    path = Path(__file__).parent / "reference_1_0" / f"{kind}.json"
-    content = file_content(load_calibration(path))
+def stated() -> dict[str, Any]:
+    """A file as of another program, without a digest; with sensitivities and all parameters."""
+    content = file_content(calibrate(SAMPLES / "csv", trials=0))
     del content["content_sha256"]
     return content
 
 
-#: With sensitivities and the block of all parameters.
-WHOLE = stated("joint")
+WHOLE = stated()
 
 
 def refused(content: dict[str, Any]) -> tuple[Place, str]:
@@ -75,20 +74,9 @@ def test_rounding_is_no_edit(number: str, by: float) -> None:
     Calibration.model_validate(edited(WHOLE, (number, nudged(by))))
 
 
-@pytest.mark.parametrize(
-    ("kind", "column"),
-    [
-        ("joint", "postures.moment_after"),
-        ("joint", "dwells.end"),
-        ("joint", "dwells.force.1"),
-        ("update", "campaigns.0.zero"),
-        ("motion", "motion.spectrum.after"),
-        ("motion", "motion.residual.force_after"),
-    ],
-)
-def test_a_column_that_is_shorter_than_its_table(kind: str, column: str) -> None:
-    shorter = edited(stated(kind), (column, lambda values: values[:-1]))
-    assert refused(shorter)[0] == place_of(column)
+@pytest.mark.parametrize("column", ["postures.moment_after", "dwells.end", "dwells.force.1"])
+def test_a_column_that_is_shorter_than_its_table(column: str) -> None:
+    assert refused(edited(WHOLE, (column, lambda values: values[:-1])))[0] == place_of(column)
 
 
 def test_what_is_null_is_compared_with_nothing() -> None:

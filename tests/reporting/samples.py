@@ -13,7 +13,7 @@ from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import Dwells, InputFile, Rotations
+from tdfscal.records import Dwells, InputFile, Measured, Rotations
 from tdfscal.reporting.figures import style
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
@@ -87,8 +87,9 @@ def with_load_cell(axes: str = "z") -> Calibration:
 
 
 def provenance(loaded: LoadedRig) -> Provenance:
-    log = InputFile("campaign/log <1>.csv", "ab" * 32, 1234, "verified")
-    return Provenance(loaded, (log,), "tdfscal calibrate campaign", 7)
+    log = InputFile("campaign/a <1>.csv", "ab" * 32, 1234, "verified")
+    when = Measured(1.7e9, 1.7e9 + 600.0, "log")
+    return Provenance(loaded, (log,), "tdfscal calibrate campaign", 7, when)
 
 
 @cache

@@ -40,6 +40,7 @@ def flat(yaw: float, created: str, status: str = "accepted", std: float = STD) -
     reasons = ("too few postures",) if status == "rejected" else ()
     content |= {
         "created": created,
+        "measured": {"begin": created, "end": created, "source": "log"},
         "dwells": None,
         "status": status,
         "findings": [found(reason, "rejects") for reason in reasons],

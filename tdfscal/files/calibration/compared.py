@@ -17,7 +17,7 @@ from tdfscal.comparison.compatibility import (
     in_order_of,
 )
 from tdfscal.comparison.shared_data import Readings, Recorded, relation
-from tdfscal.files.calibration.document import Calibration, recorded
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Rotations
@@ -74,7 +74,8 @@ def _nested(
 ) -> tuple[Comparison, tuple[Finding, ...]]:
     """Compare two calibrations of which one has all recordings of the other, and more."""
     (all_name, most), (part_name, part) = (first, second) if whole == 0 else (second, first)
-    walk = most.rig.record().drift.angle ** 2 * abs(recorded(most).month - recorded(part).month)
+    apart = most.measured.record().month - part.measured.record().month
+    walk = most.rig.record().drift.angle ** 2 * abs(apart)
     scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
     unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
     if None not in unscaled:  # or else their ratios would pass for what the data added
@@ -84,7 +85,7 @@ def _nested(
             if own is not None
         ]
     pair = compare_pair(given[0], given[1], Nested(whole, walk))
-    undated = any(c.measured is None or c.measured.source == "file" for c in (most, part))
+    undated = any(c.measured.source == "file" for c in (most, part))
     values: dict[str, Value] = {"whole": all_name, "part": part_name, "walked": walk > 0}
     values["undated"] = walk > 0 and undated
     if pair.dof == 0:

@@ -46,36 +46,6 @@ CHANGED = "the file was changed after tdfscal wrote it (its content_sha256 does 
 """What is said of one that has a digest."""
 
 
-#: Keys that 1.0 wrote, and that nothing reads any more.
-FORMER = (
-    ("methods",),
-    ("compliance",),
-    ("drift", "walk"),
-    *(("drift", kind, "share") for kind in ("time", "temperature", "parabola")),
-    ("monte_carlo", "histogram"),
-    ("observability", "loads"),
-    ("tracker", "coplanar_targets"),
-    ("tracker", "rms_residual"),
-    ("motion", "spectrum", "position_noise"),
-    ("motion", "halves_p_value"),
-    ("clocks", "activity"),
-    ("inputs", "note"),
-    ("fit", "channel_noise"),
-    ("fit", "kurtosis"),
-)
-
-
-def without(content: Any, name: str, *deeper: str) -> Any:
-    """Return a copy without the key at a place, in each entry where a list stands on the way."""
-    if isinstance(content, list):
-        return [without(entry, name, *deeper) for entry in content]
-    if not isinstance(content, dict) or name not in content:
-        return content
-    if deeper:
-        return content | {name: without(content[name], *deeper)}
-    return {key: value for key, value in content.items() if key != name}
-
-
 def status_of(found: Iterable[tuple[str, str]]) -> Status:
     """Return the verdict that follows from the codes and severities of all that was found."""
     each = tuple(found)

@@ -8,14 +8,7 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
-from tdfscal.files.calibration.consistency import (
-    ALTERED,
-    CHANGED,
-    FORMER,
-    UNCONFIRMED,
-    check,
-    without,
-)
+from tdfscal.files.calibration.consistency import ALTERED, CHANGED, UNCONFIRMED, check
 from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
 from tdfscal.files.model_errors import checked, require_format
@@ -24,10 +17,9 @@ from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import content_sha256, to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
 from tdfscal.findings import Finding
-from tdfscal.frozen import replace
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
-from tdfscal.records import BoolArray, FloatArray, Measured, Rotations
+from tdfscal.records import BoolArray, FloatArray, Rotations
 
 Array = TypeVar("Array", BoolArray, FloatArray)
 
@@ -54,7 +46,7 @@ class Calibration(Strict):
     method: parts.Method = key("self, tracker, or joint of both")
     estimator: Literal["ml", "linear"] | None = key("linear: the paper's method", None)
     created: parts.Instant = key("UTC: when the result was computed")
-    measured: parts.MeasuredResult | None = key("when the data were recorded", None)
+    measured: parts.MeasuredResult = key("when the data were recorded")
     rig: EmbeddedRig = key("the resolved rig file and its sha256, so that this file stands alone")
     software: parts.Software = key("the program that wrote the file")
     command: FreeText = key("the command line, as it was given")
@@ -224,14 +216,6 @@ class Calibration(Strict):
         return embedded_rig(self.rig, Path(source))
 
 
-def recorded(c: Calibration) -> Measured:
-    """When its data were recorded; a file of old says only when it was computed."""
-    if c.measured is not None:
-        return c.measured.record()
-    moment = parts.seconds(c.created)
-    return Measured(moment, moment, "file")
-
-
 def defects(name: str, c: Calibration) -> tuple[Finding, ...]:
     """What whoever uses a calibration that goes by `name` must know; nothing where it is sound."""
     return (*below_accepted(name, c), *unsealed(name, c))
@@ -307,13 +291,10 @@ def _from_document(document: Document) -> Calibration:
     """Check a document: that it is whole, and as it was written where it has a digest."""
     require_format(document, parts.CALIBRATION_FORMAT, DataError)
     stated = document.content.get("content_sha256")
-    written = without(document.content, "content_sha256")
+    written = {name: value for name, value in document.content.items() if name != "content_sha256"}
     intact = stated in (None, content_sha256(written))
-    content = document.content
-    for former in FORMER:
-        content = without(content, *former)
     try:
-        calibration = checked(Calibration, replace(document, content=content), DataError)
+        calibration = checked(Calibration, document, DataError)
     except DataError as error:
         if intact:
             raise

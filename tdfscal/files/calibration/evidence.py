@@ -217,7 +217,7 @@ class CampaignResult(Strict):
     """One of several campaigns: its own zeros and load, and what it added to χ²."""
 
     name: Text = key("its folder")
-    measured: MeasuredResult | None = key("when it was recorded", None)
+    measured: MeasuredResult = key("when it was recorded")
     inputs: tuple[Input, ...] = key("its files")
     zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
     zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")

@@ -51,7 +51,7 @@ class Provenance:
     inputs: tuple[InputFile, ...]
     command: str
     seed: int
-    measured: Measured | None = None
+    measured: Measured
     campaigns: tuple[evidence.CampaignResult, ...] = ()
     history: tuple[keys.HistoryEntry, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()

@@ -328,6 +328,6 @@ class HistoryEntry(Strict):
     """A calibration that this one stands on, by the hash of its file; the oldest first."""
 
     created: Instant = key("UTC: when it was computed")
-    measured: MeasuredResult | None = key("when its data were recorded", None)
+    measured: MeasuredResult = key("when its data were recorded")
     method: Method = key("self, tracker or joint")
     sha256: Sha256 = key("of the calibration's file")
