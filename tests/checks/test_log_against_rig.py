@@ -15,7 +15,6 @@ from tdfscal.checks.log_against_rig import (
     check_size,
     check_weight,
     exchanged_channels,
-    exchanged_supports,
     rewired_sensors,
     turned,
     weight_share,
@@ -223,14 +222,6 @@ def _channels(force: FloatArray) -> FloatArray:
     out = force.copy()
     out[:, 0, 0], out[:, 1, 2] = force[:, 1, 2], force[:, 0, 0]
     return out
-
-
-@pytest.mark.parametrize(("n", "ways"), [(3, 5), (4, 23), (6, 15)])
-def test_supports_are_exchanged_in_every_order_or_by_pairs(n: int, ways: int) -> None:
-    names = tuple(f"s{i}" for i in range(n))
-    orders = {tuple(way.source[:, 0] // 3) for way in exchanged_supports(names, "all")}
-    assert len(orders) == ways
-    assert tuple(range(n)) not in orders
 
 
 def _at(sensor: int, signs: list[int]) -> FloatArray:

@@ -34,17 +34,6 @@ def test_the_guess_reads_the_same_numbers_as_the_rig_file(
     assert yaml.safe_load(found["mapping_yaml"]) == found["mapping"]
 
 
-def test_dwells_and_rates(cli: Cli) -> None:
-    log = LOGS[0]
-    found = cli.json("info", log)
-    truth = yaml.safe_load((log.parent / "truth.yaml").read_text())
-    assert found["dwells"]["count"] == len(truth["postures"])
-    assert {round(s["rate"]) for s in found["signals"]} == {50}
-    assert {s["gaps"] for s in found["signals"]} == {0}
-    offset = found["time_offset"]
-    assert abs(offset["seconds"]) < 3 * offset["std"]
-
-
 def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool) -> Path:
     """The sample log with other names, units and numbers; 40 s of it."""
     rows = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)[:2000]

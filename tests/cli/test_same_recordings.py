@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
 
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
@@ -53,15 +52,3 @@ def test_a_moving_log_updates_and_is_pooled(tmp_path: Path, cli: Cli) -> None:
         assert np.all(
             np.abs(np.array(ours["zero"]) - theirs["zero"]) < 4 * np.array(ours["zero_std"])
         )
-
-
-@pytest.mark.slow
-def test_a_recording_exported_in_two_formats_is_one(tmp_path: Path, cli: Cli) -> None:
-    for name, format in (("one", "csv"), ("two", "mcap")):
-        simulate_to_folder(tmp_path / name, postures=5, seed=3, format=format)  # type: ignore[arg-type]
-    simulate_to_folder(tmp_path / "other", postures=5, seed=4, format="parquet")
-    one, two, other = (tmp_path / name for name in ("one", "two", "other"))
-    done = cli("calibrate", one, two, "--trials", 0, "-q")
-    assert (done.status, "same recording" in done.err) == (2, True)
-    done = cli("calibrate", one, other, "--trials", 0, "-q")
-    assert "same recording" not in done.err

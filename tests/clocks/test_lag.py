@@ -7,7 +7,6 @@ import pytest
 
 from tdfscal.clocks.search import find_clock
 from tdfscal.clocks.tracks import Reduction, Tracks
-from tdfscal.dwells.clock_offset import forces_behind
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
 from tdfscal.simulation import MOVING, Options, Recorder, reference_rig, run
@@ -45,20 +44,6 @@ def found(log: Log, how: Apart, prior: ClockPrior | None = None) -> tuple[float,
 def test_any_offset_is_found_at_rest(offset: float) -> None:
     error, std = found(campaign("self", 3), Apart(offset, 30e-6, late=2.0, jitter=1e-3))
     assert abs(error) < 3.0 * std < 0.1
-
-
-@pytest.mark.slow
-def test_of_few_postures_the_offset_is_as_uncertain_as_it_says() -> None:
-    """Six stops, whose forces settle anew each time, against 29 unknowns of the balance."""
-    recorder = Recorder(force_rate=100.0, position_rate=100.0)
-    normalised = []
-    for seed in range(1, 9):
-        options = Options(postures=7, recorder=recorder)
-        played = run(reference_rig(), "self", options, np.random.default_rng(seed))
-        assert played.campaign is not None
-        error, std = found(played.campaign.log, Apart(3.7, 30e-6))
-        normalised.append(error / std)
-    assert np.sqrt(np.mean(np.square(normalised))) < 1.81  # 99.9 % of χ² with eight
 
 
 def test_in_motion() -> None:
@@ -215,19 +200,3 @@ def test_recorders_of_different_times_are_refused_by_what_is_stated() -> None:
     assert code(refused.value) == "recorders-overlap-nowhere"
     assert refused.value.finding is not None
     assert "likelier" not in refused.value.finding.values
-
-
-@pytest.mark.parametrize("seconds", [-1.6, 0.0, 1.6])
-def test_forces_seconds_behind_the_positions_of_one_recording(seconds: float) -> None:
-    log = campaign("motion", 3)
-    time = log.position[0].time[::10]
-    place, load = (np.stack([s.value[::10] for s in kind], 1) for kind in (log.position, log.force))
-    rows = round(seconds / (time[1] - time[0]))
-    n = len(time) - abs(rows)
-    found = forces_behind(time[:n], place[max(rows, 0) :][:n], load[max(-rows, 0) :][:n])
-    if rows:
-        assert found is not None
-        assert found.values["late"] == (rows > 0)
-        assert found.size == pytest.approx(abs(seconds + 0.005), abs=0.05)  # of the sensors
-    else:
-        assert found is None

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.estimation.fit import Priors, information
@@ -72,16 +71,6 @@ def test_pooled_is_the_joint_least_squares() -> None:
         assert np.abs(away).max() < 1e-8
         np.testing.assert_allclose(np.diag(own), np.diag(covariance), rtol=1e-4)
     assert not pooled.misfits
-
-
-def test_a_turned_sensor_is_named_in_its_campaign() -> None:
-    rig = reference_rig()
-    campaigns, _ = history(
-        rig, np.random.default_rng(8), months=5, steps=[(4, 1, (0.0, 2e-3, 0.0))]
-    )
-    (found,) = pool(campaigns).misfits
-    assert (found.campaign, found.sensor) == ("04", rig.supports[1])
-    assert found.turn[1] == pytest.approx(2e-3, abs=1e-3)
 
 
 def test_unchanged_campaigns_fit_each_other() -> None:

@@ -45,20 +45,6 @@ def test_white_noise_alone_gives_the_extreme_of_its_samples() -> None:
     assert watch.threshold(probability) == pytest.approx(expected, rel=2e-3)
 
 
-def test_independent_places_stop_one_by_one() -> None:
-    B, probability = 12, 0.05
-    watch = Watch(Places.of(np.eye(B), np.ones(B), 0.0), NONE, 100.0)
-    expected = -ndtri(-np.expm1(np.log1p(-probability) / B) / 2.0)
-    assert watch.threshold(probability) == pytest.approx(expected, rel=5e-3)
-
-
-def test_smallest_contact_of_one_place_is_a_quantile_above_the_threshold() -> None:
-    watch = Watch(
-        Places.of(np.full((4, 1), 3.0), np.ones(4), 4.0), Noise(4.0, 0.0, 0.0, 1.0, 0.01), 10.0
-    )
-    assert watch.smallest_contact(20.0, 0.95) == pytest.approx(20.0 + 5.0 * ndtri(0.95), rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("fast", "slow", "systematic"),
     [(1.0, 0.0, 0.5), (1.0, 0.5, 1.0), (0.3, 1.0, 0.0), (0.2, 0.3, 2.0)],

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.dwell_stops import KINDS, SLOW, score
+from benchmarks.dwell_stops import KINDS, score
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import prepare
 from tdfscal.dwells.ringing import Ringing
@@ -27,24 +27,23 @@ def seconds(mode: Ringing) -> float:
 
 @pytest.mark.parametrize(
     ("tau", "frequency", "stop"),
-    [(2.0, 0.5, 1.5), (2.0, 0.5, 8.0), (0.4, 0.5, 4.0), (0.5, 2.5, 4.0), (0.2, 8.0, 2.0)],
+    [
+        (2.0, 0.5, 1.5),
+        (2.0, 0.5, 8.0),
+        (0.4, 0.5, 4.0),
+        (0.5, 2.5, 4.0),
+        (0.2, 8.0, 2.0),
+        (0.8, 0.0, 6.0),
+    ],
 )
 def test_the_mode_is_found_with_its_constants(tau: float, frequency: float, stop: float) -> None:
     """Also where no stop shows a whole period."""
     mode = mode_of(Recipe(settle=(10.0, tau, frequency), stops=(stop,) * 12, seed=3))
     assert mode is not None
-    assert hertz(mode) == pytest.approx(frequency, rel=0.06)
+    assert hertz(mode) == pytest.approx(frequency, rel=0.06, abs=0.0 if frequency else 0.03)
     assert seconds(mode) == pytest.approx(tau, rel=0.06)
     # Amplitudes are drawn from 5 to 10 N: 7.64 N rms.
     assert np.sqrt(mode.power.mean()) == pytest.approx(7.64, rel=0.1)
-
-
-def test_a_decay_without_oscillation_is_a_mode_too() -> None:
-    mode = mode_of(Recipe(settle=(10.0, 0.8, 0.0), stops=(6.0,) * 12))
-    assert mode is not None
-    assert hertz(mode) < 0.03
-    assert seconds(mode) == pytest.approx(0.8, rel=0.06)
-    assert mode.constant == pytest.approx(0.8, abs=0.05)
 
 
 @pytest.mark.slow
@@ -78,10 +77,3 @@ def test_no_crest_of_two_modes_is_a_dwell() -> None:
     found = score(recorded, find_dwells(recorded.log))
     assert (found.found, found.parts) == (len(recorded.stops), 0)
     assert found.bias.max() < 1.0
-
-
-def test_noise_alike_over_a_second_is_not_taken_off_as_ringing() -> None:
-    logs = [SLOW["AR(0.99) at 100 Hz"](np.random.default_rng(seed)) for seed in range(3)]
-    z = np.concatenate([score(one, find_dwells(one.log)).z for one in logs])
-    # 48 means of each of nine axes, their variance known from the logs to about a third.
-    assert np.sqrt(np.mean(z**2)) < 1.7

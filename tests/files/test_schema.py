@@ -58,15 +58,6 @@ def test_schema_is_one_says_which_and_takes_the_sample(name: str) -> None:
     assert schema["$id"] == f"urn:tdfscal:schema:{name}:1"
 
 
-@pytest.mark.parametrize(
-    "name", [p.parent.name for p in sorted((ROOT / "../shared/field_logs").glob("*/rig.yaml"))]
-)
-@pytest.mark.field
-def test_field_rigs_validate(name: str) -> None:
-    path = ROOT / "../shared/field_logs" / name / "rig.yaml"
-    assert valid("rig", yaml.safe_load(path.read_text(encoding="utf-8")))
-
-
 def test_the_rig_of_a_calibration_is_a_rig_file(tmp_path: Path) -> None:
     """Its digest is that of the file it came from, and binds none that is written anew."""
     content = sample("calibration")["rig"]

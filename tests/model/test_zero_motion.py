@@ -10,12 +10,6 @@ TIME = np.array([10.0, 12.0, 17.0, 30.0])
 TEMPERATURE = 20.0 + np.array([[0, 0], [1, 2], [3, 5], [2, 9.0]])
 
 
-def test_zeros_that_stay_have_no_functions() -> None:
-    assert zero_motion(Drift(), TIME, TEMPERATURE, 2) is None
-    # Declared for a temperature that no log has: nothing to follow.
-    assert zero_motion(Drift(temperature=1.0), TIME, None, 2) is None
-
-
 def test_slopes_and_parabola_vanish_at_the_first_posture() -> None:
     drift = Drift(time=0.1, temperature=0.2, parabola=0.3)
     found = zero_motion(drift, TIME, TEMPERATURE, 2)
@@ -47,17 +41,6 @@ def test_a_few_postures_have_the_covariance_of_a_random_walk() -> None:
     for sensor in range(3):
         value = found.value[:, sensor]
         assert np.allclose(value @ value.T, expected, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("count", [2, WALK_MODES, WALK_MODES + 1])
-def test_all_modes_of_a_walk_stand_where_there_are_few(count: int) -> None:
-    time = np.sort(np.random.default_rng(count).uniform(0, 1e3, count))
-    elapsed = time - time[0]
-    modes, left = walk_modes(2.0, time)
-    expected = 4.0 * np.minimum(elapsed[:, None], elapsed[None])
-    assert np.allclose(modes @ modes.T, expected, rtol=0, atol=1e-9 * expected.max())
-    assert left == 0.0
-    assert modes.shape == (count, count - 1)
 
 
 def test_many_postures_keep_the_largest_modes_and_the_variance_that_they_leave() -> None:

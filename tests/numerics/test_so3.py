@@ -119,8 +119,3 @@ def test_deviations_lose_whole_turns() -> None:
     other = np.radians([[0, 0, -179.0], [179.0, 0, 0]])
     found = so3.deviations(so3.from_rpy(other), so3.from_rpy(rpy))
     assert np.allclose(found, np.radians([[0, 0, 2], [-2, 0, 0]]), rtol=0, atol=1e-13)
-
-
-def test_wrapped_lies_in_the_half_open_circle() -> None:
-    assert so3.wrapped(np.pi) == -np.pi
-    assert so3.wrapped(-np.pi) == -np.pi

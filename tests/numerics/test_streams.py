@@ -26,12 +26,3 @@ def test_the_spline_is_that_of_scipy(count: int) -> None:
     place = np.concatenate([rng.uniform(0, count - 1, 50), np.arange(count)])
     expected = CubicSpline(np.arange(count), value)(place)
     assert np.allclose(even_spline(value)(place), expected, rtol=0, atol=1e-12)
-
-
-def test_a_cubic_is_its_own_spline() -> None:
-    def cubic(x: np.ndarray) -> np.ndarray:
-        return 1 - 2 * x + 0.3 * x**2 - 0.01 * x**3
-
-    place = np.linspace(0, 12, 97)
-    found = even_spline(cubic(np.arange(13.0)))(place)
-    assert np.allclose(found, cubic(place), rtol=0, atol=1e-12)

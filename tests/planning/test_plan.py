@@ -10,11 +10,10 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Request
 from tdfscal.planning.plan import Plan, make_plan, plan_for_target
-from tdfscal.planning.predicted_information import Forecast, recorded, scatter_of
+from tdfscal.planning.predicted_information import recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
-from tests.selfcal.campaigns import fitted
+from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 
 from .limits import limits
 
@@ -100,22 +99,6 @@ def touching(roll: float) -> Rig:
 
 
 @pytest.mark.slow
-def test_the_contact_wrench_as_objective() -> None:
-    rig = touching(0.02)
-    request = Request(limits(rig), candidates=300, objective="wrench")
-    wrench = make_plan(rig, request, 6, RNG(7)).expected
-    angles = make_plan(rig, replace(request, objective="angles"), 6, RNG(7)).expected
-
-    def size(of: Forecast) -> float:
-        assert of.contact_force is not None
-        assert of.contact_torque is not None
-        return float(np.sum(of.contact_force**2) + np.sum((of.contact_torque / 0.6) ** 2))
-
-    assert size(wrench) < size(angles)
-    assert angles.rpy_std.mean() < wrench.rpy_std.mean()
-
-
-@pytest.mark.slow
 def test_what_stays_unobservable_is_refused() -> None:
     rig = reference_rig()
     # Level and without squeeze, all loads are vertical: no yaw can be seen.
@@ -140,21 +123,3 @@ def test_impossible_requests_are_refused() -> None:
     silent = replace(rig, declared=replace(rig.declared, force_noise=0.0))
     with pytest.raises(UsageError, match="force noise"):
         make_plan(silent, Request(limits(rig), noise=0.0), 8, RNG(9))
-
-
-@pytest.mark.slow
-def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
-    """Upright ones would see a push along their joining line lie across what both measure."""
-    whole = make_rig(4)
-    axes = whole.axes.copy()
-    axes[2:, :2] = False
-    rig = replace(whole, axes=axes)
-    request = Request(limits(rig, squeeze=300.0, stiffness=STIFFNESS), candidates=60, noise=0.1)
-    plan = make_plan(rig, request, 20, RNG(1))
-    assert np.isnan(plan.expected.rpy_std[2:]).all()
-    options = Options(command=plan.position, stiffness=STIFFNESS, recorder=Recorder(mean_sd=0.1))
-    batch = simulate_dwells(rig, options, RNG(11), 12)
-    stated = [fitted(rig, batch.dwells(k)).uncertainty.rpy_std[:2] for k in range(12)]
-    found = np.sqrt(np.mean(np.square(stated), axis=0))
-    assert np.allclose(plan.expected.rpy_std[:2] / found, 1.0, atol=0.2)
-    assert np.mean(plan.expected.rpy_std[:2] / found) == pytest.approx(1.0, abs=0.1)

@@ -13,16 +13,6 @@ def made() -> Sample:
     return sample(touched=True)
 
 
-def test_postures_are_the_dwells_in_use(made: Sample) -> None:
-    table = made.calibration.postures
-    assert table is not None
-    assert made.calibration.fit is not None
-    assert [r.index for r in made.calibration.fit.rejected] == [4]
-    assert table.index == (0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11)
-    assert list(table.start) == made.dwells.start[list(table.index)].tolist()
-    assert list(table.end) == made.dwells.end[list(table.index)].tolist()
-
-
 def test_wrench_before_is_that_of_section_7(made: Sample) -> None:
     """f = −Rᵀ Σ f_i − Rᵀ G, M = −Σ r_i × Rᵀ f_i − r_m × Rᵀ G with nominal angles 0 and zeros 0."""
     rig, table = made.rig.rig, made.calibration.postures

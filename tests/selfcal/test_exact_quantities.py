@@ -101,17 +101,6 @@ def test_what_is_declared_is_not_taken_as_exact() -> None:
     assert all(not q.name.startswith("base") for q in exact_quantities(known.fit))
 
 
-def test_without_internal_forces_a_level_turns_every_sensor_as_much() -> None:
-    """Loads that only gravity makes show nothing else: 1 mrad is 1 mrad in roll and pitch."""
-    options = Options(postures=40, internal=30.0, tilt=0.1)
-    stated = make_rig()
-    batch = simulate_dwells(stated, options, np.random.default_rng(3), 1)
-    result = fitted(stated, batch.dwells(0))
-    turns = quantity(result, "base level").reshape(3, 3, 2)
-    for i in range(3):
-        np.testing.assert_allclose(turns[i, :2], -np.eye(2), atol=0.2)
-
-
 def test_a_barycentre_taken_as_exact_moves_the_zeros_as_predicted_and_unseen() -> None:
     """Sideways it goes into the zeros whole: no test shows it, so that a warning must."""
     stated = make_rig(zero_std=np.inf, mass_std=0.0, barycentre_std=0.0, declared=QUIET)

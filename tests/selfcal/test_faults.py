@@ -37,6 +37,11 @@ def test_a_contact_is_told_with_its_moment_about_the_lcs_origin() -> None:
     assert moment == pytest.approx(np.linalg.norm(touching.moment), abs=1.0)
 
 
+def declared(**really: float) -> Rig:
+    """The rig as it is where its file understates a scatter."""
+    return replace(RIG, declared=replace(RIG.declared, **really))
+
+
 def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[str]:
     """What a campaign suspects, the surest first."""
     batch = simulation.simulate_dwells(real, options, np.random.default_rng(seed), 1)
@@ -64,13 +69,16 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[str]:
             "the barycentre",
         ),
         (replace(RIG, gravity_tilt_std=4e-3), Faults(), "gravity"),
+        (declared(force_noise=0.8), Faults(), "the forces scatter"),
+        # 60 degrees of freedom know it to a tenth.
+        (declared(hinge_moment=0.4), Faults(), r"friction of 0\.[345] N·m"),
     ],
-    ids=["gain", "crosstalk", "drift", "walk", "mass", "barycentre", "tilt"],
+    ids=["gain", "crosstalk", "drift", "walk", "mass", "barycentre", "tilt", "noise", "friction"],
 )
 def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: str) -> None:
     found = suspects(real, RIG, with_faults(faults), seed=4)
     assert found
-    assert words in found[0]
+    assert re.search(words, found[0])
 
 
 def test_friction_of_postures_that_only_tilt_is_named_with_what_looks_alike() -> None:
@@ -100,29 +108,6 @@ def test_a_mounting_that_contradicts_its_prior_is_named() -> None:
     names = suspects(true, stated, SQUEEZED, seed=6)
     assert "the sensor of ncp2 is not mounted as stated" in names[0]
     assert not suspects(true, true, SQUEEZED, seed=6)
-
-
-@pytest.mark.slow
-def test_a_walk_is_told_from_white_noise_with_its_size_and_cure() -> None:
-    """3 N over the campaign; a part may have gone into the noise of single channels before."""
-    walks = with_faults(Faults(walks=tuple(Walk(i, 3.0) for i in range(3))))
-    batch = simulation.simulate_dwells(RIG, walks, np.random.default_rng(11), 3)
-    for i in range(3):
-        result = calibrated(batch, RIG, i)
-        dwells = batch.dwells(i)
-        first = result.suspicions[0]
-        assert first.kind == "all walk"
-        said = re.search(
-            r"`drift.walk: ([0-9.]+)`", " ".join(in_words(first.findings(rejects=False)))
-        )
-        assert said is not None
-        hours = (dwells.end[-1] - dwells.start[0]) / 3600
-        assert 0.6 < float(said[1]) / (3.0 / np.sqrt(hours)) < 1.5  # rounded up to one digit
-
-
-def test_white_noise_is_not_called_a_walk() -> None:
-    loud = replace(RIG, declared=replace(RIG.declared, force_noise=0.8))
-    assert "the forces scatter" in suspects(loud, RIG, SQUEEZED, seed=12)[0]
 
 
 def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
@@ -158,14 +143,6 @@ def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
     best = 60 * np.geomspace(1e-3, 10.0, 400)[np.argmax(tried)]
     assert best <= hours * 1.02
     assert hours < 2.1 * best
-
-
-def test_friction_of_the_hinges_is_named_with_its_size() -> None:
-    """0.4 N·m in every posture; 60 degrees of freedom know it to a tenth."""
-    rough = replace(RIG, declared=replace(RIG.declared, hinge_moment=0.4))
-    said = re.search(r"friction of ([0-9.]+) N·m", suspects(rough, RIG, SQUEEZED, seed=9)[0])
-    assert said is not None
-    assert float(said[1]) == pytest.approx(0.4, rel=0.35)
 
 
 def test_a_jolt_does_not_reach_the_angles() -> None:

@@ -24,13 +24,6 @@ def disturbed(seed: int, added: FloatArray) -> SelfCalibration:
     return fitted(RIG, dwells)
 
 
-@pytest.mark.parametrize("size", [10.0, 300.0])
-def test_contact_at_one_channel_is_rejected(size: float) -> None:
-    added = np.zeros((16, 3, 3))
-    added[list(TOUCHED), 1, 0] = size * np.array([1.0, -0.8, 1.1, 0.9, -1.0, 1.2])
-    assert disturbed(3, added).reasons
-
-
 @pytest.mark.parametrize(("seed", "support", "axis", "size"), [(5, 0, 1, 1.2), (8, 1, 0, 5.0)])
 def test_the_sensor_of_a_noisy_channel_is_named(
     seed: int, support: int, axis: int, size: float

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Contact, Faults, Gain, Options, Recorder, Slip
+from tdfscal.simulation import Contact, Faults, Options, Recorder
 from tests.selfcal.campaigns import fitted
 
 POSTURES, TOUCHED = 14, (1, 4, 8, 11, 12)
@@ -43,22 +43,3 @@ def test_sideways_contact_at_a_third_of_the_postures_is_found(
     assert [reason.code for reason in result.reasons if "uncertain" not in reason.code] == [
         "postures-rejected"
     ]
-
-
-def test_a_broken_channel_is_no_contact() -> None:
-    result = campaign(3, 5, Faults(), noise=20.0)
-    assert result.reasons
-    assert (result.suspicions[0].kind, result.suspicions[0].support) == ("sensor noise", 1)
-
-
-@pytest.mark.parametrize(
-    ("faults", "code"),
-    [
-        (Faults(slips=(Slip(1, 6, (4e-3, 3e-3, 2e-3)),)), "sensor-slipped"),
-        (Faults(gains=(Gain(1, (0.03, 0.03, 0.03)),)), "gain-suspected"),
-    ],
-)
-def test_what_changes_many_postures_is_no_contact(faults: Faults, code: str) -> None:
-    result = campaign(3, 8, faults)
-    assert result.reasons
-    assert result.suspicions[0].causes[0].code == code

@@ -9,7 +9,6 @@ from tdfscal.simulation import (
     Campaign,
     Options,
     Recorder,
-    make_rig,
     reference_rig,
     simulate_campaign,
     simulate_dwells,
@@ -100,18 +99,6 @@ def test_a_move_takes_the_force_that_its_mass_needs() -> None:
     np.testing.assert_allclose(net, expected, atol=1.01 * atol)
 
 
-def test_settled_means_agree_with_the_truth() -> None:
-    rig = replace(exact_rig(), declared=DeclaredUncertainty(positioner=1e-5))
-    options = Options(rpy=np.zeros((3, 3)), postures=12)
-    campaign = simulate_campaign(rig, options, np.random.default_rng(5))
-    unit = []
-    for k in range(12):
-        part = forces(campaign.log)[at_rest(campaign, k, settled=1.0)]
-        error = part.mean(axis=0) - campaign.force[k]
-        unit.append(error / part.std(axis=0, ddof=1) * np.sqrt(len(part)))
-    assert plausible(chi2_p(np.array(unit)))
-
-
 def test_settling_dies_away_and_follows_a_move_only() -> None:
     recorder = replace(SILENT, settling_force=20.0, settling=0.3)
     options = still(postures=6, recorder=recorder, rpy=np.zeros((3, 3)))
@@ -150,17 +137,3 @@ def test_dwell_means_have_the_stated_scatter() -> None:
     )
     error = batch.means.force - batch.true_force
     assert plausible(chi2_p(error / np.hypot(0.3, 0.4)))
-
-
-def test_noise_of_a_mean_follows_from_its_samples() -> None:
-    recorder = Recorder(force_sd=(2.0, 2.0), dwell=(2.305, 2.305))
-    batch = simulate_dwells(make_rig(), Options(recorder=recorder), np.random.default_rng(17), 2)
-    N, expected = 201, 2.0 / np.sqrt(201)
-    np.testing.assert_allclose(batch.mean_sd, expected, rtol=1e-12)
-    dwells = batch.dwells(1)
-    assert len(dwells) == 24
-    np.testing.assert_allclose(dwells.force_cov[0, 0], expected**2 * np.eye(3), rtol=1e-12)
-    np.testing.assert_allclose(dwells.effective, N)
-    assert dwells.count.tolist() == [[N] * 3] * 24
-    np.testing.assert_array_equal(dwells.force, batch.means.force[1])
-    assert np.all(dwells.end[:-1] < dwells.start[1:])

@@ -210,18 +210,6 @@ def test_tracker_files(tmp_path: Path) -> None:
     assert "(mm)" in measured
 
 
-def test_rows_of_postures(tmp_path: Path) -> None:
-    played = simulate_to_folder(tmp_path / "c", format="parquet", rows="postures", postures=9)
-    assert played.campaign is not None
-    read = pq.read_table(tmp_path / "c/log.parquet")
-    assert read.num_rows == 9
-    loaded = load_rig(tmp_path / "c/rig.yaml")
-    assert loaded.log[0].rows == "postures"
-    np.testing.assert_array_equal(
-        read.column("ncp3.fz").to_numpy(), played.campaign.log.force[2].value[:, 2]
-    )
-
-
 def test_streams_of_their_own_rates_fit_mcap_only(tmp_path: Path) -> None:
     recorder = Recorder(force_rate=200.0, position_rate=50.0)
     simulate_to_folder(tmp_path / "m", format="mcap", postures=2, recorder=recorder)

@@ -1,12 +1,10 @@
 """Internal forces: what they are, and that a commanded or natural one has the stated size."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.records import DeclaredUncertainty, FloatArray
+from tdfscal.records import FloatArray
 from tdfscal.simulation import Campaign, Options, internal_part, simulate_campaign
 
 from .rigs import chi2_p, exact_rig, plausible, still
@@ -45,16 +43,6 @@ def test_squeeze_makes_the_commanded_internal_force(n: int) -> None:
     np.testing.assert_allclose(made, commanded, atol=2.0 * turning * scale)
     # Σ|F|² / squeeze² over the internal modes is χ² with K (3n − 6) degrees of freedom.
     assert plausible(chi2_p(commanded / squeeze, 24 * (3 * n - 6)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [3, 4])
-def test_natural_internal_forces_have_the_stated_size(n: int) -> None:
-    rig = replace(exact_rig(n), declared=DeclaredUncertainty(positioner=1.0e-5))
-    campaign = simulate_campaign(rig, still(postures=100, internal=150.0), np.random.default_rng(4))
-    assert campaign.truth.stiffness[0] == pytest.approx(1.5e7 * np.eye(3))
-    natural = internal_part(arms(campaign), campaign.force)
-    assert plausible(chi2_p(natural / 150.0, 100 * (3 * n - 6)))
 
 
 def test_natural_internal_forces_need_positioning_errors() -> None:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from studies import campaigns
 from studies.campaigns import Setting, errors
@@ -24,16 +23,6 @@ def test_maximum_likelihood_is_that_of_the_product() -> None:
         own = fitted(RIG, batch.dwells(k))
         theirs = so3.to_rpy(own.fit.state.rotation) - batch.truth.rpy[k]
         assert (np.abs(found[k] - theirs) < 1e-9 * own.uncertainty.rpy_std).all()
-
-
-@pytest.mark.slow
-def test_processes_change_no_number() -> None:
-    one, two = (
-        errors(RIG, FEW, ("linear", "angles"), 12, np.random.SeedSequence(3), workers=workers)
-        for workers in (1, 2)
-    )
-    for method, error in one.items():
-        np.testing.assert_array_equal(error, two[method])
 
 
 def test_eq_24_alone_of_noise_is_exact_without_it() -> None:

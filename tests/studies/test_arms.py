@@ -41,17 +41,6 @@ def test_arms_differ_in_their_angles_alone(compared: tuple[Arm, ...]) -> None:
 
 
 @pytest.mark.slow
-def test_free_space_and_taring(compared: tuple[Arm, ...]) -> None:
-    """Along a straight line nothing but internal forces changes after the tare."""
-    setup = free_space.Setup(RIG, SILENT, free_space.MOVES[:1], duration=2.0, rest=20.0)
-    found = free_space.simulate(setup, compared, np.random.SeedSequence(1))
-    position = found.lengths(0)
-    assert np.all(position["none"] > position["tracker"])
-    assert position["tracker, tared"].mean() < 0.2 * position["tracker"].mean()
-    assert position["Eq. 24, tared"].mean() > position["tracker, tared"].mean()
-
-
-@pytest.mark.slow
 def test_docking_tells_how_runs_end(compared: tuple[Arm, ...]) -> None:
     exact = replace(RIG, declared=replace(RIG.declared, positioner=0.0))
     setup = docking.Setup(exact, SILENT, GearPair(length=0.008), gap=0.005, ramp=0.5)

@@ -78,20 +78,6 @@ def test_rest_is_the_static_simulators() -> None:
     np.testing.assert_allclose(R, rest.pose.rotation[:, 0], atol=1e-11)
 
 
-@pytest.mark.slow
-def test_forces_balance_in_motion() -> None:
-    """Pressed ever harder on its seat, the wrench of a controller that knows the truth is the
-    contact, as late as its filters are.
-    """
-    tireless = replace(IDEAL, thresholds=(1e6, 1e6, 1e6))
-    traces = dock(truths(2), tireless, shift=(2e-4, -1e-4)).traces
-    lag = np.abs(traces.measured - traces.contact)[-1].max(axis=-1)
-    assert np.abs(traces.contact[-1, :, 2]).min() > 30.0
-    # K v = 15 N/s, smoothed over 0.1 s, filtered over four samples.
-    late = (1.0 - IDEAL.sensing.gain) / IDEAL.sensing.gain / IDEAL.sensing.rate
-    assert lag.max() < 1.05 * 15.0 * (0.1 + late + 2 * IDEAL.step) + 0.1
-
-
 def test_docked_position_is_the_geometric_one() -> None:
     """No friction, noise or angle errors: play used up, shoulder pressed by the threshold."""
     gears = replace(SHORT, friction=0.0)
@@ -227,19 +213,3 @@ def test_perfect_calibration_leaves_only_noise() -> None:
     chi2 = float(np.sum((d / sd)[:, :3] ** 2))
     assert abs(chi2 - 3 * lanes) < 3.3 * np.sqrt(2 * 3 * lanes)
     assert np.abs(d[:, :3]).max() < 1e-4
-
-
-@pytest.mark.slow
-def test_false_force_displaces_by_its_stiffness() -> None:
-    """Free space, untared: K (x − x_d) = false wrench."""
-    truth, controller = truths(2), IDEAL
-    wrong = replace(truth, zero=truth.zero + np.array([1.0, -2.0, 0.5]))
-    machines = fleet(truth, wrong, tared=False)
-    result = simulate(machines, controller, still(30.0, 2, controller.step))
-    K = np.array(controller.impedance.stiffness)
-    np.testing.assert_allclose(result.traces.deviation[-1] * K, result.traces.measured[-1]
-                               - np.concatenate([np.zeros((2, 3)), np.cross(
-                                   np.array(controller.impedance.centre),
-                                   result.traces.measured[-1][:, :3])], axis=1),
-                               rtol=1e-3, atol=1e-4)  # fmt: skip
-    assert np.abs(result.traces.deviation[-1][:, :3]).max() > 1e-4

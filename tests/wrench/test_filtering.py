@@ -24,16 +24,6 @@ def test_gain_solves_the_riccati_equation(walk: Walk) -> None:
 
 
 @each
-def test_delay_is_that_of_a_ramp(walk: Walk) -> None:
-    ramp = np.arange(400.0)[:, None]
-    late = (ramp[-1] - Causal(walk)(ramp)[-1]) * walk.interval
-    assert late[0] == pytest.approx(walk.delay, rel=1e-9)
-    smoother = Smoother(walk)
-    smooth = np.concatenate([smoother(ramp), smoother.rest()])
-    np.testing.assert_allclose(smooth[150:250], ramp[150:250], atol=1e-9)
-
-
-@each
 def test_noise_that_is_left(walk: Walk) -> None:
     noise = np.random.default_rng(0).standard_normal((400_000, 1))
     left, smooth = (walk.noise_left(smooth=s) for s in (False, True))

@@ -10,65 +10,12 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.logs import write_wrenches
-from tdfscal.records import FloatArray
-from tdfscal.simulation import Contact, Faults
 from tdfscal.wrench.contact_wrench import Wrenches
-from tdfscal.wrench.samples_in_motion import Samples
 from tests.cli.running import SAMPLES, Cli, Run, rows
-from tests.words import in_words
-
-from .held_out import HELD, USED, simulated, world
-
-MANY = world(5)
-EACH = 40
-
-
-def samples(contact: tuple[float, float, float] | None = None, trial: int = 0) -> Samples:
-    """A log that stands in each held-out posture, touched in all of them or in none."""
-    touched = tuple(Contact(USED + k, contact) for k in range(HELD)) if contact else ()
-    dwells = replace(MANY, batch=simulated(5, Faults(contacts=touched))).held(trial)
-    force = np.repeat(dwells.force, EACH, axis=0)
-    noise = 2.0 * np.random.default_rng(trial).standard_normal(force.shape)
-    time = 0.02 * np.arange(float(len(force)))
-    return Samples(time, np.repeat(dwells.position, EACH, axis=0), force + noise)
-
-
-def inspect(seen: Samples, trial: int = 0, piece: int = 50) -> list[str]:
-    inspection = Inspection(MANY.given[trial])
-    cuts = [seen.rows(slice(a, a + piece)) for a in range(0, seen.time.size, piece)]
-    assert list(inspection.watch(cuts)) == cuts
-    return list(in_words(inspection.finish()))
-
-
-def read(seen: Samples, change: Callable[[FloatArray], FloatArray]) -> Samples:
-    return Samples(seen.time, seen.position, change(seen.force))
-
-
-@pytest.mark.parametrize("contact", [None, (300.0, -200.0, 400.0), (0.0, 0.0, 900.0)])
-def test_contact_throughout_is_nothing_to_remark(
-    contact: tuple[float, float, float] | None,
-) -> None:
-    assert inspect(samples(contact)) == []
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda f: f[:, [1, 0, 2]], "the sensors of ncp1 taken from ncp2 and ncp2 taken from ncp1"),
-        (lambda f: f[:, :, [1, 0, 2]], "Fx and Fy of every sensor exchanged"),
-        (lambda f: f * np.array([[1, 1, 1], [1, -1, 1], [1, 1, 1]]), "opposite sign of Fy of ncp2"),
-    ],
-)
-def test_a_wiring_that_explains_the_wrench_is_named(
-    change: Callable[[FloatArray], FloatArray], said: str
-) -> None:
-    (note,) = inspect(read(samples(), change))
-    assert said in note
 
 
 @pytest.fixture(scope="module")

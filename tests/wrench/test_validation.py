@@ -26,39 +26,6 @@ def held_of(faults: Faults | None = None, mass: float = 500.0) -> Held:
     return lambda trial: replace(world(TRIALS), batch=batch).held(trial)
 
 
-def direction(trial: int) -> np.typing.NDArray[np.float64]:
-    a = np.random.default_rng(trial).standard_normal(3)
-    return np.asarray(a / np.linalg.norm(a))
-
-
-@pytest.mark.parametrize(
-    "axis", ["any", *(pytest.param(a, marks=pytest.mark.slow) for a in ("roll", "pitch", "yaw"))]
-)
-def test_a_sensor_turned_by_3_mrad_is_found_and_named(axis: str) -> None:
-    named, trials = 0, 8 if axis == "any" else FEWER
-    for t in range(trials):
-        unit = direction(t) if axis == "any" else np.eye(3)[["roll", "pitch", "yaw"].index(axis)]
-        v = validate(world(TRIALS).given[t], turned(world(TRIALS), t, t % 3, 3e-3 * unit))
-        named += any(c.kind == "sensor turned" and c.support == t % 3 for c in v.suspected)
-    assert named >= 0.95 * trials
-
-
-@pytest.mark.slow
-def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
-    squares = []
-    for t in range(FEWER):
-        turn = 3e-3 * direction(t)
-        v = validate(world(TRIALS).given[t], turned(world(TRIALS), t, t % 3, turn))
-        found = next(
-            c for c in v.judged.causes.best if c.kind == "sensor turned" and c.support == t % 3
-        )
-        squares.append(((found.value - turn) / found.std) ** 2)
-    # Each component alone is χ² with one degree of freedom.
-    total = np.sum(squares, axis=0)
-    assert np.all(stats.chi2.cdf(total, FEWER) < 1 - 1e-4)
-    assert np.all(stats.chi2.cdf(total, FEWER) > 1e-4)
-
-
 @pytest.mark.slow
 def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
     axis, sensor, hits = 2, 1, 0

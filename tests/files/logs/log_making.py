@@ -125,6 +125,8 @@ def mcap_bytes(
         enable_data_crcs=data_crc,
     )
     writer.start(profile="ros2", library="tests")
+    writer.add_attachment(1, 2, "photo", "application/octet-stream", b"\1\2\3")
+    writer.add_metadata("notes", {"key": "value"})
     events: list[tuple[float, int, bytes]] = []
     kinds = {"point": "geometry_msgs/msg/PointStamped", "wrench": "geometry_msgs/msg/WrenchStamped"}
     schemas = {

@@ -16,8 +16,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import zstandard
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import StoragePlugin
 
@@ -42,12 +40,6 @@ from tests.files.logs.test_log_bag_kinds import ros1_bag
 ONE = ("a",)
 Packed = Writer.CompressionFormat
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
-FUZZ = settings(
-    max_examples=25,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 
 
 def cut_at(log: Log) -> int:
@@ -105,25 +97,6 @@ def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
             read_log([path], MAPPING, SUPPORTS)
 
 
-@pytest.mark.parametrize("chunking", [True, False])
-def test_an_mcap_file_laid_out_in_advance_is_read_to_what_was_written(
-    tmp_path: Path, chunking: bool
-) -> None:
-    """Whatever part of its last record is zero instead."""
-    content = mcap_bytes(make_truth(3), chunking=chunking, summary=False)
-    path = tmp_path / "log.mcap"
-    *_, begin, end, _ = (s for s in record_starts(content) if s < len(content) - 30)
-    for cut in range(begin + 1, end):
-        readings = []
-        for zeros in (0, 70_000):
-            path.write_bytes(content[:cut] + bytes(zeros))
-            log = read_log([path], MAPPING, SUPPORTS)
-            assert "log-truncated" in [finding.code for finding in log.findings]
-            readings.append([series.value for series in (*log.position, *log.force)])
-        for one, other in zip(*readings, strict=True):
-            np.testing.assert_array_equal(one, other)
-
-
 def text_bytes(truth: Truth) -> bytes:
     return table(truth).to_csv(index=False).encode()
 
@@ -153,6 +126,8 @@ FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
     "log.parquet": (parquet_bytes, None, False),
     "log.db3": (sqlite_bytes, MAPPING, True),
     "log.bag": (bag_bytes, MAPPING, True),
+    "lz4.bag": (lambda truth: bag_bytes(truth, Packed.LZ4, 1 << 12), MAPPING, True),
+    "bz2.bag": (lambda truth: bag_bytes(truth, Packed.BZ2, 1 << 12), MAPPING, True),
 }
 """The bytes, their mapping, and whether one that was cut short is read to its sound end."""
 
@@ -166,7 +141,7 @@ def whole(name: str) -> bytes:
     return FORMATS[name][0](make_truth(SAMPLES))
 
 
-@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5])
+@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5, 0.71, 0.98])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
     tmp_path: Path, name: str, share: float
@@ -177,9 +152,12 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
     if share >= 0.5 and to_sound_end:
         log = read_log([path], mapping, SUPPORTS)
         assert [finding.code for finding in log.findings] == ["log-truncated"]
-        found = log.position[0].value
-        assert len(found)
-        np.testing.assert_array_equal(found, truth.position[0][: len(found)])
+        force = truth.force if mapping else truth.force[:, ::4]
+        for series, true in zip(
+            (*log.position, *log.force), (*truth.position, *force), strict=True
+        ):
+            assert len(series.value) > 0.5 * share * len(true)
+            np.testing.assert_array_equal(series.value, true[: len(series.value)])
         return
     said = {0.0: "the file is empty. Record or copy it again.",
             1e-9: "the file ends after 1 byte: it was cut short. Record or copy it again.",
@@ -188,31 +166,6 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
         with pytest.raises(DataError, match=rf"{re.escape(str(path))}: .*{said}") as caught:
             look()
         assert "copy" in str(caught.value)
-
-
-BAGS: dict[str, Callable[[], bytes]] = {
-    "log.db3": lambda: whole("log.db3"),
-    "log.bag": lambda: whole("log.bag"),
-    "lz4.bag": lambda: bag_bytes(make_truth(SAMPLES), Packed.LZ4, 1 << 12),
-    "bz2.bag": lambda: bag_bytes(make_truth(SAMPLES), Packed.BZ2, 1 << 12),
-}
-
-
-@pytest.mark.parametrize("name", BAGS)
-def test_a_bag_cut_at_any_byte_gives_no_number_that_was_not_recorded(
-    tmp_path: Path, name: str
-) -> None:
-    content, truth = BAGS[name](), make_truth(SAMPLES)
-    counts = []
-    for cut in range(len(content) // 2, len(content) - 1, len(content) // 16 + 7):
-        log = read_log([write(tmp_path / name, content[:cut])], MAPPING, SUPPORTS)
-        assert [finding.code for finding in log.findings] == ["log-truncated"]
-        for found, whole_truth in ((log.position, truth.position), (log.force, truth.force)):
-            for series, true in zip(found, whole_truth, strict=True):
-                np.testing.assert_array_equal(series.value, true[: len(series.value)])
-        counts.append(sum(len(series.value) for series in log.force))
-    assert np.diff(counts).min() >= 0
-    assert counts[-1] > 1.6 * counts[0]
 
 
 @pytest.mark.parametrize("end", [b"", bytes(1000)], ids=["stopped", "never written"])
@@ -250,23 +203,6 @@ def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:
     content[chunks[2] + 3] ^= 0x40  # its length
     with pytest.raises(DataError, match=f"the record at byte {chunks[2]} runs beyond"):
         read_log([write(path, bytes(content))], MAPPING, SUPPORTS)
-
-
-@FUZZ
-@given(
-    st.lists(st.text("0123456789.,;-+eE\"'\t nainf\r\0", max_size=30), max_size=8),
-    st.sampled_from([".", ","]),
-)
-def test_any_rows_of_text(tmp_path: Path, lines: list[str], decimal: str) -> None:
-    text = "time;a.x;a.y;a.z;a.fx;a.fy;a.fz\n" + "".join(f"{line}\n" for line in lines)
-    path = write(tmp_path / "a.csv", text.encode())
-    mapping = replace(DEFAULT, decimal="," if decimal == "," else ".")
-    try:
-        log = read_log([path], mapping, ONE)
-    except DataError:
-        return
-    assert np.isfinite(log.position[0].value).all()
-    assert (np.diff(log.position[0].time) > 0.0).all()
 
 
 def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Path) -> None:
