@@ -87,7 +87,7 @@ def with_load_cell(axes: str = "z") -> Calibration:
 
 
 def provenance(loaded: LoadedRig) -> Provenance:
-    log = InputFile("campaign/a <1>.csv", "ab" * 32, 1234, "verified")
+    log = InputFile("campaign/<1>.csv", "ab" * 32, 1234, "verified")
     when = Measured(1.7e9, 1.7e9 + 600.0, "log")
     return Provenance(loaded, (log,), "tdfscal calibrate campaign", 7, when)
 

@@ -35,7 +35,7 @@ def attempt() -> Attempt:
     force[TOUCHED - 1, 0] += [0.0, 0.0, 60.0]
     with pytest.raises(NotIdentifiableError) as caught:
         fitted(loaded.rig, replace(dwells, force=force))
-    log = InputFile("campaign/a <1>.csv", "ab" * 32, 1234, "verified")
+    log = InputFile("campaign/<1>.csv", "ab" * 32, 1234, "verified")
     return Attempt(
         caught.value, loaded, (log,), ("a gap of 3 s",), ("campaign",), "tdfscal calibrate"
     )
