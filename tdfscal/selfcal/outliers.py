@@ -153,13 +153,12 @@ class CrossValidation:
 
     index : (K,), the used postures. before, after : (K, 6), force and moment about the LCS origin,
     N and N·m, BCS; with the nominal mounting and the stated zeros, mass and barycentre, and with
-    the calibration found without that posture. cov : (K, 6, 6), of `after`, by what is stated.
+    the calibration found without that posture.
     """
 
     index: IntArray
     before: FloatArray
     after: FloatArray
-    cov: FloatArray
 
 
 def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
@@ -178,12 +177,10 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     rig, start = fit.rig, nominal(fit.rig, fit.postures.motions)
     at = balance(fit.postures, start, rig.barycentre.value, rig.gravity)
     before = (at.design @ features(start, at, rig.gravity))[used]
-    here = to_origin(fit.at)[used]
     return CrossValidation(
         index=used,
         before=-(to_origin(at)[used] @ before[..., None])[..., 0],
-        after=-(here @ apart @ e)[..., 0],
-        cov=here @ apart @ np.swapaxes(L, 1, 2) @ np.swapaxes(here, 1, 2),
+        after=-(to_origin(fit.at)[used] @ apart @ e)[..., 0],
     )
 
 

@@ -179,9 +179,6 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
         },
         "monte_carlo": {
             "trials": 10_000,
-            "rpy_std": std.tolist(),
-            "low": (rpy - 2 * std).tolist(),
-            "high": (rpy + 2 * std).tolist(),
             "tolerance": 5e-6,
             "linear_interval_validated": True,
         },

@@ -130,7 +130,6 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("covariance.matrix", indefinite, "semidefinite", "covariance.matrix"),
     ("fit.p_value", 1.5, "less than or equal to 1", "fit.p_value"),
     ("monte_carlo.linear_interval_validated", 1, "boolean", "monte_carlo"),
-    ("monte_carlo.low", [[0.0, 0.0, 0.0]], "3 rows", "monte_carlo.low"),
     ("budget.sources", ["noise"], "must name noise,", "budget.angles[0].variance"),
     ("budget.angles.8", DROP, "must name ncp1.roll", "budget.angles"),
     ("budget.angles.3.angle", "yaw", "must name ncp1.roll", "budget.angles"),
@@ -193,8 +192,6 @@ def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> No
 def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> None:
     """Each is refused as an edit, or the file reads to the same content."""
     whole = parse_calibration(json.dumps(made).encode(), "c.json")
-    units = dict(zip(made["parameters"]["parameters"], made["parameters"]["units"], strict=True))
-    assert (units["ncp1.rz"], units["ncp2.zero.x"], units["mass"]) == ("rad", "N", "kg")
     for k, edit in enumerate(edits(made, 9, seed=1)):
         yaml_too = k % 8 == 0
         for text in [json.dumps(edit.document)] + yaml_too * [to_yaml(edit.document)]:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.numerics.distributions import chi2_sf
 from tests.reporting.samples import Sample, sample
 
 
@@ -28,19 +27,3 @@ def test_wrench_before_is_that_of_section_7(made: Sample) -> None:
         moment -= np.cross(rig.barycentre.value, R.T @ weight)
         np.testing.assert_allclose(table.force_before[row], force, rtol=0, atol=1e-6)
         np.testing.assert_allclose(table.moment_before[row], moment, rtol=0, atol=1e-6)
-
-
-def test_residuals_of_each_axis_are_as_uncertain_as_is_said() -> None:
-    """Leave-one-out residuals of many campaigns, each axis over its std: mean square 1."""
-    squares = []
-    for seed in range(1, 5):
-        table = sample(seed=seed).calibration.postures
-        assert table is not None
-        assert table.force_std is not None
-        assert table.moment_std is not None
-        for value, std in ((table.force_after, table.force_std),
-                           (table.moment_after, table.moment_std)):  # fmt: skip
-            squares.append((np.array(value) / np.array(std)) ** 2)
-    total, count = float(np.sum(squares)), np.size(squares)
-    # Leave-one-out residuals are correlated, which widens the sum: half the count is safe.
-    assert 1e-4 < chi2_sf(total / 2, count // 2) < 1 - 1e-4

@@ -61,11 +61,10 @@ def check(c: Calibration) -> None:
     for place, stated, names in _names(c):
         if list(stated) != names:
             raise fault(f"must name {', '.join(names)}, in this order", *place, hint=ALTERED)
-    for place, rows in _tables_of_supports(c):
-        if rows is not None and len(rows) != len(c.supports):
-            raise fault(f"must have {len(c.supports)} rows", *place)
-    size = 3 * int(c.determined.sum())
-    matrix = _covariance(c.covariance.matrix, size, "covariance", "matrix")
+    for place, rows, count in _tables(c):
+        if rows is not None and len(rows) != count:
+            raise fault(f"must have {count} rows", *place)
+    matrix = _covariance(c.covariance.matrix, 3 * int(c.determined.sum()), "covariance", "matrix")
     if c.parameters is not None:
         _check_parameters(c, c.parameters, matrix)
     for index in np.flatnonzero(c.determined).tolist():
@@ -73,7 +72,7 @@ def check(c: Calibration) -> None:
         if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
             what = "is not a rotation: not orthonormal, or det ≠ +1"
             raise fault(what, "supports", index, "rotation", hint=ALTERED)
-    for place, source, stated, other in _said_twice(c):
+    for place, source, stated, other in (*_angles(c), *_zeros_and_load(c)):
         std = str(place[-1]).endswith("std")
         rtol, atol = (SAME_STD, 0.0) if std else (SAME, SAME)
         values = np.array(stated, dtype=np.float64)  # None, which stands for nothing, is NaN
@@ -104,15 +103,9 @@ def _names(c: Calibration) -> Iterator[tuple[Place, Iterable[str], list[str]]]:
     """Yield the lists that name supports, angles or sources, and what they must name."""
     yield ("supports",), c.support_names, [support.name for support in c.rig.supports]
     stand = [mounting.name for mounting in c.mounted]
-    turns = list(turn_parameters(stand))
-    yield ("covariance", "parameters"), c.covariance.parameters, turns
-    free = turns if c.parameters is None else list(c.parameters.parameters)
+    yield ("covariance", "parameters"), c.covariance.parameters, list(turn_parameters(stand))
     for k, one in enumerate(c.taken_as_exact):
         yield ("taken_as_exact", k, "supports"), [effect.name for effect in one.supports], stand
-        for side in ("common", "apart"):
-            rows = getattr(one, side)
-            if rows is not None and len(rows) != len(free):
-                raise fault(f"must have {len(free)} rows", "taken_as_exact", k, side)
     if c.budget is not None:
         named = [f"{entry.support}.{entry.angle}" for entry in c.budget.angles]
         yield ("budget", "angles"), named, [f"{name}.{a}" for name in stand for a in ANGLES]
@@ -121,21 +114,24 @@ def _names(c: Calibration) -> Iterator[tuple[Place, Iterable[str], list[str]]]:
             yield ("budget", "angles", k, "variance"), sorted(entry.variance), sources
 
 
-def _tables_of_supports(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None]]:
-    """Yield the tables that have a row for each support."""
-    holders: list[tuple[Place, Any, tuple[str, ...]]] = [
-        (("monte_carlo",), c.monte_carlo, ("rpy_std", "low", "high")),
-        (("dwells",), c.dwells, ("force",)),
-    ]
+def _tables(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None, int]]:
+    """Yield the tables that have a row for each support, or each parameter, and how many."""
+    free = len((c.parameters or c.covariance).parameters)
+    for k, one in enumerate(c.taken_as_exact):
+        yield ("taken_as_exact", k, "common"), one.common, free
+        yield ("taken_as_exact", k, "apart"), one.apart, free
+    n = len(c.supports)
+    if c.dwells is not None:
+        yield ("dwells", "force"), c.dwells.force, n
     for k, campaign in enumerate(c.campaigns):
-        holders.append((("campaigns", k), campaign, ("zero", "zero_std")))
-        holders.append((("campaigns", k, "readings"), campaign.readings, ("force",)))
-    for place, holder, names in holders:
-        yield from (((*place, name), getattr(holder, name, None)) for name in names)
+        yield ("campaigns", k, "zero"), campaign.zero, n
+        yield ("campaigns", k, "zero_std"), campaign.zero_std, n
+        if campaign.readings is not None:
+            yield ("campaigns", k, "readings", "force"), campaign.readings.force, n
 
 
-def _said_twice(c: Calibration) -> Iterator[Repeated]:
-    """Yield what follows from rotations, covariance and parameters, where it stands too."""
+def _angles(c: Calibration) -> Iterator[Repeated]:
+    """Yield what follows from rotations and covariance, where it stands too."""
     variance = so3.rpy_variance(c.rotation, c.rotation_covariance)
     turns = turn_std(c.rotation_covariance)
     for i in np.flatnonzero(c.determined).tolist():
@@ -143,31 +139,31 @@ def _said_twice(c: Calibration) -> Iterator[Repeated]:
         source = f"supports[{i}].rotation"
         yield (*place, "rpy"), source, so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
         quaternion, stated = so3.to_quaternion(R), np.array(support.quaternion_xyzw)
-        signed = stated * np.sign(stated @ quaternion)
-        yield (*place, "quaternion_xyzw"), source, signed, quaternion
+        yield (*place, "quaternion_xyzw"), source, stated * np.sign(stated @ quaternion), quaternion
         if support.turn_std is not None:
             yield (*place, "turn_std"), _COVARIANCE, support.turn_std, turns[i]
         if not so3.locked(R):
             std = np.sqrt(np.maximum(variance[i], 0.0))
             yield (*place, "rpy_std"), _COVARIANCE, support.rpy_std, std
-    if c.parameters is not None:
-        yield from _zeros_and_load(c, c.parameters)
 
 
-def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Repeated]:
+def _zeros_and_load(c: Calibration) -> Iterator[Repeated]:
     """Yield zeros, sensitivities and load by the block of all parameters."""
-    given, n = calibrated_from(block, c.rig.record(), c.rotation), len(c.supports)
+    if c.parameters is None:
+        return
+    given, n = calibrated_from(c.parameters, c.rig.record(), c.rotation), len(c.supports)
     state, std, at = given.state, np.sqrt(np.diagonal(given.covariance)), layout(n)
     zero_std, scale = std[at["zero"]].reshape(n, 3), np.eye(3) + symmetric(state.sensitivity)
     for i, support in enumerate(c.supports):
         yield ("supports", i, "zero"), _VALUES, support.zero, state.zero[i]
         yield ("supports", i, "zero_std"), _VARIANCES, support.zero_std, zero_std[i]
         yield ("supports", i, "sensitivity"), _VALUES, c.sensitivity[i], scale[i]
-    mass, barycentre = c.terminal.mass, c.terminal.barycenter
-    yield ("terminal", "mass", "value"), _VALUES, mass.value, state.mass
-    yield ("terminal", "mass", "std"), _VARIANCES, mass.std, std[at["mass"]]
-    yield ("terminal", "barycenter", "value"), _VALUES, barycentre.value, state.barycentre
-    yield ("terminal", "barycenter", "std"), _VARIANCES, barycentre.std, std[at["barycentre"]]
+    for name, stated, value, row in (
+        ("mass", c.terminal.mass, state.mass, at["mass"]),
+        ("barycenter", c.terminal.barycenter, state.barycentre, at["barycentre"]),
+    ):
+        yield ("terminal", name, "value"), _VALUES, stated.value, value
+        yield ("terminal", name, "std"), _VARIANCES, stated.std, std[row]
 
 
 def _covariance(

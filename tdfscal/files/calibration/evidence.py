@@ -95,12 +95,9 @@ class ExactQuantityResult(Strict):
 
 
 class MonteCarloResult(Strict):
-    """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
+    """What trials show; where they decide, the intervals stated are theirs."""
 
     trials: PositiveCount = key("number of trials")
-    rpy_std: Vectors = key("rad: standard deviations over the trials")
-    low: Vectors = key("rad: lower ends of the coverage intervals")
-    high: Vectors = key("rad: upper ends of the coverage intervals")
     tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
     linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
 
@@ -263,8 +260,6 @@ class PostureTable(Table):
     moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
     moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
     left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
-    force_std: Vectors | None = key("N: standard uncertainty of force_after", None)
-    moment_std: Vectors | None = key("N·m: of moment_after", None)
 
 
 class LeftOutStretch(Strict):

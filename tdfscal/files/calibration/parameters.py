@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,19 +31,6 @@ _COMPONENTS = {
     "friction": ("hinge_friction",),
     "drift": (),
 }
-_UNITS = {
-    "rotation": "rad",
-    "zero": "N",
-    "sensitivity": "1",
-    "mass": "kg",
-    "barycentre": "m",
-    "hinge": "m",
-    "datum": "m",
-    "tilt": "rad",
-    "compliance": "m/N",
-    "friction": "N·m",
-    "drift": "",
-}
 _OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 
 
@@ -51,24 +38,22 @@ class Parameters(Strict):
     """Every parameter that was free, with the covariance of all of them together."""
 
     parameters: tuple[Text, ...] = key("names of rows and columns")
-    units: tuple[Text, ...] = key("of each, in its order; `matrix` has their products", ())
-    value: Numbers = key("estimate minus stated value of the embedded rig; rotations 0")
-    matrix: Matrix = key("joint covariance; rotations as in `covariance`")
+    value: Numbers = key("SI: estimate minus stated value of the embedded rig; rotations 0")
+    matrix: Matrix = key("SI: joint covariance; rotations as in `covariance`")
     unscaled: Matrix | None = key(
         "rad²: covariance of the rotations before the Birge ratio scaled it", None
     )
 
 
-def _parameters(supports: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Name and unit of all parameters (P,) in the order of `parameters.layout`."""
-    for group in layout(len(supports)):
-        owners = ("",) if group in _OF_THE_RIG else tuple(f"{name}." for name in supports)
-        yield from ((o + part, _UNITS[group]) for o in owners for part in _COMPONENTS[group])
-
-
 def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of all parameters (P,)."""
-    return tuple(name for name, _ in _parameters(supports))
+    """Names of all parameters (P,) in the order of `parameters.layout`."""
+    groups = (
+        (g, ("",) if g in _OF_THE_RIG else [f"{n}." for n in supports])
+        for g in layout(len(supports))
+    )
+    return tuple(
+        owner + part for group, owners in groups for owner in owners for part in _COMPONENTS[group]
+    )
 
 
 def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
@@ -79,12 +64,10 @@ def turn_parameters(supports: Sequence[str]) -> tuple[str, ...]:
 def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -> dict[str, Any]:
     """The block of a calibration whose covariance is joint; unscaled : (3n, 3n), rad²."""
     used = np.flatnonzero(np.diagonal(given.covariance))
-    known = tuple(_parameters(given.rig.supports))
-    names, units = zip(*(known[k] for k in used), strict=True)
+    order = parameter_order(given.rig.supports)
     start = replace(nominal(given.rig), rotation=given.state.rotation)
     return {
-        "parameters": names,
-        "units": units,
+        "parameters": [order[k] for k in used],
         "value": deviation(given.state, start)[used],
         "matrix": given.covariance[np.ix_(used, used)],
         "unscaled": unscaled,
@@ -178,14 +161,11 @@ def _std(values: Sequence[float | None]) -> FloatArray:
 
 def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
     """Where the block's parameters are among all; raises the model's fault."""
-    known = tuple(_parameters(supports))
-    order: Mapping[str, int] = {name: k for k, (name, _) in enumerate(known)}
+    order = {name: k for k, name in enumerate(parameter_order(supports))}
     for name in block.parameters:
         if name not in order:
             raise fault(f"names no parameter of this rig: {name}", "parameters", "parameters")
     place = [order[name] for name in block.parameters]
-    if block.units not in ((), tuple(known[k][1] for k in place)):
-        raise fault("are not those of its parameters", "parameters", "units")
     if place != sorted(set(place)):
         raise fault("are not in their order, each once", "parameters", "parameters")
     return place

@@ -129,9 +129,6 @@ def trials(found: MonteCarlo | None) -> dict[str, Any] | None:
         return None
     return {
         "trials": found.trials,
-        "rpy_std": found.std,
-        "low": found.low,
-        "high": found.high,
         "tolerance": float(found.tolerance.min()),
         "linear_interval_validated": found.validated,
     }
@@ -170,11 +167,9 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     found = result.fit.at.rotation[check.index]
     columns = {"index": used, "start": dwells.start[used], "end": dwells.end[used]}
     for name, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
-        variance = np.einsum("kba,kbc,kca->ka", found, check.cov[:, part, part], found)
         columns |= {
             f"{name}_before": np.einsum("kba,kb->ka", stated, check.before[:, part]),
             f"{name}_after": np.einsum("kba,kb->ka", found, check.after[:, part]),
-            f"{name}_std": np.sqrt(np.maximum(variance, 0.0)),
         }
     left_out = [
         {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
