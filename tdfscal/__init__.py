@@ -25,7 +25,6 @@ __all__ = [
     "Dwells",
     "LoadedRig",
     "Log",
-    "Progress",
     "TdfscalError",
     "__version__",
     "apply",

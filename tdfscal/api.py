@@ -8,9 +8,8 @@ import numpy as np
 
 from tdfscal import logs
 from tdfscal.commands.apply import apply as apply
-from tdfscal.commands.arguments import PathLike, PathLikes, listed
-from tdfscal.commands.arguments import Progress as Progress
 from tdfscal.commands.calibrate import calibrate as calibrate
+from tdfscal.commands.campaign import PathLike, PathLikes, listed
 from tdfscal.commands.capability import capability as capability
 from tdfscal.commands.compare import compare as compare
 from tdfscal.commands.export import export as export

@@ -11,7 +11,7 @@ from functools import partial
 from reprlib import recursive_repr
 from typing import Any, dataclass_transform
 
-__all__ = ["field", "record", "replace"]
+__all__ = ["FrozenInstanceError", "field", "record", "replace"]
 
 
 def _set(self: Any, name: str, value: object) -> None:

@@ -38,7 +38,7 @@ def test_step_by_step(sample: tdfscal.Calibration, tmp_path: Path) -> None:
         lambda: tdfscal.load_rig(3),  # type: ignore[arg-type]
         lambda: tdfscal.load_calibration(3),  # type: ignore[arg-type]
         lambda: tdfscal.calibrate("nul\0"),
-        lambda: tdfscal.Progress(stage=3),  # type: ignore[arg-type]
+        lambda: tdfscal.info("nowhere", progress=3),  # type: ignore[arg-type]
     ],
 )
 def test_what_is_of_another_kind_is_told_what_is_wanted(call: Callable[[], object]) -> None:

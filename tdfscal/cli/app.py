@@ -16,7 +16,7 @@ import typer.core
 import typer.main
 
 from tdfscal import __version__
-from tdfscal.cli.process import ended, failed, leave_stdout, perform
+from tdfscal.cli.process import ended, failed, leave_stdout, perform, unwritten
 from tdfscal.errors import TdfscalError, UsageError, is_short, shortage
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ app = typer.Typer(
 
 def _version(value: bool) -> None:
     if value:
-        print(f"tdfscal {__version__}")
+        typer.echo(f"tdfscal {__version__}")
         raise typer.Exit
 
 
@@ -190,6 +190,10 @@ def run() -> int:
             raise
         leave_stdout()  # nobody reads the help
         return 0
+    except OSError as fault:  # of a command they are errors of ours
+        if is_short(fault):
+            raise
+        return failed(unwritten(fault, "the help"))
     if status == _INTERRUPTED:
         raise KeyboardInterrupt
     return int(status)

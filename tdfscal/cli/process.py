@@ -12,17 +12,15 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from inspect import signature
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, is_short, shortage, visible
 
 if TYPE_CHECKING:
-    from tdfscal.commands.arguments import Progress
-    from tdfscal.commands.options import Command
+    from tdfscal.commands.options import Command, Progress
     from tdfscal.commands.result import Result
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
@@ -144,13 +142,15 @@ def hand_over(text: str) -> None:
             buffer.write(text.encode("utf-8", "surrogateescape"))
         sys.stdout.flush()
     except (OSError, ValueError) as fault:
-        leave_stdout()
-        reason = getattr(fault, "strerror", None) or str(fault)
-        raise UsageError(
-            f"the result cannot be written: {reason}",
-            where="standard output",
-            hint="write it to a file with room for it",
-        ) from fault
+        raise unwritten(fault, "the result") from fault
+
+
+def unwritten(fault: OSError | ValueError, what: str) -> UsageError:
+    """Return the error of standard output that does not take a text; nothing more goes there."""
+    leave_stdout()
+    reason = getattr(fault, "strerror", None) or str(fault)
+    hint = "write it to a file with room for it"
+    return UsageError(f"{what} cannot be written: {reason}", where="standard output", hint=hint)
 
 
 @contextlib.contextmanager
@@ -206,13 +206,13 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():
-        result = _call(command.function, asked)
+        result = _call(command, asked)
         # What the quality gate rejects is not written, unless asked for.
         written = result.exit_status == 0 or asked.get("allow_rejected", True)
         for note in result.notes:  # before the numbers that they concern, wherever these go
             say(f"tdfscal: warning: {note}")
         if json:
-            hand_over(to_json({"command": _line(), **result.to_dict()}, indent=1))
+            hand_over(to_json(result.to_dict(), indent=1))
         elif carried and written:
             hand_over(getattr(result, carried))
         else:
@@ -243,8 +243,9 @@ def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> s
     for option in ("output", "html"):
         if str(asked.get(option)) == "-":
             if option not in dash or (json and option == "html"):
+                what = "the JSON object" if json else "the result in words"
                 raise UsageError(
-                    f"--{option} - and the result both want standard output", hint="name a file"
+                    f"standard output has {what}", where=f"--{option} -", hint="name a file"
                 )
             del asked[option]
             carried = dash[option]
@@ -256,25 +257,17 @@ def _line() -> str:
     return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
 
 
-def _call(function: Callable[..., Result], asked: dict[str, Any]) -> Result:
-    parameters = signature(function).parameters
-    if "command" in parameters:
-        asked["command"] = _line()
+def _call(command: Command, asked: dict[str, Any]) -> Result:
+    """Call its function; files stand one after the other there, as in `compare(a, b)`."""
     asked["progress"] = _on_stderr(quiet=asked.pop("quiet", False))
-    # Files named one after the other, as `compare(a, b)` takes them.
-    named = [asked.pop(key) for key, p in parameters.items() if p.kind is p.VAR_POSITIONAL]
-    return function(*(path for paths in named for path in paths), **asked)
+    several = [p.name for p in command.parameters if p.several]
+    files = [path for name in several for path in asked.pop(name)]
+    return command.call(_line(), *files, **asked)
 
 
-def _on_stderr(*, quiet: bool) -> Progress:
+def _on_stderr(*, quiet: bool) -> Progress | None:
     """Return what shows progress to a user; each line is headed by the seconds since now."""
-    from tdfscal.commands.arguments import SILENT, Progress
-
     if quiet:
-        return SILENT
+        return None
     started = time.monotonic()
-
-    def tell(stage: str) -> None:
-        say(f"[{time.monotonic() - started:5.1f} s] {stage} …")
-
-    return Progress(tell)
+    return lambda stage: say(f"[{time.monotonic() - started:5.1f} s] {stage} …")

@@ -11,11 +11,11 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, one, triple, window
 from tdfscal.commands.calibration_in_use import WrenchPass, take
+from tdfscal.commands.campaign import PathLike, one
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result
+from tdfscal.commands.options import Option, silent, triple, window
+from tdfscal.commands.result import CommandResult
 from tdfscal.files.writers.logs import (
     COLUMNS,
     SUFFIXES,
@@ -43,7 +43,7 @@ _DRAWN = ("time", *COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
 @record(eq=False)
-class ApplyResult(Result):
+class ApplyResult(CommandResult):
     """Contact wrenches of a log.
 
     summary : what the command prints. output : the file that holds the samples; without one,
@@ -110,7 +110,7 @@ def apply(
         Kind, Option("Kalman filter: causal, as a controller's; or smoothed, without delay")
     ] = "none",
     at: options.LcsPoint = (0.0, 0.0, 0.0),
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from tdfscal.acceptance import assess_stated, judge
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, listed, window
-from tdfscal.commands.campaign import Campaign, campaign_folders, resolve
+from tdfscal.commands.campaign import Campaign, PathLike, campaign_folders, listed, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
-from tdfscal.commands.options import Option
+from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.result import Calibration
 from tdfscal.commands.samples import Samples, calibrate_samples
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
@@ -59,8 +58,8 @@ def calibrate(
     ] = None,
     html: options.Page = None,
     allow_rejected: options.AllowRejected = False,
-    command: options.CommandLine = "tdfscal.calibrate",
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
+    command: str = "",
 ) -> Calibration:
     """Calibrate the sensors of a rig from a recorded campaign.
 
@@ -136,7 +135,7 @@ def _calibrated(
             if log.stops and own.reasons and not isinstance(own, SelfCalibration):
                 notes.append(log.stops)  # it may have been meant to rest
             return Calibration.of(from_self(own, origin_of(log, log.inputs), notes))
-    log.progress.stage("calibrating from the tracker's survey")
+    log.progress("calibrating from the tracker's survey")
     tracker, files, remarks = surveyed(campaign, settings.trials, tracker_rng)
     assert own is None or isinstance(own, SelfCalibration)
     inputs = [*log.inputs, *files]
@@ -237,7 +236,7 @@ def _write_attempt(
     from tdfscal.reporting.html import render
     from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 
-    log.progress.stage("drawing the report")
+    log.progress("drawing the report")
     attempt = Attempt(
         error,
         log.campaign.rig,

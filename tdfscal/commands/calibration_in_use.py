@@ -12,8 +12,7 @@ from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions, other_papers
-from tdfscal.commands.arguments import PathLike, PathLikes
-from tdfscal.commands.campaign import Campaign, no_log, resolve
+from tdfscal.commands.campaign import Campaign, PathLike, PathLikes, no_log, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, stated_date
 from tdfscal.commands.result import (
     Calibration,
@@ -213,7 +212,7 @@ class WrenchPass(LogPass):
 
     def read(self) -> tuple[LogHead, Iterator[Samples]]:
         """Begin to read: the beginning, and the samples from their first on. Raises DataError."""
-        self.progress.stage("reading the log and working out the contact wrench")
+        self.progress("reading the log and working out the contact wrench")
         pieces = aligned(self.thermometer.passing(self.pieces()), self.tally)
         watched, averaged = self.inspection.watch(pieces), self.campaign.averaged
         head, samples = take_head(watched, self.rig.supports, averaged=averaged)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from tdfscal.commands.arguments import PathLike, PathLikes, listed, one
-from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.errors import TdfscalError, UsageError, expect
 from tdfscal.files import RIG_NAME, WRENCH_WRITER
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
@@ -26,6 +27,9 @@ from tdfscal.logs.formats import (
     refuse_unfinished,
 )
 from tdfscal.records import LogMapping
+
+PathLike = str | os.PathLike[str]
+PathLikes = PathLike | Sequence[PathLike]
 
 #: How results of tdfscal begin, but for quotes: tables by their first line, documents by their
 #: format, pages, exports and drafts by what wrote them.
@@ -47,6 +51,23 @@ _KINDS = (
     "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, .bag or "
     "rosbag2 folders"
 )
+
+
+def listed(paths: PathLikes) -> list[Path]:
+    """Return one path, or several, as a list. Raises UsageError where one is named twice."""
+    each = [paths] if isinstance(paths, str | os.PathLike) else paths
+    expect("paths", each, Sequence, "a path, or a list of them")
+    found = list(map(as_path, each))
+    counts = Counter(map(os.path.realpath, found))
+    for path in found:
+        if counts[os.path.realpath(path)] > 1:
+            raise UsageError("is named twice", where=str(path), hint="name each path once")
+    return found
+
+
+def one(path: PathLike | None) -> Path | None:
+    """Return a path that may be missing."""
+    return None if path is None else as_path(path)
 
 
 @record
@@ -150,13 +171,12 @@ def _refuse_other(path: Path) -> None:
     """Raise UsageError for what is no log by its name."""
     if is_log(path):
         return
-    kind = own_format(path)
-    if kind == "rig":
-        what, hint = "is a rig file, not a log", "name the folder of the logs, or give it by --rig"
-    elif kind == "calibration":
-        what, hint = "is a calibration, not a log", "name a campaign folder, or its logs"
-    else:
-        what, hint = "is not a log", _KINDS
+    hint = {
+        "rig": "name the folder of the logs, or give it by --rig",
+        "calibration": "name a campaign folder, or its logs",
+    }.get(own_format(path), _KINDS)
+    kind = other_kind(path, "log")
+    what = f"is {kind}, not a log" if kind else "is not a log"
     raise UsageError(what, where=str(path), hint=hint)
 
 
@@ -295,6 +315,13 @@ def own_format(path: Path) -> str:
     """Tell whether a file is a `rig` file or a `calibration`; empty for another one."""
     found = _FORMAT.search(_head(path))
     return found[1].decode() if found else ""
+
+
+def other_kind(path: Path, wanted: str) -> str:
+    """Tell what stands where a `log` or a `calibration` is wanted; empty where it may be one."""
+    kind = own_format(path) or ("log" if is_log(path) else "")
+    said = {"rig": "a rig file", "calibration": "a calibration", "log": "a log"}
+    return "a folder" if path.is_dir() else said.get(kind, "") if kind != wanted else ""
 
 
 def is_own_result(path: Path) -> bool:

@@ -8,12 +8,12 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, listed, triple
 from tdfscal.commands.calibration_in_use import WrenchPass, take
+from tdfscal.commands.campaign import listed
 from tdfscal.commands.free_path import FreePath, planned_path, read_path
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Calibration, Result, by_column
+from tdfscal.commands.options import Option, silent, triple
+from tdfscal.commands.result import Calibration, CommandResult, by_column
 from tdfscal.detection.capability import (
     Capability,
     Request,
@@ -35,7 +35,7 @@ _AGED = 0.5
 
 
 @record(eq=False)
-class CapabilityResult(Result):
+class CapabilityResult(CommandResult):
     """Thresholds and smallest contacts along a path, with what was asked and what was found.
 
     about : (3,), m, LCS, point of the moments.
@@ -133,7 +133,7 @@ def capability(
     ] = None,
     at: options.LcsPoint = (0.0, 0.0, 0.0),
     html: options.Page = None,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> CapabilityResult:
     """Find thresholds for a machine, and the smallest contact it then notices, along a free path.
 
@@ -152,7 +152,7 @@ def capability(
             where=path.use.name,
             hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
         )
-    progress.stage("looking for thresholds")
+    progress("looking for thresholds")
     return _judged(path, request, point)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +10,8 @@ import numpy as np
 
 from tdfscal.catalogue import documents, told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_column, read_sources, sources_of
+from tdfscal.commands.options import Option, silent
+from tdfscal.commands.result import Calibration, CommandResult, by_column, read_sources, sources_of
 from tdfscal.comparison.compatibility import Comparison, judged_together
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.compared import compared
@@ -25,28 +25,28 @@ from tdfscal.reporting.text import render
 
 
 @record(eq=False)
-class CompareResult(Result):
+class CompareResult(CommandResult):
     """The first calibration against each of the others, always the later minus the earlier one.
 
-    pairs : one comparison each. remarks : of each, on the data that both stand on, their rigs'
+    comparisons : one each. remarks : of each, on the data that both stand on, their rigs'
     papers. defects : what must be known of each calibration by itself.
     """
 
-    pairs: tuple[Comparison, ...]
+    comparisons: tuple[Comparison, ...]
     remarks: tuple[tuple[Finding, ...], ...]
     defects: tuple[Finding, ...]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Whether each pair agrees, what keeps it from that, and what must be known of each."""
-        each = zip(self.pairs, self.remarks, strict=True)
+        each = zip(self.comparisons, self.remarks, strict=True)
         said = (_of_pair(pair) + remarks for pair, remarks in each)
         return (*(found for pair in said for found in pair), *self.defects)
 
     @property
     def verified(self) -> bool:
         """Every pair agrees, and none of it was rejected."""
-        return all(pair.verified for pair in self.pairs)
+        return all(pair.verified for pair in self.comparisons)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -61,38 +61,35 @@ class CompareResult(Result):
     @property
     def text(self) -> str:
         """Verdict, differences and E_n of each pair."""
-        each = zip(self.pairs, self.remarks, strict=True)
+        each = zip(self.comparisons, self.remarks, strict=True)
         said = "\n".join(render(comparison_report(pair, said)) for pair, said in each)
         return f"{said}\nAs a page, side by side: tdfscal report A B… --html FILE\n"
 
     def document(self) -> dict[str, Any]:
         """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
-        for pair, said in zip(self.pairs, self.remarks, strict=True):
+        for pair, said in zip(self.comparisons, self.remarks, strict=True):
             own = (one for one in self.defects if set(one.subject) & set(pair.names))
             found = documents((*_of_pair(pair), *said, *own))
-            each.append(comparison_document(pair, {}) | {"findings": found})
+            each.append(comparison_document(pair) | {"findings": found})
         return {"verified": self.verified, "comparisons": each}
 
     def table(self) -> dict[str, list[Any]]:
         """One row per pair and angle: the difference, its standard uncertainty, E_n; rad."""
         rows = (
             (*pair.names, name, angle, pair.rpy[i, j], pair.rpy_std[i, j], pair.en[i, j])
-            for pair in self.pairs
+            for pair in self.comparisons
             for i, name in enumerate(pair.supports)
             for j, angle in enumerate(ANGLES)
         )
         return by_column("of against support angle difference std en", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
-        """Return one figure per pair of two results: differences with expanded uncertainty."""
+        """Return one figure per pair: differences with expanded uncertainty."""
         from tdfscal.reporting.figures.angles import differences
 
-        return tuple(
-            differences([pair], f"comparison-{k + 1}")
-            for k, pair in enumerate(self.pairs)
-            if np.isfinite(pair.p_value)
-        )
+        each = enumerate(self.comparisons, 1)
+        return tuple(differences([pair], f"comparison-{k}") for k, pair in each)
 
 
 @options.command("compare last-month.yaml calibration.yaml")
@@ -105,7 +102,7 @@ def compare(
             "A B…",
         ),
     ],
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> CompareResult:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
 
@@ -122,7 +119,11 @@ def compare(
     sources = sources_of(*files)
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
-    read = read_sources(sources)
+    return against_first(read_sources(sources))
+
+
+def against_first(read: Sequence[tuple[str, Calibration]]) -> CompareResult:
+    """Compare the first of calibrations, each with its name, with each of the others."""
     first, order = read[0], read[0][1].rotations()
     pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
     for other in read[1:]:

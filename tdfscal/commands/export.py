@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, one
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Calibration, Result, read_source
+from tdfscal.commands.campaign import PathLike, one
+from tdfscal.commands.options import Option, silent
+from tdfscal.commands.result import Calibration, CommandResult, read_source
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS, cautions
 from tdfscal.files.calibration.document import below_accepted
@@ -22,7 +22,7 @@ Target = Literal["urdf", "ros", "csv", "c"]
 
 
 @record(eq=False)
-class ExportResult(Result):
+class ExportResult(CommandResult):
     """A calibration in another form. content : the text. output : the file that holds it."""
 
     format: Target
@@ -72,7 +72,7 @@ def export(
         str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
     ] = BCS_FRAME,
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> ExportResult:
     """Write the rotations for a controller: URDF, ROS, CSV, or C.
 

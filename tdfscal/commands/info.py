@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, listed, one, window
-from tdfscal.commands.campaign import find_logs
-from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.campaign import find_logs, listed, one
+from tdfscal.commands.options import silent, window
+from tdfscal.commands.result import CommandResult, by_column
 from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
@@ -20,7 +20,7 @@ from tdfscal.reporting.log_description import as_text
 
 
 @record(eq=False)
-class InfoResult(Result):
+class InfoResult(CommandResult):
     """What is in some logs. description : fields, rates, gaps, dwells, problems, a mapping."""
 
     description: LogInfo
@@ -64,7 +64,7 @@ def info(
     rig: options.RigFile = None,
     from_: options.Begin = None,
     to: options.End = None,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
 
@@ -77,7 +77,7 @@ def info(
     loaded, fault = _rig(listed(paths), one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(paths, apart=apart)
-    progress.stage("reading the log")
+    progress("reading the log")
     found = describe_logs(logs, loaded, window=part)
     return InfoResult(replace(found, problems=(*fault, *found.problems)))
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike
-from tdfscal.commands.campaign import find_logs
+from tdfscal.commands.campaign import PathLike, find_logs
 from tdfscal.commands.info import InfoResult
-from tdfscal.commands.result import Result
+from tdfscal.commands.options import silent
+from tdfscal.commands.result import CommandResult
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import draft
@@ -24,7 +24,7 @@ _GRAVITY = 9.80665
 
 
 @record(eq=False)
-class InitResult(Result):
+class InitResult(CommandResult):
     """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm."""
 
     yaml: str
@@ -88,7 +88,7 @@ def init(
             holds="yaml",
         ),
     ] = None,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> InitResult:
     """Write a complete, commented rig.yaml from a log; what to confirm is marked in it.
 
@@ -99,7 +99,7 @@ def init(
         are positions and forces.
     """
     logs = find_logs(paths)
-    progress.stage("reading the log")
+    progress("reading the log")
     info = describe_logs(logs)
     first = info.contents[0]
     if info.mapping is None:

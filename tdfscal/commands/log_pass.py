@@ -15,8 +15,8 @@ import numpy as np
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.commands.arguments import SILENT, Progress
 from tdfscal.commands.campaign import Campaign
+from tdfscal.commands.options import Progress, silent
 from tdfscal.comparison.shared_data import readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
@@ -42,7 +42,7 @@ class Settings:
     default, 0 for none. command : kept in the file, as what was asked for.
     """
 
-    progress: Progress = SILENT
+    progress: Progress = silent
     window: TimeWindow | None = None
     trials: int | None = None
     command: str = ""
@@ -104,7 +104,7 @@ class LogPass:
 
     def dwells(self) -> Dwells:
         """Read the logs and find the static dwells."""
-        self.progress.stage("reading the log and finding the dwells")
+        self.progress("reading the log and finding the dwells")
         return self.noted(find_dwells(self.pieces()))
 
     def noted(self, dwells: Dwells) -> Dwells:

@@ -8,12 +8,11 @@ from typing import Annotated, Any
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT
 from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.options import Option
+from tdfscal.commands.options import Option, silent
 from tdfscal.commands.read_campaigns import Read, Unusable, require_one_rig
-from tdfscal.commands.result import CalibrationSource, Result, by_column, sources_of
+from tdfscal.commands.result import CalibrationSource, CommandResult, by_column, sources_of
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
@@ -43,7 +42,7 @@ Source = tuple[tuple[str, str], dict[str, Any]]
 
 
 @record(eq=False)
-class MonitorResult(Result):
+class MonitorResult(CommandResult):
     """A rig's history.
 
     findings : what its reader must know; those that reject name campaigns that were not judged.
@@ -122,8 +121,8 @@ def monitor(
         ),
     ],
     html: options.Page = None,
-    command: options.CommandLine = "tdfscal.monitor",
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
+    command: str = "",
 ) -> MonitorResult:
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
 
@@ -162,7 +161,7 @@ def monitor(
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
-    progress.stage(f"going through {len(checks)} checks")
+    progress(f"going through {len(checks)} checks")
     ordered: list[Earlier | Read] = sorted([*reads, *known], key=lambda one: one.measured.month)
     pooled = pool([read.recorded for read in reads]) if reads else None
     life, noisy = life_of(rig, known, pooled)

@@ -1,31 +1,44 @@
 """A command's parameters, told once: Python's help, the command line, the reference follow.
 
 So do its files: no output may replace what a parameter reads, and a command's function only returns
-the result from which the files are written.
+the result from which the files are written. And values as a command line or Python writes them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
 from functools import wraps
 from inspect import Parameter, signature
-from math import inf
+from math import inf, isfinite
 from numbers import Integral, Real
-from os import PathLike
 from pathlib import Path
 from reprlib import repr as shortly
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from tdfscal.commands import arguments
-from tdfscal.commands.arguments import Instant, Numbers, PathLikes, Progress, listed, one
-from tdfscal.commands.campaign import inputs_read
-from tdfscal.commands.result import CalibrationSource, Result
-from tdfscal.errors import UsageError, inaccessible, is_short
+from tdfscal.commands.campaign import PathLike, PathLikes, inputs_read, listed, one
+from tdfscal.commands.result import CalibrationSource, CommandResult, Result
+from tdfscal.errors import UsageError, expect, inaccessible, is_short
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.files.yaml import as_path
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
+from tdfscal.logs import Moment, TimeWindow
+from tdfscal.logs.table import seconds_of
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+Numbers = str | Sequence[float]
+#: A moment of a log as text, a number of s, or a date and time.
+Instant = str | float | datetime
+#: Called with the name of each stage of the work that begins.
+Progress = Callable[[str], None]
+
+
+def silent(stage: str) -> None:
+    """Nobody follows the work."""
 
 
 @record
@@ -65,11 +78,13 @@ class Described:
     """A parameter of a command.
 
     kind, shown : its types in Python and on the command line; shown None where only Python has it.
-    default : on the command line; `...` where it must be given. positional : it stands without a
-    name. flags : names of the option. words : among which it chooses.
+    several : each stands for itself, as `*files`. default : on the command line; `...` where it
+    must be given. positional : it stands without a name. flags : names of the option. words :
+    among which it chooses.
     """
 
     name: str
+    several: bool
     kind: Any
     shown: Any
     default: Any
@@ -92,7 +107,10 @@ class Described:
         shown = kind if option.kind is ... else option.kind
         choices = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
         words = get_args(choices[0]) if choices else ()
-        return cls(name, kind, shown, default, given, (name,) if given else flags, words, option)
+        return cls(
+            name, parameter.kind is Parameter.VAR_POSITIONAL, kind, shown, default, given,
+            (name,) if given else flags, words, option,
+        )  # fmt: skip
 
     def check(self, value: Any) -> None:
         """Raise UsageError for none of its words, or for what is no number within its bounds."""
@@ -102,7 +120,7 @@ class Described:
         if self.words and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
         kinds = (self.kind, *get_args(self.kind))
-        if int in kinds or (float in kinds and not {str, PathLike[str]}.intersection(kinds)):
+        if int in kinds or (float in kinds and not {str, os.PathLike[str]}.intersection(kinds)):
             wanted = Integral if int in kinds else Real
             if not isinstance(value, wanted) or isinstance(value, bool) or value != value:
                 raise UsageError(f"expected a number, got {shortly(value)}", where=where)
@@ -117,16 +135,19 @@ class Described:
 class Command:
     """A function that is a command.
 
-    example : a command line. carries : options that take `-` for standard output, and the text of
-    the result that it gets. parameters : those that the command line has, in their order.
+    call : the function, behind the line that asks for it. example : a command line. carries :
+    options that take `-` for standard output, and the text of the result that it gets.
+    parameters : those that the command line has, in their order.
     """
 
-    function: Callable[..., Any]
+    call: Callable[..., Result]
     example: str
     carries: Mapping[str, str]
     parameters: tuple[Described, ...]
 
 
+#: A function's parameter that gets the line that asks for it, and that no user sees.
+_LINE = "command"
 #: Commands whose modules were loaded, by name.
 COMMANDS: dict[str, Command] = {}
 
@@ -141,19 +162,25 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
 
     def make(function: _Function) -> _Function:
         hints, whole = get_type_hints(function, include_extras=True), signature(function)
-        each = tuple(Described.of(p, hints[name]) for name, p in whole.parameters.items())
+        name, named = function.__name__, {n: p for n, p in whole.parameters.items() if n != _LINE}
+        each = tuple(Described.of(p, hints[n]) for n, p in named.items())
 
-        @wraps(function)
-        def run(*positional: Any, **named: Any) -> Any:
-            given = whole.bind(*positional, **named)
+        def call(line: str, *positional: Any, **options: Any) -> Result:
+            given = whole.bind(*positional, **options)
             given.apply_defaults()
             values = given.arguments
             for parameter in each:
                 parameter.check(values[parameter.name])
+            values["progress"] = told = values["progress"] or silent
+            expect("progress", told, Callable, "a function that takes the name of a stage")
+            if _LINE in values:
+                values[_LINE] = line
             try:
                 with together():
                     _check_files(each, values)
-                    result = function(*given.args, **given.kwargs)
+                    result: Result = function(*given.args, **given.kwargs)
+                    if isinstance(result, CommandResult):
+                        result = replace(result, command=line)
                     _write_files(each, values, result)
                     return result
             except OSError as fault:
@@ -161,16 +188,20 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
                     raise
                 raise inaccessible(fault) from fault
 
+        @wraps(function)
+        def run(*positional: Any, **options: Any) -> Result:
+            return call(f"tdfscal.{name}", *positional, **options)
+
         told = "\n".join(f"    {p.name} : {p.option.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
         run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
         # `help` shows the types alone.
-        bare = [whole.parameters[p.name].replace(annotation=p.kind) for p in each]
+        bare = [named[p.name].replace(annotation=p.kind) for p in each]
+        bare[-1] = bare[-1].replace(default=None)  # nobody follows
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
-        named = tuple(p for p in each if p.shown is not None)
-        COMMANDS[function.__name__] = Command(run, example, carries, named)
+        COMMANDS[name] = Command(call, example, carries, tuple(p for p in each if p.shown))
         return run  # type: ignore[return-value]
 
     return make
@@ -195,7 +226,7 @@ def _paths_in(value: Any) -> list[Path]:
     """Paths, not what is in memory."""
     if isinstance(value, list | tuple):
         return [path for one in value for path in _paths_in(one)]
-    return listed(value) if isinstance(value, str | PathLike) else []
+    return listed(value) if isinstance(value, str | os.PathLike) else []
 
 
 def _write_files(
@@ -208,7 +239,7 @@ def _write_files(
         if not holds or path is None or not (written or holds == "html"):
             continue
         if holds == "html":
-            values["progress"].stage("drawing the report")
+            values["progress"]("drawing the report")
         result.write(as_path(path), holds)
 
 
@@ -222,13 +253,76 @@ def written(
     )
 
 
+_UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+_DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?")
+
+
+def numbers(option: str, value: Numbers) -> tuple[float, ...]:
+    """Return finite numbers, of a sequence or of text such as `0.1,0.1,0.2`. Raises UsageError."""
+    try:
+        values = tuple(
+            float(part) for part in (value.split(",") if isinstance(value, str) else value)
+        )
+    except (TypeError, ValueError):
+        values = ()
+    if not values or not all(map(isfinite, values)):
+        raise UsageError(
+            f"{value!r} is no list of numbers", where=option, hint="write numbers as 0.1,0.1,0.2"
+        )
+    return values
+
+
+def triple(option: str, value: Numbers) -> tuple[float, float, float]:
+    """Return three numbers, as `numbers`."""
+    values = numbers(option, value)
+    if len(values) != 3:
+        raise UsageError(f"{value!r} is not three numbers", where=option, hint="write 0,0,0")
+    return values[0], values[1], values[2]
+
+
+def window(begin: Instant | None, end: Instant | None) -> TimeWindow | None:
+    """Return the part of a log that `--from` and `--to` name; None for all. Raises UsageError."""
+    ends = [
+        None if value is None else _moment(option, value)
+        for option, value in (("--from", begin), ("--to", end))
+    ]
+    first, last = ends
+    if first is None and last is None:
+        return None
+    if first and last and first.after_begin == last.after_begin and first.seconds >= last.seconds:
+        raise UsageError(
+            f"{first} is not before {last}", where="--from, --to", hint="give the earlier one first"
+        )
+    return TimeWindow(first, last)
+
+
+def _moment(option: str, value: Instant) -> Moment:
+    if isinstance(value, datetime):
+        zoned = value if value.tzinfo else value.replace(tzinfo=UTC)
+        return Moment(zoned.timestamp(), dated=True)
+    text = str(value).strip()
+    if found := _DURATION.fullmatch(text):
+        with suppress(ValueError):
+            seconds = float(found[2]) * _UNITS[found[3] or "s"]
+            if isfinite(seconds):
+                return Moment(seconds, after_begin=bool(found[1]))
+    if (stamp := seconds_of(text)) is not None:
+        return Moment(stamp, dated=True)
+    raise UsageError(
+        f"{text!r} is no time",
+        where=option,
+        hint="write s of the log's clock as 12.5, 1.5min or 2h; +90 for 90 s after the log's "
+        "begin; or a date with a time, 2026-11-21T09:30:00+01:00",
+    )
+
+
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"
 
 Paths = Annotated[
     PathLikes, Option("campaign folder, or log files", list[Path], "PATH", reads=True)
 ]
 RigFile = Annotated[
-    arguments.PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
+    PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
 ]
 OneCalibration = Annotated[
     CalibrationSource,
@@ -241,7 +335,7 @@ Begin = Annotated[
 ]
 End = Annotated[Instant | None, Option("use the log up to T", str | None, "T")]
 Page = Annotated[
-    arguments.PathLike | None,
+    PathLike | None,
     Option(
         "also write a report page, whatever the verdict",
         Path | None,
@@ -255,5 +349,4 @@ AllowRejected = Annotated[bool, Option("write the file even if the gate rejects 
 LcsPoint = Annotated[
     Numbers, Option("point of the LCS that moments are about, m", str, "X,Y,Z", default="0,0,0")
 ]
-CommandLine = Annotated[str, Option("kept with the result, as what was asked for", None)]
-Telling = Annotated[Progress, Option("called as the work goes on", None)]
+Telling = Annotated[Progress, Option("called with each stage of the work that begins", None)]

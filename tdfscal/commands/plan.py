@@ -10,21 +10,10 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import (
-    SILENT,
-    Numbers,
-    PathLike,
-    PathLikes,
-    Progress,
-    listed,
-    numbers,
-    one,
-    triple,
-)
-from tdfscal.commands.campaign import no_log, resolve, rig_named
+from tdfscal.commands.campaign import PathLike, PathLikes, listed, no_log, one, resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result
+from tdfscal.commands.options import Numbers, Option, Progress, numbers, silent, triple
+from tdfscal.commands.result import CommandResult
 from tdfscal.commands.samples import delay_of
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError, UsageError
@@ -55,15 +44,14 @@ Travel = float | str | Sequence[str | float]
 
 
 @record(eq=False)
-class PlanResult(Result):
+class PlanResult(CommandResult):
     """Postures or a motion to drive, and what to expect of it.
 
-    output : the file. command : for it.
+    output : the file.
     """
 
     plan: Plan | MovingPlan
     output: Path | None
-    command: str
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -168,8 +156,7 @@ def plan(
     speed: Annotated[
         float, Option("largest speed of a hinge in motion, m/s", metavar="M/S")
     ] = 0.02,
-    command: options.CommandLine = "tdfscal.plan",
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
 
@@ -212,7 +199,7 @@ def plan(
     rng = np.random.default_rng(0)
     found: Plan | MovingPlan
     if motion:
-        progress.stage("looking for the best motion")
+        progress("looking for the best motion")
         density = DEFAULT_DENSITY if noise is None else noise
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, rng)
@@ -233,9 +220,9 @@ def plan(
             count = postures or DEFAULT_POSTURES
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
-            aim, telling = 1e-3 * target, progress.stage
+            aim, telling = 1e-3 * target, progress
             found = plan_for_target(known.rig, request, aim, rng, given=before, progress=telling)
-    return PlanResult(found, one(output), command, findings)
+    return PlanResult(found, one(output), findings)
 
 
 def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
@@ -254,7 +241,7 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
             means.append([x.mean(axis=0) if len(x) else np.full(3, np.nan) for x in seen])
             yield piece
 
-    progress.stage("reading the log and finding the dwells")
+    progress("reading the log and finding the dwells")
     dwells = log.noted(find_dwells(watched()))
     return dwells, np.nanmean(dwells.position if len(dwells) else means, axis=0)
 

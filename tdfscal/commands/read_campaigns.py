@@ -14,9 +14,8 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.same_rig import different_constants, other_papers
-from tdfscal.commands.arguments import PathLike
 from tdfscal.commands.calibrate import surveyed
-from tdfscal.commands.campaign import resolve
+from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
 from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.errors import OutputError, TdfscalError, UsageError

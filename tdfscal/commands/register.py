@@ -11,9 +11,9 @@ import numpy as np
 from tdfscal import trackercal
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result
+from tdfscal.commands.campaign import PathLike
+from tdfscal.commands.options import Option, silent
+from tdfscal.commands.result import CommandResult
 from tdfscal.errors import UsageError
 from tdfscal.files.field_types import LengthUnit
 from tdfscal.files.points.reading import read_point_file
@@ -28,7 +28,7 @@ from tdfscal.trackercal.point_matching import Match
 
 
 @record(eq=False)
-class RegisterResult(Result):
+class RegisterResult(CommandResult):
     """Best-fit transform reference → measured. of_files : what was found of its point files."""
 
     registration: PointRegistration
@@ -91,7 +91,7 @@ def register(
         float | None,
         Option("instrument: standard uncertainty of its angles, arcsec", metavar="A", least=0.0),
     ] = None,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> RegisterResult:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty.
 

@@ -5,31 +5,44 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike
-from tdfscal.commands.options import Option
+from tdfscal.commands.campaign import PathLike
+from tdfscal.commands.compare import CompareResult, against_first
+from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import (
     ANGLE_COLUMNS,
     Calibration,
-    Result,
+    CommandResult,
     angle_rows,
     by_column,
     read_sources,
     sources_of,
 )
+from tdfscal.files.calibration.document import recorded
 from tdfscal.files.outputs import PAGE_SUFFIXES
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import put_side_by_side, several_document, several_report
+from tdfscal.reporting.several import put_side_by_side, several_report
 
 
 @record(eq=False)
-class ReportResult(Result):
+class ReportResult(CommandResult):
     """Calibrations to look at. named : name and content of each, in the order given."""
 
     named: tuple[tuple[str, Calibration], ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What tells several apart; one by itself has its own."""
+        return () if self._compared is None else self._compared.findings
+
+    @property
+    def _compared(self) -> CompareResult | None:
+        """The oldest against each of the others, where there are several."""
+        if len(self.named) == 1:
+            return None
+        return against_first(sorted(self.named, key=lambda named: recorded(named[1]).end))
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out the one, or all side by side."""
@@ -41,11 +54,10 @@ class ReportResult(Result):
 
     def document(self) -> dict[str, Any]:
         """Return the content of all files, and how several compare, as JSON values."""
-        several = len(self.named) > 1
-        return {
-            "calibrations": [c.to_dict() for _, c in self.named],
-            "comparison": several_document(put_side_by_side(self.named)) if several else None,
-        }
+        found: dict[str, Any] = {"verified": None, "comparisons": []}
+        if self._compared is not None:
+            found = self._compared.document()
+        return {"calibrations": [c.to_dict() for _, c in self.named], **found}
 
     def table(self) -> dict[str, list[Any]]:
         """One row per calibration and angle: calibration, created, support, angle …, in rad."""
@@ -58,9 +70,7 @@ class ReportResult(Result):
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
-        pairs = put_side_by_side(self.named).pairs
-        told = [pair for pair in pairs if np.isfinite(pair.p_value)]
-        return (differences(told),) if told else ()
+        return (differences(put_side_by_side(self.named).pairs),)
 
 
 @options.command("report calibration.yaml --html report.html", html="html")
@@ -80,7 +90,7 @@ def report(
             holds="html",
         ),
     ] = None,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> ReportResult:
     """Summarise a calibration file, or several side by side and over time.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
+from tdfscal.commands.campaign import other_kind
 from tdfscal.errors import UsageError, expect
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
@@ -25,7 +26,7 @@ from tdfscal.files.calibration.document import (
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
-from tdfscal.frozen import replace
+from tdfscal.frozen import FrozenInstanceError, record, replace
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 
@@ -79,11 +80,9 @@ class Result:
         return {}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values: what was found, and the result's own.
-
-        `--json` prints them behind the command line, `command`.
-        """
-        return {"findings": documents(getattr(self, "findings", ())), **self.document()}
+        """Return plain JSON values, as `--json` prints them: command, findings, and its own."""
+        found = documents(getattr(self, "findings", ()))
+        return {"command": getattr(self, "command", ""), "findings": found, **self.document()}
 
     def table(self) -> Mapping[str, Any]:
         """Return the result's main table by column, SI units."""
@@ -164,6 +163,13 @@ class Result:
         return sorted(name for name in names if hasattr(self, name))
 
 
+@record(eq=False, kw_only=True)
+class CommandResult(Result):
+    """Base of the results that are no file. command : line, or function, that asked for it."""
+
+    command: str = ""
+
+
 def by_column(names: str, rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:
     """Return rows as columns of these names, which stand between spaces."""
     whole = list(rows)
@@ -205,8 +211,9 @@ class Calibration(Result, CalibrationFile):
         return calibration_report(self, drawings)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the file as plain JSON values."""
-        return file_content(self)
+        """Return the content of the file as plain JSON values, what was found first."""
+        content = file_content(self)
+        return {key: content[key] for key in ("command", "findings")} | content
 
     def table(self) -> dict[str, list[Any]]:
         """Return one row per angle: support, angle, value, std, low, high, in rad."""
@@ -234,6 +241,11 @@ class Calibration(Result, CalibrationFile):
         """The file as YAML."""
         return dump_calibration(self, "yaml")
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if not name.startswith("_"):
+            raise FrozenInstanceError(f"cannot assign to field {name!r}")
+        super().__setattr__(name, value)
+
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if not hasattr(BaseModel, name)]
 
@@ -260,9 +272,9 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
         name = "standard input"
         return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
     path = as_path(source)
-    if path.is_dir():
+    if other := other_kind(path, "calibration"):
         raise UsageError(
-            "is a folder; a calibration file is wanted here",
+            f"is {other}; a calibration file is wanted here",
             where=str(path),
             hint="name the .yaml or .json file that calibrate wrote",
         )

@@ -125,7 +125,7 @@ class _Streams:
     """The slow streams of a log while it passes, with its temperatures where it has any."""
 
     def __init__(self, log: LogPass) -> None:
-        log.progress.stage("reading the log")
+        log.progress("reading the log")
         # An axis that is not measured has no full scale.
         self._decimator = Decimator(np.where(log.rig.axes, log.rig.capacity, np.inf))
         self._log, self._averaged, self._thermometer = log, False, Thermometer()
@@ -154,7 +154,7 @@ def _static(
     log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator
 ) -> SelfCalibration:
     """Calibrate from dwells."""
-    stage, trials = log.progress.stage, log.settings.trials
+    stage, trials = log.progress, log.settings.trials
     stage(f"calibrating from {len(dwells)} dwells")
     return self_calibrate(
         log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials, progress=stage
@@ -172,7 +172,7 @@ def _moving(
     """Calibrate from the motion; rng : of the Monte Carlo, None for none."""
     from tdfscal.motioncal.pipeline import calibrate_moving
 
-    log.progress.stage("calibrating from the motion")
+    log.progress("calibrating from the motion")
     found = calibrate_moving(
         rig or log.rig,
         slow,
@@ -180,7 +180,7 @@ def _moving(
         dwells=dwells,
         rng=rng,
         max_trials=log.settings.trials,
-        progress=log.progress.stage,
+        progress=log.progress,
     )
     log.clocks = _with_delay(log, found, 0.5 * float(slow.time[0] + slow.time[-1]))
     # At rest the dwells bring along what the log says of itself.

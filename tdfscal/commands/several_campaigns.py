@@ -180,7 +180,7 @@ def _informed(read: Read, informed: Rig, trials: int | None) -> Own:
             read.dwells,
             rng=np.random.default_rng(0).spawn(2)[0],
             max_trials=trials,
-            progress=read.log.progress.stage,
+            progress=read.log.progress,
         )
     if moving is None:
         return still
@@ -214,7 +214,7 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
             where=undated[0],
             hint="state campaign.date in its rig.yaml, or record with a wall clock",
         )
-    settings.progress.stage(f"pooling {len(reads)} campaigns")
+    settings.progress(f"pooling {len(reads)} campaigns")
     rejected = {read.name: read.rejected for read in reads if read.rejected}
     sound = [read for read in reads if not read.rejected]
     enough = len(sound) > 1 and any(read.dwells is not None for read in sound)

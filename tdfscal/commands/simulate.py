@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike
-from tdfscal.commands.campaign import rig_named
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Result, by_column
+from tdfscal.commands.campaign import PathLike, rig_named
+from tdfscal.commands.options import Option, silent
+from tdfscal.commands.result import CommandResult, by_column
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
@@ -26,7 +25,7 @@ _SCENARIOS = (
 
 
 @record(eq=False)
-class SimulateResult(Result):
+class SimulateResult(CommandResult):
     """A campaign folder that was written. run : what was simulated, with its truth."""
 
     folder: Path
@@ -80,7 +79,7 @@ def simulate(
     ] = 100.0,
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
     seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
 ) -> SimulateResult:
     """Write a synthetic campaign with its truth.yaml.
 
@@ -91,7 +90,7 @@ def simulate(
     scenario = scenario.lower()
     check_folder(as_path(folder))
     loaded = rig_named(rig) if rig else None
-    progress.stage(f"simulating {postures} postures")
+    progress(f"simulating {postures} postures")
     played = simulate_to_folder(
         Path(folder),
         loaded.rig if loaded else None,

@@ -10,10 +10,10 @@ from typing import Annotated
 import numpy as np
 
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, PathLike, window
 from tdfscal.commands.calibrate import origin_of
-from tdfscal.commands.campaign import campaign_folders
+from tdfscal.commands.campaign import PathLike, campaign_folders
 from tdfscal.commands.log_pass import Settings, day
+from tdfscal.commands.options import silent, window
 from tdfscal.commands.read_campaigns import Read, Recording, read_campaigns, refuse_repeated
 from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.commands.samples import Own
@@ -194,8 +194,8 @@ def update(
     ] = None,
     html: options.Page = None,
     allow_rejected: options.AllowRejected = False,
-    command: options.CommandLine = "tdfscal.update",
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
+    command: str = "",
 ) -> Calibration:
     """Bring a calibration up to date with a new campaign: zeros, load, angles.
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
-from tdfscal.commands.arguments import SILENT, window
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
 from tdfscal.commands.log_pass import LogPass, Settings, measured
-from tdfscal.commands.options import Option
-from tdfscal.commands.result import Calibration, Result
+from tdfscal.commands.options import Option, silent, window
+from tdfscal.commands.result import Calibration, CommandResult
 from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.errors import TdfscalError
@@ -37,7 +36,7 @@ Samples = Literal["static", "moving"]
 
 
 @record(eq=False)
-class ValidateResult(Result):
+class ValidateResult(CommandResult):
     """Verdict of `validate`.
 
     validation : the test, with the residual contact wrench of every posture, or over the motion.
@@ -127,8 +126,8 @@ def validate(
     from_: options.Begin = None,
     to: options.End = None,
     html: options.Page = None,
-    command: options.CommandLine = "tdfscal.validate",
-    progress: options.Telling = SILENT,
+    progress: options.Telling = silent,
+    command: str = "",
 ) -> ValidateResult:
     """Check a calibration on postures or on a motion without contact: valid, or what changed.
 
@@ -170,7 +169,7 @@ def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | M
 
 
 def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
-    log.progress.stage("testing the calibration on the motion")
+    log.progress("testing the calibration on the motion")
     delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
     found = validate_moving(use.given, slow, delay, rig=rig)
     span, used = (found.begin, found.begin + found.seconds), recordings_of(use.calibration)
@@ -179,7 +178,7 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
 
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
-    log.progress.stage(f"testing the calibration on {len(dwells)} dwells")
+    log.progress(f"testing the calibration on {len(dwells)} dwells")
     rig, age = use.campaign.rig.rig, None
     if len(dwells):
         warm = None if dwells.temperature is None else dwells.temperature[0]

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from tdfscal.errors import TdfscalError
+from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.field_types import UNKNOWN
 from tdfscal.files.yaml import Document, Place, shorten
 
@@ -67,7 +67,7 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
         what = f"is of the newer format {shown}; this program reads {expected}"
         raise error(what, where=where, hint="update tdfscal")
     if kind == "tdfscal-calibration":
-        hint = "name the file that `tdfscal calibrate` wrote"
+        error, hint = UsageError, "name the file that `tdfscal calibrate` wrote"
     what = f"is not a {thing}: its format is `{shown}`, not `{expected}`"
     raise error(what, where=where, hint=hint)
 

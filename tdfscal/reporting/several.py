@@ -188,19 +188,9 @@ def _marked(en: Any) -> layout.Cell:
     return cell
 
 
-def several_document(view: Several) -> dict[str, Any]:
-    """Return the comparison as plain JSON values: names, verdicts, differences, E_n; rad."""
-    names = dict(zip(view.letters, view.names, strict=True))
-    return layout.document(
-        view,
-        "letters calibrations=names verified=agrees",
-        against_first=[comparison_document(c, names) for c in view.pairs],
-    )
-
-
-def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
+def comparison_document(c: Comparison) -> dict[str, Any]:
     """Return one comparison as plain JSON values; angles in rad."""
-    of, against = (names.get(name, name) for name in c.names)
+    of, against = c.names
     return layout.document(
         c,
         "verified chi2 dof p_value sensor_p_value=alone p_limit=limit difference_rpy=rpy "

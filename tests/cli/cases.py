@@ -137,7 +137,7 @@ MISTAKES = [
     Case("apply own.yaml campaign", 2, "--output"),
     Case("apply own.yaml campaign -o wrench.xls", 2, ".csv, .parquet or .mcap"),
     Case("apply own.yaml campaign -o wrench.csv --at 1,2", 2, "--at"),
-    Case("validate campaign/rig.yaml campaign", 3, "Name the file that `tdfscal calibrate` wrote"),
+    Case("validate campaign/rig.yaml campaign", 2, "is a rig file; a calibration file is wanted"),
     Case("capability own.yaml", 2, "PATH"),
     Case("export own.yaml", 2, "Choose from: urdf"),
     Case("plan campaign -o out/kept.csv --home 1,2", 2, "0,0,0"),

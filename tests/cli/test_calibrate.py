@@ -50,7 +50,7 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     lines = text.out.splitlines()
     assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
     said = cli.json("report", target)
-    assert (said["calibrations"], said["comparison"]) == ([printed], None)
+    assert (said["calibrations"], said["comparisons"]) == ([printed], [])
     assert list(said)[:2] == ["command", "findings"]
 
 

@@ -71,6 +71,18 @@ def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
     assert list(tmp_path.iterdir()) == []
 
 
+@needs_full
+@pytest.mark.parametrize("line", ["--help", "--version", "calibrate --help"])
+def test_help_that_does_not_arrive_is_one_line(
+    line: str, cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", full())
+        seen = cli(*line.split(), ends=2)
+    assert seen.err.startswith("tdfscal: standard output: the help cannot be written: No space")
+    assert seen.err.count("\n") == 1
+
+
 def test_a_result_is_utf8_whatever_the_terminal_is(
     cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:

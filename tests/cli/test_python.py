@@ -19,7 +19,7 @@ from tdfscal.errors import (
     UsageError,
 )
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
-from tests.cli.running import run
+from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
@@ -62,6 +62,8 @@ def test_python_and_json_are_the_same_numbers(
     assert capsys.readouterr().out == ""
     assert lasting(json.loads(json.dumps(result.to_dict()))) == lasting(json.loads(seen.out))
     document = result.to_dict()
+    assert list(document)[:2] == ["command", "findings"]
+    assert document["command"] == f"tdfscal.{case.command}"
     of_each = [document, *document.get("comparisons", ())]
     written = {found["code"] for part in of_each for found in part.get("findings", ())}
     assert {found.code for found in getattr(result, "findings", ())} == written
@@ -76,8 +78,10 @@ def test_python_and_json_are_the_same_numbers(
     frame = result.to_frame()
     assert isinstance(frame, pd.DataFrame)
     assert len(frame)
-    if case.command != "schema":
-        assert isinstance(result.plot(), Figure)
+    assert isinstance(result.plot(), Figure)
+    for name in ("command", "status", "new"):
+        with pytest.raises(AttributeError, match=f"cannot assign to field '{name}'"):
+            setattr(result, name, "")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -87,7 +91,7 @@ def test_options_have_the_same_names(command: str) -> None:
     parameters = inspect.signature(function_of(command)).parameters
     of_both = {p.name for p in app.described(command).parameters}
     assert of_cli == of_both <= set(parameters)
-    assert set(parameters) - of_both <= {"progress", "command"}
+    assert set(parameters) - of_both == {"progress"}
 
 
 @pytest.mark.usefixtures("here")
@@ -115,6 +119,22 @@ def test_options_have_the_same_names(command: str) -> None:
 def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:
     with pytest.raises(UsageError):
         call()
+
+
+def test_a_function_follows_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    tdfscal.info(SAMPLES / "parquet", progress=print)
+    assert capsys.readouterr().out == "reading the log\n"
+
+
+def test_a_calibration_against_itself_is_drawn(sample: tdfscal.Calibration) -> None:
+    """They are no two results, yet a figure shows the differences."""
+    copy = sample.model_copy()
+    compared = tdfscal.compare(sample, copy)
+    assert not compared.verified
+    for result in (compared, tdfscal.report(sample, copy)):
+        assert isinstance(result.plot(), Figure)
+        (found,) = result.to_dict()["comparisons"]
+        assert found["chi2"] is None
 
 
 @pytest.mark.usefixtures("here")

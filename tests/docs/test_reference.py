@@ -43,7 +43,7 @@ def test_python_s_pages_name_all_that_is_public() -> None:
 def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
     """Its first sentence, and every parameter's help."""
     command = described(name)
-    doc = str(command.function.__doc__)
+    doc = str(getattr(tdfscal, name).__doc__)
     assert doc.startswith(summary(name))
     shown = {p.name: p.help for p in made(name).params}
     for p in command.parameters:

@@ -133,7 +133,8 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
     ax.axvline(0.0, color=style.GREY, linewidth=0.8)
     for k, pair in enumerate(pairs):
         y = place + (k - 0.5 * (len(pairs) - 1)) * step
-        value, half = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
+        value = 1e3 * pair.rpy.ravel()
+        half = np.nan_to_num(1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel())  # of no two results
         beyond = pair.en.ravel() > 1.0
         for which, colour in ((~beyond, style.BLUE), (beyond, style.RED)):
             ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
