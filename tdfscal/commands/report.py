@@ -18,7 +18,6 @@ from tdfscal.commands.result import (
     read_sources,
     sources_of,
 )
-from tdfscal.files.calibration.document import recorded
 from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -42,7 +41,7 @@ class ReportResult(CommandResult):
         """The oldest against each of the others, where there are several."""
         if len(self.named) == 1:
             return None
-        return against_first(sorted(self.named, key=lambda named: recorded(named[1]).end))
+        return against_first(sorted(self.named, key=lambda named: named[1].measured.record().end))
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out the one, or all side by side."""
