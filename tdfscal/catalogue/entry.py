@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from string import Formatter
 from typing import Any, cast
 
 import numpy as np
 
+from tdfscal.catalogue.numbers import UNITS, p_text, quantity, upwards, when, without_exponent
 from tdfscal.errors import visible
 from tdfscal.findings import Finding, Severity
 from tdfscal.frozen import record
-from tdfscal.numerics.distributions import p_text
 
-#: Larger and smaller units in which a size is read, with their factors.
-_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
-    "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6)),
-    "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
-    "s": (("s", 1.0), ("ms", 1e3), ("µs", 1e6)),
-    "N": (("N", 1.0),),
-    "1": (("ppm", 1e6),),
-    "N·m": (("N·m", 1.0),),
-}
-
-#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
-_WALL_CLOCK = (631152000.0, 4102444800.0)
 #: Times so close, s, are told to a tenth.
 _CLOSE = 10.0
-_EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
-#: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
-_EPS = 1e-9
 
 
 @record
@@ -122,7 +106,7 @@ class _Words(Formatter):
             return "–"
         if format_spec == "when":
             return when(value)
-        if format_spec in _UNITS:
+        if format_spec in UNITS:
             beside, digits = getattr(value, "beside", ()), getattr(value, "digits", 3)
             return quantity(value, format_spec, beside, digits)
         if isinstance(value, Sequence) and not isinstance(value, str):
@@ -158,59 +142,6 @@ def _fields(finding: Finding) -> dict[str, Any]:
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields
-
-
-def quantity(
-    size: float | Sequence[float], unit: str, beside: Sequence[float] = (), digits: int = 3
-) -> str:
-    """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several.
-
-    beside : what is said in the same unit in the same sentence. digits : significant ones.
-    """
-    each = [size] if isinstance(size, int | float) else list(size)
-    largest = max((abs(value) for value in (*each, *beside) if np.isfinite(value)), default=0.0)
-    ways = _UNITS.get(unit, ((unit, 1.0),))
-    name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
-    if largest == 0.0:
-        name, factor = ways[0]
-    said = ", ".join(rounded(value * factor, digits) for value in each)
-    said = said if isinstance(size, int | float) else f"({said})"
-    return f"{said} {name}".rstrip()
-
-
-def by_wall_clock(*times: float) -> bool:
-    """Tell whether times, s, are those of a wall clock."""
-    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
-
-
-def when(time: float) -> str:
-    """Write a time of a log, s, with the digits that find its place; by a wall clock as a date."""
-    if by_wall_clock(time):
-        date = f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"
-        return f"{date.rstrip('0').rstrip('.')} UTC"
-    if not 1e6 <= abs(time) < 1e15:
-        return f"{time:.9g} s"
-    return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
-
-
-def without_exponent(number: str) -> str:
-    """Return a formatted number, whatever its size, without an exponent."""
-    if not _EXPONENT.fullmatch(number):
-        return number
-    return np.format_float_positional(float(number), trim="-", sign=number.startswith("+"))
-
-
-def rounded(size: float, digits: int = 2) -> str:
-    """Return a size with so many significant digits, without an exponent."""
-    return without_exponent(f"{size:.{digits}g}")
-
-
-def upwards(size: float, digits: int = 1) -> str:
-    """Return a size with so many significant digits, upwards; one more where two begin with 1."""
-    size = max(abs(size), np.finfo(float).tiny)
-    digits += digits == 2 and f"{size:e}"[0] == "1"
-    step = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
-    return rounded(np.ceil(size / step - _EPS) * step, digits)
 
 
 def begun(text: str, end: str = "") -> str:

@@ -54,16 +54,16 @@ change-zero-drifted rejects
   {change:N} along x, y, z of the sensor, ± {change_95:N} (95 %)
   -> tare, and validate again; if it returns, calibrate again
 change-gain rejects
-  the gain of {subject} has changed by {change:+.3f} ± {change_95:.3f} % (95 %)
+  the gain of {subject} has changed by {change:+.3g} ± {change_95:.2g} % (95 %)
   along {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
   -> have this sensor, its amplifier and its cable checked; calibrate again with
     uncertainty.force_sensitivity declared until then
 change-gains rejects
-  the gains of all sensors have changed alike by {change:+.3f} ± {change_95:.3f} % (95 %)
+  the gains of all sensors have changed alike by {change:+.3g} ± {change_95:.2g} % (95 %)
   -> weigh the terminal; where that is right, look at what the amplifiers have in common (supply,
     range, unit), then calibrate again
 change-load rejects
-  the terminal's mass has changed by {mass:+.3f} ± {mass_95:.3f} kg (95 %)
+  the terminal's mass has changed by {mass:+.3g} ± {mass_95:.2g} kg (95 %)
   ? shifted , and its barycentre by {barycentre:m}, ± {barycentre_95:m}
   -> correct the load, or the rig file and calibrate again
 change-base-tilted rejects
@@ -140,7 +140,7 @@ calibrations-compatible notes
   chance makes {by_chance:.2g} on average
 calibrations-incompatible rejects
   not compatible: the angles of {support} differ between {first} and {second} by more than the
-  uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.3g} mrad,
+  uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.2g} mrad,
   E_n = {en:.2f}
 calibrations-incompatible-together rejects
   not compatible: all angles together differ between {first} and {second} by more than the

@@ -7,12 +7,12 @@ from tdfscal.catalogue.entry import Entry, entries
 #: Why the data do not determine an angle, and what to do.
 _WEAK = """
 by-prior refuses
-  its standard uncertainty, {unknown:more than ±1 rad|±{mrad:.3g} mrad}, is mostly
+  its standard uncertainty, {unknown:more than ±1 rad|±{mrad:.2g} mrad}, is mostly
   that of its prior
   -> {moving:move for longer|record more postures} or squeeze harder, or widen
     rpy_std to let the data speak
 few-postures refuses
-  standard uncertainty {unknown:more than ±1 rad|±{mrad:.3g} mrad} from {moving:too
+  standard uncertainty {unknown:more than ±1 rad|±{mrad:.2g} mrad} from {moving:too
   short or too small a motion|too few or too similar postures}
   -> {moving:move for longer|record more postures} with more tilt, tare the sensors,
     and weigh the terminal

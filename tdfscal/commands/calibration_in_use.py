@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.catalogue.entry import by_wall_clock
+from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.checks.same_rig import contradictions, other_papers
 from tdfscal.commands.campaign import Campaign, PathLike, PathLikes, no_log, resolve

@@ -13,8 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.entry import by_wall_clock
 from tdfscal.catalogue.inputs import STOPS
+from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.commands.campaign import Campaign
 from tdfscal.commands.options import Progress, silent
 from tdfscal.comparison.shared_data import readings, repeated

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tdfscal.catalogue.entry import when
+from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray, Rows

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.catalogue.entry import by_wall_clock, when
+from tdfscal.catalogue.numbers import by_wall_clock, when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.saving import fingerprint

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdfscal.catalogue.entry import when
+from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.clock import Clock, apart

@@ -15,26 +15,12 @@ from tdfscal.records import FloatArray
 from tdfscal.significance import FEWEST_TRIALS, INTERVAL_COVERAGE
 
 _THREE = 0.9973  # coverage of three standard deviations
-#: Chances below it are not told apart.
-_NEGLIGIBLE = 1e-6
 
 
 def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
     """Probability that χ² with dof degrees of freedom exceeds x; 1 where there is none."""
     none = np.asarray(dof) <= 0
     return np.where(none, 1.0, special.chdtrc(np.where(none, 1.0, dof), x))
-
-
-def p_text(p: float) -> str:
-    """Write a p-value."""
-    return f"p = {probability(p)}" if p >= _NEGLIGIBLE else f"p {probability(p)}"
-
-
-def probability(p: float) -> str:
-    """Two digits where they say something, else the magnitude; below 1e-6 it says nothing."""
-    if p < _NEGLIGIBLE:
-        return "< 1e-6"
-    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
 
 
 def chi2_quantile(p: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:

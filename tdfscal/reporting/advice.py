@@ -10,8 +10,9 @@ import numpy as np
 
 from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.catalogue.entry import begun, rounded
+from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.in_use import MISFITS
+from tdfscal.catalogue.numbers import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue.entry import quantity, rounded
+from tdfscal.catalogue.numbers import quantity, rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult
 from tdfscal.records import FloatArray

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import PurePath
 
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.numbers import places, rounded, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
 from tdfscal.numerics.distributions import student_dof
@@ -84,7 +84,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
 def _summary(c: Calibration) -> Table:
     """The angles with ±."""
     rows = [
-        (m.name, *(f"{1e3 * v:.3f} ± {1e3 * h:.3f}" for v, h in zip(m.rpy, row, strict=True)))
+        (m.name, *(with_std(1e3 * v, 1e3 * h) for v, h in zip(m.rpy, row, strict=True)))
         for m, row in zip(c.mounted, half_widths(c), strict=True)
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
@@ -98,11 +98,14 @@ def _angles(c: Calibration) -> Table:
     for i, m in enumerate(c.mounted):
         each = zip(ANGLES, m.rpy, m.rpy_std, m.interval.low, m.interval.high, strict=True)
         for j, (angle, value, std, low, high) in enumerate(each):
-            spread, interval = "–", "–"  # where roll and yaw are one turn
+            spread, interval, place = "–", "–", 3  # where roll and yaw are one turn
             if std is not None and low is not None and high is not None:
-                spread, interval = f"{1e3 * std:.3f}", f"{1e3 * low:.3f} to {1e3 * high:.3f}"
+                place = places(1e3 * std)
+                spread, *ends = (to_place(1e3 * v, place) for v in (std, low, high))
+                interval = " to ".join(ends)
             source = _dominant(c, 3 * i + j)
-            rows.append((m.name, angle, f"{1e3 * value:.3f}", spread, interval, source))
+            said = to_place(1e3 * value, place)
+            rows.append((m.name, angle, said, spread, interval, source))
     rows += [(name, "undetermined", *[""] * 4) for name in c.undetermined]
     header = ("sensor", "angle", "value", "std. unc.", "95 % interval", "largest source")
     caption = f"Installation angles in the BCS, mrad; {_CONVENTION}"
@@ -133,7 +136,7 @@ def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
 def _zero(value: float | None, std: float | None) -> str:
     if value is None:
         return "not measured"
-    return f"{value:.2f} ± {std:.2f}" if std is not None else f"{value:.2f} (open)"
+    return with_std(value, std) if std is not None else f"{value:.2f} (open)"
 
 
 def _adjusted(c: Calibration) -> tuple[Table, ...]:
@@ -148,7 +151,9 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
         for axis, value, std in zip("xyz", bary.value, bary.std, strict=True)
     ]
     terminal = tuple(
-        (name, f"{value:.3f}", "open" if std is None else f"{std:.3f}")
+        (name, f"{value:.3f}", "open")
+        if std is None
+        else (name, *(to_place(v, places(std)) for v in (value, std)))
         for name, value, std in found
     )
     return (
@@ -296,17 +301,15 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
     """What the motion told besides the angles."""
     lost = covered(m.rejected)
     rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
-    moments = ", ".join(
-        f"{m.inertia.value[k][k]:.4g} ± {m.inertia.std[k][k]:.2g}" for k in range(3)
-    )
+    moments = ", ".join(with_std(m.inertia.value[k][k], m.inertia.std[k][k]) for k in range(3))
     clocks = []
     if m.rate is not None:
-        ppm = f"{1e6 * m.rate.value:.1f} ± {1e6 * m.rate.std:.2g} ppm"
+        ppm = f"{with_std(1e6 * m.rate.value, 1e6 * m.rate.std)} ppm"
         clocks = [("Clocks", f"run apart by {ppm}: the delay is that in the middle of the log")]
     return [
         ("Motion", f"{m.seconds:.1f} s used{rejected}"),
-        ("Delay", f"{1e3 * m.delay.value:.2f} ± {1e3 * m.delay.std:.2g} ms, force after position"),
+        ("Delay", f"{with_std(1e3 * m.delay.value, 1e3 * m.delay.std)} ms, force after position"),
         *clocks,
-        ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
+        ("Friction", f"{with_std(m.friction.value, m.friction.std)} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
     ]

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.catalogue.entry import begun, rounded, upwards
+from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import p_text, rounded, upwards
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import LeftOutStretch
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.distributions import INTERVAL_FACTOR, p_text
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
 from tdfscal.reporting.assumptions import assumption_sentences
 from tdfscal.reporting.figures import clock_from

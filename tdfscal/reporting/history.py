@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.numbers import p_text, places, rounded, to_place, with_std
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
-from tdfscal.numerics.distributions import p_text
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import date_of
-from tdfscal.reporting.figures.style import signed
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
 from tdfscal.reporting.traceability import FIXED
@@ -70,10 +68,11 @@ def sentence(life: Life, alarm: Alarm) -> str:
             f"on {raised} all sensors together depart from what they were, and no turn of a single "
             f"one explains it {tail}"
         )
-    size, half = 1e3 * alarm.size, 1e3 * COVERAGE_FACTOR * alarm.size_std
-    said = f"{size:.2f} ± {half:.2f} mrad (k = {COVERAGE_FACTOR:g})"
+    half = COVERAGE_FACTOR * alarm.size_std
+    said = f"{with_std(1e3 * alarm.size, 1e3 * half)} mrad (k = {COVERAGE_FACTOR:g})"
     name = life.supports[alarm.sensor]
-    turn = f"about the BCS axes ({', '.join(signed(1e3 * x, '+.2f') for x in alarm.turn)}) mrad"
+    turns = (to_place(1e3 * x, places(1e3 * half), "+") for x in alarm.turn)
+    turn = f"about the BCS axes ({', '.join(turns)}) mrad"
     if alarm.kind == "creep":
         return (
             f"{name} creeps by {said} a month since about {since}, {turn}; seen on {raised} {tail}"

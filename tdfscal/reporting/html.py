@@ -21,13 +21,13 @@ _CARD = 2
 def render(report: Report) -> str:
     """Return the page of a report; one without a number gets that of its words."""
     number = report.number or hashlib.sha256(as_text(report).encode()).hexdigest()[:8]
-    said = {"report": legible(report), "number": number, "version": __version__}
+    said = {"report": legible(report, "−"), "number": number, "version": __version__}
     return _environment().get_template("report.html.j2").render(said)
 
 
 def card(report: Report) -> str:
     """Return verdict, claim and first tables of a report, to stand in a notebook."""
-    report = legible(report)
+    report = legible(report, "−")
     tables = [block for block in report.blocks(whole=False) if isinstance(block, Table)]
     colour = "#a50f15" if not report.accepted else "#8a5a00" if report.provisional else "#0f6b33"
     shown = {"report": report, "colour": colour, "blocks": tables[:_CARD]}
@@ -46,7 +46,6 @@ def _environment() -> Environment:
     # All text of a figure is outlines, so nothing in it needs escaping.
     environment.filters["svg"] = lambda drawing: Markup(to_svg(drawing))
     environment.filters["words"] = _words
-    environment.filters["minus"] = lambda text: re.sub(r"-(?=[\d.])", "−", str(text))
     for kind in (Table, Facts, Items):
         environment.tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
     return environment

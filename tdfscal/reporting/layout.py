@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.numbers import p_text, rounded, typeset, with_std
 from tdfscal.errors import visible
 from tdfscal.frozen import record, replace
-from tdfscal.numerics.distributions import p_text
 from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
@@ -61,9 +60,10 @@ class Table:
 
 @record
 class Facts:
-    """Names with what is to be said of each."""
+    """Names with what is to be said of each; verbatim : commands, paths, digests as they are."""
 
     rows: tuple[tuple[str, str], ...]
+    verbatim: bool = False
 
 
 @record
@@ -133,21 +133,23 @@ class Report:
             yield from () if section.page_only else section.blocks
 
 
-def legible(report: Report) -> Report:
-    """The same with every character that does not print as a visible escape.
+def legible(report: Report, minus: str) -> Report:
+    """The same with one sign of negative numbers, and a visible escape of what does not print.
 
     Names, paths and foreign files may hold anything; drawings make outlines of their text.
     """
-    return cast(Report, _mapped(report))
+    return cast(Report, _mapped(report, minus))
 
 
-def _mapped(part: object) -> object:
+def _mapped(part: object, minus: str) -> object:
     if isinstance(part, str):
-        return visible(part)
+        return typeset(visible(part), minus) if minus else visible(part)
     if isinstance(part, tuple):
-        return tuple(map(_mapped, part))
+        return tuple(_mapped(each, minus) for each in part)
     if isinstance(part, Report | Section | Table | Facts | Items):
-        changes: dict[str, Any] = {f.name: _mapped(getattr(part, f.name)) for f in fields(part)}
+        minus = "" if isinstance(part, Facts) and part.verbatim else minus
+        own = ((f.name, getattr(part, f.name)) for f in fields(part))
+        changes: dict[str, Any] = {name: _mapped(value, minus) for name, value in own}
         return type(part)(**changes)
     return part
 
@@ -243,17 +245,11 @@ def told_clock(
 ) -> str:
     """Write how far a recorder's clock is from the first one's; recorders : what is stated."""
     stated = [r.clock.rate_std for r in recorders if r.files == clock.recorder]
-    rate = f"{_with_std(1e6 * clock.rate, 1e6 * clock.rate_std)} ppm"
+    rate = f"{with_std(1e6 * clock.rate, 1e6 * clock.rate_std, '+')} ppm"
     if clock.rate_std > _AS_STATED * max(stated, default=math.inf):
         rate += ", no better known than stated"
-    offset = _with_std(clock.offset, clock.offset_std)
+    offset = with_std(clock.offset, clock.offset_std, "+")
     return f"its clock is {offset} s from the first one's, and faster by {rate}"
-
-
-def _with_std(value: float, std: float) -> str:
-    """A value to the place of its standard uncertainty's second digit."""
-    places = max(1 - math.floor(math.log10(std)), 0) if std > 0 else 6
-    return f"{value:+.{places}f} ± {std:.{places}f}"
 
 
 def utc(instant: str) -> str:

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.entry import begun, by_wall_clock, when
+from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
+from tdfscal.catalogue.numbers import by_wall_clock, when
 from tdfscal.errors import visible
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream

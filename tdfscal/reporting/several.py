@@ -10,13 +10,13 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import p_text, probability, with_std
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import compared
 from tdfscal.files.calibration.document import Calibration, defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import p_text, probability
 from tdfscal.reporting import layout
 from tdfscal.reporting.claims import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
@@ -165,9 +165,9 @@ def _angles(view: Several) -> Table:
     return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
 
 
-def mrad_with(value: Any, std: Any) -> layout.Cell:
+def mrad_with(value: Any, std: Any, sign: str = "") -> layout.Cell:
     """Cells of values (n, 3), rad, in mrad with their expanded uncertainty."""
-    return lambda i, j: f"{1e3 * value[i, j]:.3f} ± {1e3 * COVERAGE_FACTOR * std[i, j]:.3f}"
+    return lambda i, j: with_std(1e3 * value[i, j], 1e3 * COVERAGE_FACTOR * std[i, j], sign)
 
 
 def _en(view: Several) -> tuple[Table, ...]:

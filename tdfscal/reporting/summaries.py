@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue.numbers import rounded
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -197,7 +198,7 @@ def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
         f"home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         tuple(_contact(plan)),
-        f"{before}Travel: {', '.join(f'±{v:.3f}' for v in reach)} m along x, y, z.",
+        f"{before}Travel: {', '.join(f'±{rounded(v)}' for v in reach)} m along x, y, z.",
     )
 
 
@@ -229,7 +230,7 @@ def _motion(plan: MovingPlan) -> tuple[str, str, Sequence[Block], str]:
         "second",
         (),
         f"Used: tilt {np.rad2deg(used['tilt']):.2f}°, speed {1e3 * used['speed']:.1f} mm/s, travel "
-        f"{', '.join(f'±{v:.3f}' for v in used['travel'])} m along x, y, z, internal force "
+        f"{', '.join(f'±{rounded(v)}' for v in used['travel'])} m along x, y, z, internal force "
         f"{used['squeeze']:.0f} N, force in all {used['force']:.0f} N.",
     )
 

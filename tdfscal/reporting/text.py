@@ -44,7 +44,7 @@ def shown(report: Report, *, whole: bool = True) -> str:
 
 def _lines(report: Report, *, whole: bool) -> list[Line]:
     """Verdict, reasons, blocks, warnings, what next."""
-    report = legible(report)
+    report = legible(report, "-")
     colour = "red" if not report.accepted else "yellow" if report.provisional else "green"
     title = f"{report.title}: {report.verdict}" if report.verdict else report.title
     lines = [(line, f"bold {colour}") for line in wrapped(title, "", "")]

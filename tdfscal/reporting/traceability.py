@@ -12,6 +12,7 @@ from typing import Any
 
 from tdfscal import __version__
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.numbers import probability, rounded
 from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
@@ -19,7 +20,6 @@ from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, insta
 from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
-from tdfscal.numerics.distributions import probability
 from tdfscal.records import InputFile, Rig, SensorInfo
 from tdfscal.reporting.assumptions import exact_names
 from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
@@ -56,13 +56,13 @@ class Making:
             ("Command", self.command),
             ("Created", utc(self.created)),
             ("Software", f"tdfscal {self.version}"),
-            *facts,
             *(
                 ("Input file", f"{f.path}, {f.bytes:,} bytes; {f.integrity}; SHA-256 {f.sha256}")
                 for f in self.inputs
             ),
         )
-        return Section("Where this result comes from", (Facts(rows),), page_only=page_only)
+        blocks = (Facts(facts), Facts(rows, verbatim=True))
+        return Section("Where this result comes from", blocks, page_only=page_only)
 
     def document(self) -> dict[str, Any]:
         """Return it under the keys of a calibration file, as plain JSON values."""
@@ -124,7 +124,7 @@ def decision_rule(c: Calibration) -> str:
         end += (
             ". A finding rejects, for example, where the residuals point to an undeclared error "
             f"that would move {harm}an angle or a zero by more than {CERTAIN_SHIFT:g} where the "
-            f"evidence is strong (p < {CERTAINLY_UNDECLARED:g}){FIXED}; by chance "
+            f"evidence is strong (p < {rounded(CERTAINLY_UNDECLARED)}){FIXED}; by chance "
             f"{100 * UNDECLARED_ERROR:.1f} % of sound campaigns at most raise such a suspicion"
         )
     numbered = "; ".join(f"({k + 1}) {rule}" for k, rule in enumerate((*rules, end)))

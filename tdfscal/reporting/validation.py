@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.numbers import p_text, rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ResidualWrench
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
 from tdfscal.reporting.assumptions import exact_names

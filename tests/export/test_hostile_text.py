@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tdfscal.catalogue.numbers import typeset
 from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.exports import FORMATS
@@ -86,10 +87,10 @@ def test_text_and_page(monkeypatch: pytest.MonkeyPatch) -> None:
     no_controls(text)
     no_controls(words)
     for place in ("rig", "warning", "reason"):
-        expected = squeezed(visible(f"{place} {LINE}"))
-        assert expected in squeezed(text)
-        # In a sentence `x` is set as code, which needs no quotes.
-        assert expected.replace("`", "") in squeezed(words).replace("`", "")
+        expected = visible(f"{place} {LINE}")
+        assert squeezed(expected) in squeezed(text)
+        # In a sentence `x` is set as code, which needs no quotes, and -1 as a number.
+        assert squeezed(typeset(expected)).replace("`", "") in squeezed(words).replace("`", "")
     assert squeezed(visible(f"command {ANYTHING}")) in squeezed(words)
     assert "<script" not in page
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tdfscal.catalogue.entry import upwards
+from tdfscal.catalogue.numbers import upwards
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.claims import half_widths
 from tests.reporting.pages import render_page

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.catalogue import documents
-from tdfscal.numerics.distributions import p_text
+from tdfscal.catalogue.numbers import p_text
 from tdfscal.reporting.claims import changes
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report

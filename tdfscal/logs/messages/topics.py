@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from mcap.records import Channel, Schema
 
-from tdfscal.catalogue.entry import when
+from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import Block, Piece, Request, missing_fields, reason

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from tdfscal.catalogue.entry import by_wall_clock
+from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.frozen import field, record
 
 if TYPE_CHECKING:

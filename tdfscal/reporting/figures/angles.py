@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import rounded
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
@@ -99,7 +100,7 @@ def _paint(c: Calibration) -> Figure:
 
 def _gate(ax: Axes, limit: float, widest: float) -> None:
     """Where the quality gate rejects, mrad: drawn where intervals come near, else said."""
-    said = f"the gate rejects beyond ±{limit:.3g}"
+    said = f"the gate rejects beyond ±{rounded(limit)}"
     if limit < _NEAR * widest:
         said += " (dashed)"
         for end in (-limit, limit):

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from tdfscal.catalogue.entry import rounded
+from tdfscal.catalogue.numbers import rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch

@@ -21,6 +21,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from tdfscal.catalogue.numbers import typeset
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures import Drawing as Drawing
@@ -95,8 +96,8 @@ def raster(count: int) -> bool:
 
 
 def signed(value: float, form: str) -> str:
-    """Return a number with its sign, a true minus where it is negative."""
-    return f"{value:{form}}".replace("-", "−")
+    """Return a formatted number with a true minus where it is negative."""
+    return typeset(f"{value:{form}}")
 
 
 def _between_decades(axis: Axis, value: float, _: int) -> str:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from tdfscal.catalogue.numbers import typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.detection.capability import Capability
@@ -27,7 +28,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES, Dwells, FloatArray
 from tdfscal.reporting.figures import Clock, clock_from, date_of, log_clock, style
-from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels, signed
+from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Labels of panels: of each axis of the sensors, and of the contact wrench.
@@ -332,5 +333,5 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
             dates[shown], points[shown], yerr=half[shown], fmt="o", color=style.BLUE,
             markersize=3.5, elinewidth=0.8, capsize=2,
         )  # fmt: skip
-    now = f"now {signed(1e3 * float(life.path[-1, i, j]), '+.3f')} ± {band[-1]:.3f} mrad"
+    now = typeset(f"now {with_std(1e3 * float(life.path[-1, i, j]), band[-1], '+')} mrad")
     ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=style.GREY)

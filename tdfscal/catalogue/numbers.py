@@ -1,0 +1,125 @@
+"""How numbers are written, in text, on pages and in figures: digits, units, signs, chances, times.
+
+An uncertainty has two significant digits, and what stands before it as many places; a probability
+has two and no exponent. Text has the hyphen of a keyboard for a minus, so that a number can be
+copied; what is looked at, pages and figures, has a true minus (`typeset`).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+
+#: Larger and smaller units in which a size is read, with their factors.
+UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
+    "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6)),
+    "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
+    "s": (("s", 1.0), ("ms", 1e3), ("µs", 1e6)),
+    "N": (("N", 1.0),),
+    "1": (("ppm", 1e6),),
+    "N·m": (("N·m", 1.0),),
+}
+
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
+
+#: Probabilities that are told; beyond, nobody acts otherwise.
+_LEAST, _MOST = 1e-3, 0.99
+#: The sign of a negative number: no hyphen of a word, a date or a name, nor an exponent's.
+_MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
+_EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
+#: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
+_EPS = 1e-9
+
+
+def quantity(
+    size: float | Sequence[float], unit: str, beside: Sequence[float] = (), digits: int = 3
+) -> str:
+    """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several.
+
+    beside : what is said in the same unit in the same sentence. digits : significant ones.
+    """
+    each = [size] if isinstance(size, int | float) else list(size)
+    largest = max((abs(value) for value in (*each, *beside) if np.isfinite(value)), default=0.0)
+    ways = UNITS.get(unit, ((unit, 1.0),))
+    name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
+    if largest == 0.0:
+        name, factor = ways[0]
+    said = ", ".join(rounded(value * factor, digits) for value in each)
+    said = said if isinstance(size, int | float) else f"({said})"
+    return f"{said} {name}".rstrip()
+
+
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
+def when(time: float) -> str:
+    """Write a time of a log, s, with the digits that find its place; by a wall clock as a date."""
+    if by_wall_clock(time):
+        date = f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S.%f}"
+        return f"{date.rstrip('0').rstrip('.')} UTC"
+    if not 1e6 <= abs(time) < 1e15:
+        return f"{time:.9g} s"
+    return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
+
+
+def without_exponent(number: str) -> str:
+    """Return a formatted number, whatever its size, without an exponent."""
+    if not _EXPONENT.fullmatch(number):
+        return number
+    return np.format_float_positional(float(number), trim="-", sign=number.startswith("+"))
+
+
+def rounded(size: float, digits: int = 2) -> str:
+    """Return a size with so many significant digits, without an exponent."""
+    return without_exponent(f"{size:.{digits}g}")
+
+
+def upwards(size: float, digits: int = 1) -> str:
+    """Return a size with so many significant digits, upwards."""
+    size = max(abs(size), np.finfo(float).tiny)
+    step = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
+    return rounded(np.ceil(size / step - _EPS) * step, digits)
+
+
+def places(std: float) -> int:
+    """Return the decimal places that two significant digits of an uncertainty have; below 0: tens.
+
+    Of one that is zero, or not finite: three.
+    """
+    return 1 - int(f"{std:.1e}".partition("e")[2]) if 0 < std < math.inf else 3
+
+
+def to_place(value: float, place: int, sign: str = "") -> str:
+    """Return a number to so many decimal places; sign : "+" writes that of positive ones too."""
+    return f"{round(value, place) + 0.0:{sign}.{max(place, 0)}f}"
+
+
+def with_std(value: float, std: float, sign: str = "") -> str:
+    """Return a number with its uncertainty, std or half an interval, by that one's two digits."""
+    return f"{to_place(value, places(std), sign)} ± {to_place(std, places(std))}"
+
+
+def p_text(p: float) -> str:
+    """Write a p-value."""
+    said = probability(p)
+    return f"p {said}" if said[0] in "<>" else f"p = {said}"
+
+
+def probability(p: float) -> str:
+    """Return a probability with two digits; one below 0.001 or above 0.99 as that."""
+    if not _LEAST <= p <= _MOST:
+        return f"< {_LEAST:g}" if p < _LEAST else f"> {_MOST:g}"
+    return f"{p:.2f}" if p >= 0.1 else f"{p:.2g}"
+
+
+def typeset(text: str, minus: str = "−") -> str:
+    """Return text with one sign for all negative numbers; code between backquotes keeps its own."""
+    parts = text.split("`")
+    return "`".join(_MINUS.sub(minus, part) if k % 2 == 0 else part for k, part in enumerate(parts))
