@@ -20,16 +20,17 @@ from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.plan import plan_csv, time_table_csv
 from tdfscal.findings import Finding
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan, plan_for_contact, plan_for_target
 from tdfscal.planning.predicted_information import recorded, scatter_of
-from tdfscal.records import Dwells, FloatArray, Log
+from tdfscal.records import Dwells, FloatArray, Log, Rig
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report
+from tdfscal.selfcal.estimator import Fit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,8 +40,6 @@ DEFAULT_NOISE = 1.0
 """N per axis and posture, where nothing is recorded yet and the rig file states no force noise."""
 DEFAULT_DENSITY = 0.1
 """N, of a force's mean over a second in motion."""
-#: Ways from home as `--travel` writes them.
-Travel = float | str | Sequence[str | float]
 
 
 @record(eq=False)
@@ -89,6 +88,47 @@ class PlanResult(CommandResult):
         return (planned(self.plan),)
 
 
+Target = Annotated[
+    float | None,
+    Option("as many postures as bring every angle within this, mrad", metavar="MRAD"),
+]
+ForceLimit = Annotated[float | None, Option("largest force at any NCP in all, N", metavar="N")]
+Ways = Annotated[
+    float | str | Sequence[str | float],
+    Option(
+        "way from home, either side, m: of all NCPs, or of one",
+        list[str],
+        "[NCP=]M[,M,M]",
+        shell="repeatable",
+    ),
+]
+Home = Annotated[
+    Numbers | None,
+    Option(
+        "LCS origin in the BCS at home, m; default: mean of the recorded log", str | None, "X,Y,Z"
+    ),
+]
+Stiffness = Annotated[
+    float | None,
+    Option("of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M"),
+]
+Noise = Annotated[
+    float | None,
+    Option(
+        "noise of a posture's mean force per axis, N; default: the log's, or 0 beside a "
+        "stated force_noise, or 1; of a motion, of a mean over a second, default 0.1",
+        metavar="N",
+    ),
+]
+Aim = Annotated[
+    Objective, Option("what to know best: the angles, or the wrench at acceptance.contact.rpy")
+]
+Given = Annotated[
+    PathLikes,
+    Option("campaign or log recorded already; plan what is next", list[Path], "PATH", reads=True),
+]
+
+
 @options.command("plan rig.yaml -o plan.csv --postures 24", output="content")
 def plan(
     rig: Annotated[PathLike, Option("a rig.yaml, or its folder", Path, "RIG")],
@@ -98,59 +138,18 @@ def plan(
         options.written("postures, or the time table, to drive", ".csv", metavar="FILE.csv"),
     ] = None,
     postures: Annotated[
-        int | None,
-        Option(
-            "postures to drive; default 24, or more for acceptance.contact",
-            least=1,
-        ),
+        int | None, Option("postures to drive; default 24, or more for acceptance.contact", least=1)
     ] = None,
-    target: Annotated[
-        float | None,
-        Option("as many postures as bring every angle within this, mrad", metavar="MRAD"),
-    ] = None,
+    target: Target = None,
     tilt: Annotated[float, Option("largest tilt, degrees", metavar="DEG")] = 5.0,
     squeeze: Annotated[float, Option("largest internal force at any NCP, N", metavar="N")] = 200.0,
-    force_limit: Annotated[
-        float | None, Option("largest force at any NCP in all, N", metavar="N")
-    ] = None,
-    travel: Annotated[
-        Travel,
-        Option(
-            "way from home, either side, m: of all NCPs, or of one",
-            list[str],
-            "[NCP=]M[,M,M]",
-            shell="repeatable",
-        ),
-    ] = (),
-    home: Annotated[
-        Numbers | None,
-        Option(
-            "LCS origin in the BCS at home, m; default: mean of the recorded log",
-            str | None,
-            "X,Y,Z",
-        ),
-    ] = None,
-    stiffness: Annotated[
-        float | None,
-        Option("of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M"),
-    ] = None,
-    noise: Annotated[
-        float | None,
-        Option(
-            "noise of a posture's mean force per axis, N; default: the log's, or 0 beside a "
-            "stated force_noise, or 1; of a motion, of a mean over a second, default 0.1",
-            metavar="N",
-        ),
-    ] = None,
-    objective: Annotated[
-        Objective, Option("what to know best: the angles, or the wrench at acceptance.contact.rpy")
-    ] = "angles",
-    given: Annotated[
-        PathLikes,
-        Option(
-            "campaign or log recorded already; plan what is next", list[Path], "PATH", reads=True
-        ),
-    ] = (),
+    force_limit: ForceLimit = None,
+    travel: Ways = (),
+    home: Home = None,
+    stiffness: Stiffness = None,
+    noise: Noise = None,
+    objective: Aim = "angles",
+    given: Given = (),
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
     duration: Annotated[float, Option("of the motion, s", metavar="S")] = 60.0,
     speed: Annotated[
@@ -164,65 +163,73 @@ def plan(
     ------
     UsageError, RigError, DataError, NotIdentifiableError
     """
-    postures_only = (postures, target) != (None, None) or bool(listed(given))
-    if motion and (postures_only or objective != "angles"):
-        raise UsageError(
-            "--postures, --target, --objective and --given are of postures",
-            where="--motion",
-            hint="leave them out, or plan postures",
-        )
+    before = listed(given)
+    if motion and ((postures, target, objective) != (None, None, "angles") or before):
+        what = "--postures, --target, --objective and --given are of postures"
+        raise UsageError(what, where="--motion", hint="leave them out, or plan postures")
     if postures is not None and target is not None:
-        raise UsageError(
-            "--postures and --target ask for two different things", hint="give one of them"
-        )
-    known = rig_named(rig)
-    seen, level, at = None, np.eye(3), np.zeros(3)
-    findings: tuple[Finding, ...] = ()
-    if given or home is None:
-        try:
-            seen, centres = _recorded(known, listed(given), progress)
-            (level,), (at,) = register(known.rig.hinge, centres[None])
-        except TdfscalError as error:
-            if given:
-                raise
-            findings = (Finding("home-unknown", values={"why": error.what}),)
-    limits = Limits(
-        tilt=float(np.deg2rad(tilt)),
-        squeeze=squeeze,
-        force=np.inf if force_limit is None else force_limit,
-        travel=travel_limits(known.rig, _travels(travel)),
-        home=at if home is None else np.array(triple("--home", home)),
-        stiffness=stiffness,
-        level=level,
-        recorded=seen is not None and home is None,
-    )
-    rng = np.random.default_rng(0)
+        what = "--postures and --target ask for two different things"
+        raise UsageError(what, hint="give one of them")
+    known, force = rig_named(rig), np.inf if force_limit is None else force_limit
+    way = travel_limits(known.rig, _travels(travel))
+    limits = Limits(float(np.deg2rad(tilt)), squeeze, way, np.zeros(3), force, stiffness)
+    limits, seen, findings = _at_home(limits, known, before, home, progress)
     found: Plan | MovingPlan
     if motion:
         progress("looking for the best motion")
         density = DEFAULT_DENSITY if noise is None else noise
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
-        found = plan_motion(known.rig, moving, rng)
+        found = plan_motion(known.rig, moving, np.random.default_rng(0))
     else:
-        before, usual = None, 0.0 if known.rig.declared.force_noise else DEFAULT_NOISE
-        if seen is not None and given:
-            before = recorded(known.rig, seen, noise or DEFAULT_NOISE)
-        if seen is not None and len(seen):
-            usual = scatter_of(at_rest(known.rig, seen), known.rig) or usual
-        request = Request(
-            limits=limits,
-            noise=usual if noise is None else noise,
-            objective=objective,
+        request = Request(limits, _noise(known.rig, seen) if noise is None else noise)
+        request = replace(request, objective=objective)
+        fit = (
+            recorded(known.rig, seen, noise or DEFAULT_NOISE)
+            if before and seen is not None
+            else None
         )
-        if postures is None and target is None and known.rig.acceptance.states_contact:
-            found = plan_for_contact(known.rig, request, DEFAULT_POSTURES, rng, given=before)
-        elif target is None:
-            count = postures or DEFAULT_POSTURES
-            found = make_plan(known.rig, request, count, rng, given=before)
-        else:
-            aim, telling = 1e-3 * target, progress
-            found = plan_for_target(known.rig, request, aim, rng, given=before, progress=telling)
+        found = _postures(known.rig, request, postures, target, fit, progress)
     return PlanResult(found, one(output), findings)
+
+
+def _at_home(
+    limits: Limits, rig: LoadedRig, given: list[Path], home: Numbers | None, progress: Progress
+) -> tuple[Limits, Dwells | None, tuple[Finding, ...]]:
+    """Put the limits about the home: where a recording stands, unless it is named."""
+    at = np.zeros(3) if home is None else np.array(triple("--home", home))
+    if home is not None and not given:
+        return replace(limits, home=at), None, ()
+    try:
+        seen, centres = _recorded(rig, given, progress)
+        (level,), (middle,) = register(rig.rig.hinge, centres[None])
+    except TdfscalError as error:
+        if given:
+            raise
+        return limits, None, (Finding("home-unknown", values={"why": error.what}),)
+    at = middle if home is None else at
+    return replace(limits, home=at, level=level, recorded=home is None), seen, ()
+
+
+def _noise(rig: Rig, seen: Dwells | None) -> float:
+    """Noise of a posture, N per axis, as what is recorded shows it; else what is usual."""
+    usual = 0.0 if rig.declared.force_noise else DEFAULT_NOISE
+    return (scatter_of(at_rest(rig, seen), rig) or usual) if seen else usual
+
+
+def _postures(
+    rig: Rig,
+    request: Request,
+    count: int | None,
+    target: float | None,
+    before: Fit | None,
+    progress: Progress,
+) -> Plan:
+    """Plan so many postures, or as many as bring the angles, or else the contact, to the target."""
+    rng = np.random.default_rng(0)
+    if target is not None:
+        return plan_for_target(rig, request, 1e-3 * target, rng, given=before, progress=progress)
+    make = plan_for_contact if count is None and rig.acceptance.states_contact else make_plan
+    return make(rig, request, count or DEFAULT_POSTURES, rng, given=before)
 
 
 def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
@@ -246,7 +253,7 @@ def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dw
     return dwells, np.nanmean(dwells.position if len(dwells) else means, axis=0)
 
 
-def _travels(travel: Travel) -> dict[str | None, tuple[float, ...]]:
+def _travels(travel: float | str | Sequence[str | float]) -> dict[str | None, tuple[float, ...]]:
     found = {}
     for text in [travel] if isinstance(travel, str | float | int) else travel:
         name, equals, value = str(text).rpartition("=")

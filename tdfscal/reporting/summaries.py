@@ -193,13 +193,25 @@ def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
     return (
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        f"tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N; "
+        f"tilt up to {np.rad2deg(limits.tilt):g}°, {_squeezed(plan)}; "
         f"{request.noise:.3g} N noise per axis and posture beside the rig file's; "
         f"home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         tuple(_contact(plan)),
         f"{before}Travel: {', '.join(f'±{rounded(v)}' for v in reach)} m along x, y, z.",
     )
+
+
+def _squeezed(plan: Plan | MovingPlan) -> str:
+    """How hard the plan squeezes, and by what; what the positioners add unasked informs too."""
+    limits = plan.request.limits
+    said = f"squeeze up to {limits.squeeze:g} N"
+    if limits.stiffness is None:
+        return f"{said} by servoed forces"
+    said += f" by displacements against {limits.stiffness:g} N/m"
+    unasked = limits.repeatability_force(plan.rig)
+    told = f"; the positioners' own scatter adds {unasked:.3g} N at random, which informs as well"
+    return said + (told if unasked else "")
 
 
 def _contact(plan: Plan) -> Iterator[Block]:
@@ -226,8 +238,7 @@ def _motion(plan: MovingPlan) -> tuple[str, str, Sequence[Block], str]:
     return (
         f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to {1e3 * request.speed:g} mm/s, "
-        f"squeeze up to {limits.squeeze:g} N; {request.noise:g} N noise in the mean force of a "
-        "second",
+        f"{_squeezed(plan)}; {request.noise:g} N noise in the mean force of a second",
         (),
         f"Used: tilt {np.rad2deg(used['tilt']):.2f}°, speed {1e3 * used['speed']:.1f} mm/s, travel "
         f"{', '.join(f'±{rounded(v)}' for v in used['travel'])} m along x, y, z, internal force "

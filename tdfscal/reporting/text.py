@@ -18,6 +18,8 @@ _LISTS = ("Warnings", "What next")
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
 _NARROWEST = 8
+#: Columns that facts need beside their names; else they stand below.
+_BESIDE = 32
 
 
 def render(report: Report, *, whole: bool = True) -> str:
@@ -183,6 +185,9 @@ def parts(block: Block) -> tuple[list[str], list[str]]:
 
 def _facts(facts: Facts) -> list[str]:
     label = max((len(name) for name, _ in facts.rows), default=0)
+    if width() - label < _BESIDE:
+        each = ((wrapped(name, "", ""), wrapped(text)) for name, text in facts.rows)
+        return [line for name, text in each for line in (*name, *text)]
     return [
         line
         for name, text in facts.rows
