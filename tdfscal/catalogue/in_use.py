@@ -83,12 +83,12 @@ change-noise-grown rejects
   -> look for what shakes or hums, at cables and amplifiers, or state
     uncertainty.force_noise, and validate again
 change-sensor-slipped rejects
-  the sensor of {subject} turned by {size} ± {spread} before posture {posture}: {change:rad}
-  about x, y, z of the BCS, ± {change_95:rad} (95 %)
+  the sensor of {subject} turned by {change:rad} about x, y, z of the BCS, ± {change_95:rad}
+  (95 %){posture:, before posture ~|}{between:time}
   -> fasten this sensor, look at its cable, then calibrate again
 change-zero-jumped rejects
-  the zero of {subject} jumped before posture {posture} by {change:N} along x, y, z
-  of the sensor, ± {change_95:N} (95 %)
+  the zero of {subject} jumped by {change:N} along x, y, z of the sensor, ± {change_95:N}
+  (95 %){posture:, before posture ~|}{between:time}
   -> look at the sensor, its cable and amplifier, tare, and validate again
 change-zeros-drift rejects
   the zeros of {whose} drift over the log, by up to {size}

@@ -9,7 +9,6 @@ import numpy as np
 from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
-from tdfscal.errors import DataError
 from tdfscal.estimation import observability
 from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.observability import Observability
@@ -33,7 +32,7 @@ from tdfscal.motioncal.estimator import (
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, undeclared, without_contacts
-from tdfscal.motioncal.slip import Step, likeliest_step, suspicion_of
+from tdfscal.motioncal.slip import likeliest_steps, refuse_changed_delay, suspicion_of
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import (
     MOST_TRIALS,
@@ -184,12 +183,11 @@ def _judged(
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))
     progress("looking for what changed on the way")
-    step = likeliest_step(fit, verdict.determined)
-    if step is not None and step.group == "delay":
-        raise DataError(_delay_changed(step))
+    steps = likeliest_steps(fit, verdict.determined)
+    refuse_changed_delay(steps)
     # With hinges elsewhere than stated whatever else the residuals ask for is an echo.
     if not any(doubt.spoils_motion for doubt in placed):
-        changed = () if step is None else (suspicion_of(step, known),)
+        changed = (suspicion_of(steps, known),) if steps else ()
         doubts = likeliest([*suspicions(known), *changed])
     held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
     doubts = (*placed, *doubts)
@@ -232,13 +230,6 @@ def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
     variance = np.full(len(some), own**2 + fit.slow.quantum**2 / 12)
     force = forces(fit.state.still, seen.force[some])
     return examine(fit.rig, seen.position[some], variance, force, common=own)
-
-
-def _delay_changed(step: Step) -> Finding:
-    """That forces and positions do not keep one delay."""
-    change, std = float(step.amount[0]), float(step.std[0])
-    values: dict[str, Value] = {"ms": 1e3 * change, "ms_std": 1e3 * std}
-    return Finding("delay-changed", (), change, "s", values=values)
 
 
 def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[Finding, ...]:

@@ -32,7 +32,7 @@ from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.design import BlockDesign, instants, suspected
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.preparation import Usable, check_blocks
-from tdfscal.motioncal.slip import likeliest_step
+from tdfscal.motioncal.slip import likeliest_steps
 from tdfscal.motioncal.streams import shifted
 from tdfscal.motioncal.uncertainty import MovingEstimate, by_spectrum
 from tdfscal.numerics.distributions import chi2_quantile
@@ -169,9 +169,8 @@ def without_contacts(
     slow, keep = fit.slow, usable.keep
     for _ in range(_ROUNDS):
         found = touched(fit)
-        step = likeliest_step(fit) if found else None
-        if step is not None:
-            found = min(found, touched(fit, step.wrench), key=covered)
+        if found and (steps := likeliest_steps(fit)):
+            found = min(found, touched(fit, steps[0].wrench), key=covered)
         if not found:
             break
         rejected = _merged([*usable.rejected, *found])

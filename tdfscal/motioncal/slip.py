@@ -1,35 +1,42 @@
 """Did a sensor turn, its zero jump, or the delay change, at some instant of a motion?
 
-As at rest (`selfcal/slip`): from an instant on a sensor has another rotation or zero, or the forces
-another delay, and all else stays common. The columns of such a step are those of the model from
-that instant on, zero before it, in the Fourier coefficients of the blocks. They are asked for at
-instants all over the log, then at closer ones about the likeliest (Rao, Proc. Camb. Phil. Soc. 44,
-1948; `numerics.least_squares.ask`).
+As at rest (`selfcal/changes`): from an instant on a sensor has another rotation or zero, or the
+forces another delay, and all else stays common. The columns of such a step are those of the model
+from that instant on, zero before it, in the Fourier coefficients of the blocks (Rao, Proc. Camb.
+Phil. Soc. 44, 1948; `numerics.least_squares.ask`).
+
+A step that is misplaced leaves a pulse, by which the noise of a quiet log tells it from a true one:
+its score is asked for at every instant. With q(t) the weighted residual, brought back to time under
+the taper, it is Σ c(t) q(t) over all t from the instant on. The information changes slowly, and is
+worked out at some instants.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model import statics
 from tdfscal.model.parameters import sensing
-from tdfscal.motioncal.blocks import ComplexArray
+from tdfscal.motioncal.blocks import BAND, ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.uncertainty import MovingEstimate
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_sf
-from tdfscal.numerics.least_squares import Asked, ask
-from tdfscal.records import BoolArray, FloatArray, IntArray
-from tdfscal.significance import CHANGED_RIG
+from tdfscal.numerics.least_squares import ask
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.significance import CAUSES_APART, CHANGED_RIG
 from tdfscal.wrench.samples_in_motion import derivatives
 
-#: Instants all over the log that are asked for, and those about the likeliest, again and again.
-_SPLITS, _CLOSER = 24, 12
+#: Instants all over the log at which the information of a step is worked out.
+_SPLITS = 24
 #: Instants on either side that a local cubic takes in for the change of a force.
 _HALF = 3
 #: Fall of χ² within which the instant lies with 95 %.
@@ -43,7 +50,8 @@ class Step:
     group : rotation, zero or delay. support : of which sensor. between : s, times between which it
     lies with 95 %. amount, std : (g,), rad in the BCS, N in the sensor's frame, or s. move :
     (p + rests,), of the other unknowns with it. statistic : fall of χ². p_value : that noise gives
-    as much anywhere in the log. wrench : (F, 6) of every block, by the step and the move.
+    as much anywhere in the log. worth : statistic less what its unknowns are worth. wrench : (F, 6)
+    of every block, by the step and the move.
     """
 
     group: str
@@ -54,6 +62,7 @@ class Step:
     move: FloatArray
     statistic: float
     p_value: float
+    worth: float
     wrench: tuple[ComplexArray, ...]
 
 
@@ -69,7 +78,15 @@ class _Steps:
         self.first = np.cumsum([0, *map(len, fit.blocks)])
         self.columns = [_columns(fit, item) for item in fit.designs]
         both = np.concatenate([fit.psi[:, None], fit.slope], axis=1)
-        self.white = [item.white(item.wrench(both), fit.noise) for item in fit.designs]
+        wrenches = [item.wrench(both) for item in fit.designs]
+        pairs = list(zip(fit.designs, wrenches, strict=True))
+        self.white = [item.white(e, fit.noise) for item, e in pairs]
+        each = [
+            np.einsum("tak,ta->tk", columns, _weighted(item, e[..., 0], fit))
+            for columns, (item, e) in zip(self.columns, pairs, strict=True)
+        ]
+        #: Score (N, k) of a step from every instant on.
+        self.score = np.cumsum(np.concatenate(each)[::-1], axis=0)[::-1]
         every = np.arange(self.columns[0].shape[2])
         whole = [self._of_block(k, 0, every) for k in range(len(fit.designs))]
         #: Sums over all blocks behind each.
@@ -97,12 +114,11 @@ class _Steps:
     def _blocks(self, places: IntArray) -> IntArray:
         return np.searchsorted(self.first, places, side="right") - 1
 
-    def asked(self, sums: FloatArray) -> Asked:
-        """The tests of columns with these sums (S, k, k + 1 + p)."""
+    def beside(self, sums: FloatArray) -> FloatArray:
+        """Information (S, k, k) of columns with these sums (S, k, k + 1 + p) beside the fit."""
         k = sums.shape[1]
-        own, score, known = sums[:, :, :k], sums[:, :, k], sums[:, :, k + 1 :] @ self.root
-        left = own - known @ np.swapaxes(known, 1, 2)
-        return ask(left, score, NOISE_ONLY * np.trace(own, axis1=1, axis2=2))
+        known = sums[:, :, k + 1 :] @ self.root
+        return np.asarray(sums[:, :, :k] - known @ np.swapaxes(known, 1, 2))
 
     def removed(
         self, place: int, some: IntArray, amount: FloatArray, move: FloatArray
@@ -128,8 +144,18 @@ def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
     return item.across.wrench(np.concatenate([columns, delay[..., None]], axis=2))
 
 
-def likeliest_step(fit: MovingFit, determined: BoolArray | None = None) -> Step | None:
-    """Find the likeliest step; None where noise does as well.
+def _weighted(item: BlockDesign, e: ComplexArray, fit: MovingFit) -> FloatArray:
+    """The residual e (F, 6) of a block, weighted by the noise and back in time, (N, 6)."""
+    weighted = (e @ item.mix.T * item.weight(fit.noise)) @ item.mix
+    weighted[1:] /= 2  # the inverse transform counts each twice
+    size, block = len(item.block), item.block
+    return np.asarray(
+        (size * block.scale * block.taper[0])[:, None] * np.fft.irfft(weighted, size, axis=0)
+    )
+
+
+def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tuple[Step, ...]:
+    """Find the likeliest step and those about as likely; none where noise does as well.
 
     determined : (n,), sensors whose turns the data show, by default all; the others stand.
     """
@@ -140,86 +166,103 @@ def likeliest_step(fit: MovingFit, determined: BoolArray | None = None) -> Step 
         if determined is None or determined[i]:
             suspects.append(("rotation", i, np.arange(3 * i, 3 * i + 3)))
     places = np.linspace(0, len(steps.time), _SPLITS + 1).astype(np.int64)[1:-1]
-    sums = steps.sums(places, np.arange(6 * n + 1))
-    beside = np.arange(6 * n + 1, sums.shape[2])
-    found = [steps.asked(sums[:, own[:, None], np.append(own, beside)]) for *_, own in suspects]
-    # Unknowns count as in `likeliest` (Schwarz 1978).
-    worth = [asked.statistic.max() - len(own) * np.log(fit.rows)
-             for asked, (*_, own) in zip(found, suspects, strict=True)]  # fmt: skip
-    best = int(np.argmax(worth))
-    group, support, own = suspects[best]
-    tests, size = len(places) * len(suspects), len(own)
-    places, sums = _closest(steps, own, places, found[best].statistic)
-    asked = steps.asked(sums)
-    at, last = int(np.argmax(asked.statistic)), len(places) - 1
-    statistic = float(asked.statistic[at])
-    p_value = min(1.0, tests * float(chi2_sf(statistic, size)))
-    if p_value > CHANGED_RIG:
-        return None
-    near = np.flatnonzero(asked.statistic > statistic - _WITHIN)
-    ends = places[[max(near[0] - 1, 0), min(near[-1] + 1, last)]]
-    amount = -asked.amount[at]
-    move = -steps.root @ (steps.root.T @ (sums[at, :, size + 1 :].T @ amount))
+    information = steps.beside(steps.sums(places, np.arange(6 * n + 1)))
+    # Neighbouring instants of a band of frequencies are no tests of their own.
+    tests = 2 * BAND * len(steps.time) * len(suspects)
+    found = [
+        _at_its_best(steps, group, support, own, places, information[:, own[:, None], own], tests)
+        for group, support, own in suspects
+    ]
+    found.sort(key=lambda step: step.worth, reverse=True)
+    best = found[0]
+    if best.p_value > CHANGED_RIG:
+        return ()
+    near = [step for step in found[1:] if best.worth - step.worth < CAUSES_APART]
+    return (best, *(step for step in near if step.group != "delay"))
+
+
+def _at_its_best(
+    steps: _Steps,
+    group: str,
+    support: int,
+    own: IntArray,
+    places: IntArray,
+    information: FloatArray,
+    tests: float,
+) -> Step:
+    """A step at its likeliest instant.
+
+    own : its columns. information : (S, g, g), at the places. tests : made in all.
+    """
+    every = np.arange(len(steps.time))
+    at = np.interp(every, places, np.arange(len(places)))
+    low = np.minimum(at.astype(np.int64), len(places) - 2)
+    share = (at - low)[:, None, None]
+    between = (1 - share) * information[low] + share * information[low + 1]
+    floor = NOISE_ONLY * np.trace(between, axis1=1, axis2=2)
+    curve = ask(between, steps.score[:, own], floor).statistic
+    place, size = int(np.argmax(curve)), len(own)
+    sums = steps.sums(np.array([place]), own)
+    exact = steps.beside(sums)[0]
+    asked = ask(exact, sums[0, :, size], NOISE_ONLY * float(np.trace(sums[0, :, :size])))
+    near = np.flatnonzero(curve > curve[place] - _WITHIN)
+    ends = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]]
+    amount, statistic = -asked.amount, float(asked.statistic)
+    move = -steps.root @ (steps.root.T @ (sums[0, :, size + 1 :].T @ amount))
     return Step(
         group=group,
         support=support,
-        between=(float(steps.time[ends[0]]), float(steps.time[ends[1]])),
+        between=(float(ends[0]), float(ends[1])),
         amount=amount,
-        std=asked.std[at],
+        std=asked.std,
         move=move,
         statistic=statistic,
-        p_value=p_value,
-        wrench=tuple(steps.removed(int(places[at]), own, amount, move)),
+        p_value=min(1.0, tests * float(chi2_sf(statistic, size))),
+        # Unknowns count as in `likeliest` (Schwarz 1978).
+        worth=statistic - size * float(np.log(max(steps.fit.rows, 2))),
+        wrench=tuple(steps.removed(place, own, amount, move)),
     )
 
 
-def _closest(
-    steps: _Steps, own: IntArray, places: IntArray, statistic: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """Places ever closer about the likeliest one, in order, and the sums of a suspect there.
+def suspicion_of(steps: Sequence[Step], of: MovingEstimate) -> Suspicion:
+    """The likeliest steps as one suspicion, with the angle that they spoil most by either end."""
+    rig, best, moves = of.fit.rig, steps[0], list[FloatArray]()
+    for step in steps:
+        before = step.move[: 3 * rig.n]
+        after = before.copy()
+        if step.group == "rotation":
+            after[3 * step.support : 3 * step.support + 3] += step.amount
+        moves += [np.abs(before), np.abs(after)]
+    shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
+    return Suspicion(
+        causes=tuple(_cause(rig, step) for step in steps),
+        p_value=best.p_value,
+        shift=shift,
+        harm=harm,
+        angle=angle,
+        kind="slip" if any(step.group == "rotation" for step in steps) else "jump",
+        support=best.support,
+        weight=best.worth,
+        move=best.move[: len(of.drawn)],
+    )
 
-    A step that is misplaced by some instants leaves a pulse, which shrinks it.
-    """
-    found: dict[int, FloatArray] = {}
-    at = int(np.argmax(statistic))
-    low, high = places[max(at - 1, 0)], places[min(at + 1, len(places) - 1)]
-    while True:
-        more = np.linspace(low, high, _CLOSER).astype(np.int64)
-        more = np.setdiff1d(more, list(found))
-        if not len(more):
-            break
-        found |= dict(zip(more.tolist(), steps.sums(more, own), strict=True))
-        places = np.array(sorted(found))
-        sums = np.array([found[place] for place in places.tolist()])
-        at = int(np.argmax(steps.asked(sums).statistic))
-        low, high = places[max(at - 1, 0)], places[min(at + 1, len(places) - 1)]
-    return places, sums
 
-
-def suspicion_of(step: Step, of: MovingEstimate) -> Suspicion:
-    """The step as a suspicion, with the angle that it spoils most, before or after."""
-    rig, p = of.fit.rig, len(of.drawn)
-    before = step.move[: 3 * rig.n]
-    after = before.copy()
-    code, kind, unit = "zero-jumped", "jump", "N"
-    if step.group == "rotation":
-        after[3 * step.support : 3 * step.support + 3] += step.amount
-        code, kind, unit = "sensor-slipped", "slip", "rad"
+def _cause(rig: Rig, step: Step) -> Finding:
+    """A sensor that turned, or whose zero jumped, and when."""
     values: dict[str, Value] = {
         "change": step.amount.tolist(),
         "change_95": (INTERVAL_FACTOR * step.std).tolist(),
         "between": list(step.between),
     }
-    size, subject = float(np.linalg.norm(step.amount)), (rig.supports[step.support],)
-    shift, harm, angle = worst_angle(rig, of.uncertainty, np.maximum(np.abs(before), np.abs(after)))
-    return Suspicion(
-        causes=(Finding(code, subject, size, unit, values=values),),
-        p_value=step.p_value,
-        shift=shift,
-        harm=harm,
-        angle=angle,
-        kind=kind,
-        support=step.support,
-        weight=step.statistic - len(step.amount) * float(np.log(max(of.fit.rows, 2))),
-        move=step.move[:p],
-    )
+    turned = step.group == "rotation"
+    code, unit = ("sensor-slipped", "rad") if turned else ("zero-jumped", "N")
+    size = float(np.linalg.norm(step.amount))
+    return Finding(code, (rig.supports[step.support],), size, unit, values=values)
+
+
+def refuse_changed_delay(steps: Sequence[Step]) -> None:
+    """Raise DataError where forces and positions do not keep one delay."""
+    if steps and steps[0].group == "delay":
+        change, std = float(steps[0].amount[0]), float(steps[0].std[0])
+        values: dict[str, Value] = {"ms": 1e3 * change, "ms_std": 1e3 * std}
+        raise DataError(Finding("delay-changed", (), change, "s", values=values))

@@ -220,12 +220,14 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
         case "zero drifted":
             values["stated"] = v.zeros.moved
         case "sensor slipped" | "zero jumped":
-            assert _at_rest(v)
-            first = int(v.used[cause.postures[0]])
             size = float(np.linalg.norm(cause.value))
             unit = "rad" if cause.kind == "sensor slipped" else "N"
-            values["std"] = INTERVAL_FACTOR * cause.size_std
-            values["posture"] = f"{first + 1} ({start(v, first)} s)"
+            if cause.between is not None:
+                values["between"] = list(cause.between)
+            else:
+                assert _at_rest(v)
+                first = int(v.used[cause.postures[0]])
+                values["posture"] = f"{first + 1} ({start(v, first)} s)"
         case "zeros drift" | "zeros follow temperature":
             size, unit = float(np.abs(cause.value).max()), "N"
         case "load changed":

@@ -8,6 +8,8 @@ the calibration's covariance and the spectrum's own uncertainty (theory, section
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tdfscal.checks import log_against_rig
@@ -15,7 +17,7 @@ from tdfscal.estimation.fit import factored_information
 from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import nominal, with_motions
+from tdfscal.model.parameters import layout, nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
 from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
@@ -24,9 +26,11 @@ from tdfscal.motioncal.estimator import (
     MovingState,
     at_state,
     estimate_noise,
+    fit_moving,
 )
 from tdfscal.motioncal.preparation import gaps, moments, usable_samples
 from tdfscal.motioncal.score_tests import without_contacts
+from tdfscal.motioncal.slip import Step, likeliest_steps, refuse_changed_delay
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import ResidualWrench, posterior, residual_wrench
 from tdfscal.numerics import so3
@@ -36,7 +40,7 @@ from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
 from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
 from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
-from tdfscal.validation.verdict import Judged, Verdict, searched
+from tdfscal.validation.verdict import Cause, Judged, Verdict, searched
 
 
 @record(kw_only=True)
@@ -85,6 +89,10 @@ def validate_moving(
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
     at = _linearised(given, fit, MovingPriors(rig, slow, delay))
     judged, zeros = judged_with_zeros(at, given, rig, _judged)
+    if steps := _changed_on_the_way(fit, given):
+        judged = _with_steps(judged, steps)
+        # Before it and behind it they are others.
+        zeros = replace(zeros, moved=False, change_std=np.full_like(zeros.change_std, np.inf))
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),
@@ -105,6 +113,43 @@ def _judged(white: Whitened) -> Judged:
     found = causes.causes(white)
     overall = float(chi2_sf(white.chi2, white.dof))
     return Judged(white, found, overall, searched(found, lambda cause: cause.p_value))
+
+
+def _changed_on_the_way(fit: MovingFit, given: Calibrated) -> tuple[Step, ...]:
+    """The likeliest steps; of a fit that has settled, since a large turn of the whole log bends it.
+
+    Raises DataError where the delay changed.
+    """
+    turns = layout(given.rig.n)["rotation"]
+    determined = np.all(~given.open[turns].reshape(-1, 3), axis=1)
+    steps = likeliest_steps(fit, determined)
+    if steps:
+        settled = fit_moving(fit.priors, fit.blocks, fit.state, fit.noise)
+        steps = likeliest_steps(settled, determined)
+    refuse_changed_delay(steps)
+    return steps
+
+
+def _with_steps(judged: Judged, steps: Sequence[Step]) -> Judged:
+    """The same, with steps as the causes: beside them nothing else of the log can be told."""
+    found = tuple(
+        Cause(
+            kind="sensor slipped" if step.group == "rotation" else "zero jumped",
+            support=step.support,
+            postures=(),
+            value=step.amount,
+            std=step.std,
+            gain=step.statistic,
+            weight=step.worth,
+            unknowns=len(step.amount),
+            p_value=step.p_value,
+            remaining_p=1.0,  # the spectrum takes all else
+            between=step.between,
+        )
+        for step in steps
+    )
+    search_p = min(judged.search_p, steps[0].p_value)
+    return replace(judged, causes=replace(judged.causes, best=found), search_p=search_p)
 
 
 #: How far mounting (rad), zeros, mass and barycentre (of the load) may have changed in the log.

@@ -71,7 +71,8 @@ class Cause:
     """A possible cause, fitted by generalised least squares.
 
     support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
-    one from which on it holds.
+    one from which on it holds, at rest. between : s, of a step in motion, times between which it
+    lies with 95 %.
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R),
     of all sensors in turn where several did; a load's
     mass in kg and barycentre in m, as changes; a zero's change in N,
@@ -96,6 +97,7 @@ class Cause:
     p_value: float
     remaining_p: float
     size_std: float = np.nan
+    between: tuple[float, float] | None = None
 
     @property
     def explains(self) -> bool:

@@ -12,12 +12,14 @@ from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
+from tdfscal.reporting.claims import changes
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Touch
 from tdfscal.simulation.truth import Truth
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tests.motioncal.campaigns import DELAY, played
+from tests.words import in_words
 
 MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3)
 
@@ -81,6 +83,28 @@ def test_a_contact_is_left_out_with_its_times_and_spoils_nothing() -> None:
     assert stretch.begin == pytest.approx(20.0, abs=1.5)
     assert stretch.end == pytest.approx(23.0, abs=1.5)
     assert v.holds
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_a_sensor_that_turns_on_the_way_is_told_with_its_time_and_turn(share: float) -> None:
+    """Of the whole log it would be a part of the turn, or no change at all."""
+    campaign, result = before()
+    rng = np.random.default_rng(12)
+    options = replace(MINUTE, inertia=campaign.inertia)
+    later = simulate_moving(campaign.rig, options, rng, campaign.truth)
+    slow = slow_streams([later.log], campaign.rig.capacity)
+    turn, first = np.array([3e-3, 0.0, 0.0]), int(share * len(slow.time))
+    force = slow.force.copy()
+    force[first:, 1] = force[first:, 1] @ so3.exp(turn).T
+    v = validate_moving(result.calibrated, replace(slow, force=force), DELAY)
+    assert not v.holds
+    cause, *others = v.suspected
+    assert others == []
+    assert (cause.kind, cause.support) == ("sensor slipped", 1)
+    assert cause.between is not None
+    assert cause.between[0] - 0.05 <= slow.time[first] <= cause.between[1] + 0.05
+    assert np.all(np.abs(cause.value + campaign.truth.rotation[1] @ turn) < 4 * cause.std)
+    assert "ncp2 turned by" in in_words(changes(v))[0]
 
 
 def turned(truth: Truth) -> Truth:
