@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
@@ -12,14 +11,15 @@ from pydantic import model_validator
 from tdfscal.errors import DataError
 from tdfscal.files.field_types import LengthUnit, NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
-from tdfscal.files.points.columns import Columns, refuse, to_metres
-from tdfscal.files.points.table import Preamble, Table, read_table, read_text
+from tdfscal.files.points.table import Table, read_table, read_text, refuse, to_metres
 from tdfscal.files.rig.recorders import TrackerFiles
 from tdfscal.files.yaml import parse_document
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, PointSet, TrackerSession
 from tdfscal.significance import COVERAGE_FACTOR
+
+_XYZ, _UXYZ = ("x", "y", "z"), ("ux", "uy", "uz")
 
 
 class Point(Strict):
@@ -34,37 +34,27 @@ class Point(Strict):
     uy: NotNegative | None = key("standard uncertainty of y", None)
     uz: NotNegative | None = key("standard uncertainty of z", None)
 
-    @model_validator(mode="after")
-    def _all_or_no_uncertainties(self) -> Self:
-        given = [u is not None for u in (self.ux, self.uy, self.uz)]
-        if any(given) and not all(given):
-            raise fault("gives some of ux, uy, uz only", hint="give all three or none")
-        return self
-
 
 class PointFile(Strict):
     """Points of one file; x, y, z, ux, uy, uz in `length_unit`, ux, uy, uz with k = 1."""
 
-    points: tuple[Point, ...] = key("list of points")
+    points: tuple[Point, ...] = key("list of points", min_length=1)
     length_unit: LengthUnit = key("unit of all coordinates and uncertainties")
 
     @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        seen: dict[tuple[str, str], int] = {}
-        for index, point in enumerate(self.points):
-            first = seen.setdefault((point.group, point.point), index)
-            if first != index:
+    def _whole(self) -> Self:
+        named = [(point.group, point.point) for point in self.points]
+        for index, (name, point) in enumerate(zip(named, self.points, strict=True)):
+            if (first := named.index(name)) < index:
                 raise fault(
-                    f"{point.group}/{point.point} is points[{first}] already",
+                    f"{'/'.join(name)} is points[{first}] already",
                     *("points", index),
                     hint="give each point of a group a name of its own",
                 )
+            if len({u is None for u in (point.ux, point.uy, point.uz)}) > 1:
+                what = "gives some of ux, uy, uz only"
+                raise fault(what, "points", index, hint="give all three or none")
         return self
-
-
-def found_in(code: str, source: str, **values: Value) -> Finding:
-    """Return a finding about a point file."""
-    return Finding(code, (source,), values=values)
 
 
 @record
@@ -99,17 +89,17 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
         return PointReading(_parse_json(text, source), ())
-    table, beside = read_table(text, source)
-    columns = table.columns
-    coordinate, uncertainty = _factors(columns, beside, length_unit, source)
+    table = read_table(text, source)
+    coordinate, uncertainty = _factors(table, length_unit)
     names, named = _names(table)
-    xyz = _coordinates(table)
+    _refuse_probe_offsets(table, names)
+    xyz = table.numbers(*_XYZ)
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
-    digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinates)
-    std, stated = _stated(table, beside)
+    digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(*_XYZ)
+    std, stated = _stated(table)
     found = [*named, *stated]
-    if columns.ignored:
-        found.append(found_in("columns-unused", source, columns=list(columns.ignored)))
+    if ignored := table.columns.ignored:
+        found.append(_found("columns-unused", source, columns=ignored))
     points = PointSet(
         group=tuple(group for group, _ in names),
         point=tuple(point for _, point in names),
@@ -121,11 +111,13 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     return PointReading(points, tuple(found))
 
 
+def _found(code: str, source: str, **values: Value) -> Finding:
+    return Finding(code, (source,), values=values)
+
+
 def _parse_json(text: str, source: str) -> PointSet:
     """Read a point file in JSON. Raises DataError with the place of what is wrong in it."""
     file = checked(PointFile, parse_document(text.encode(), source, DataError), DataError)
-    if not file.points:
-        refuse(source, "holds no points", "check the export")
     factor = to_metres(file.length_unit, source)
     std = np.array([[p.ux, p.uy, p.uz] for p in file.points], dtype=np.float64)  # None is NaN
     return PointSet(
@@ -137,17 +129,18 @@ def _parse_json(text: str, source: str) -> PointSet:
     )
 
 
-def _factors(
-    columns: Columns, beside: Preamble, length_unit: str | None, source: str
-) -> tuple[FloatArray, FloatArray]:
+def _factors(table: Table, length_unit: str | None) -> tuple[FloatArray, FloatArray]:
     """Factors to m of the coordinates and of their uncertainties, (3,) each."""
-    factor, own = columns.factors("x", "y", "z"), columns.factors("ux", "uy", "uz")
-    named = np.isfinite(factor)
-    fallback = np.nan
-    if beside.unit is not None:
-        fallback = to_metres(beside.unit, source)
+    units, source = table.columns.units, table.source
+    factor, own = (
+        np.array([to_metres(units[role], source) if role in units else np.nan for role in roles])
+        for roles in (_XYZ, _UXYZ)
+    )
+    named, fallback = np.isfinite(factor), np.nan
+    if table.unit is not None:
+        fallback = to_metres(table.unit, source)
         if np.any(factor[named] != fallback):
-            line = "AXES line" if beside.axes else "unit line"
+            line = "AXES line" if table.axes else "unit line"
             what = f"the {line} and the column names give different units"
             refuse(source, what, "correct one of them")
     elif length_unit is not None:
@@ -163,64 +156,48 @@ def _factors(
 def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
     """Group and point of each row, and findings; without names they are numbered by their rows."""
     columns, source = table.columns, table.source
-    points, groups = table.texts("point"), table.texts("group")
+    points = [cell for cells in table.texts("point") for cell in cells]
+    groups = [cell for cells in table.texts("group") for cell in cells]
     found = []
     if points and columns.reflector and 2 * len(set(points)) <= len(points):
-        found.append(found_in("column-of-reflectors", source, reflector=points[0]))
+        found.append(_found("column-of-reflectors", source, reflector=points[0]))
         points = []
     if not points:
-        found.append(found_in("points-numbered", source))
+        found.append(_found("points-numbered", source))
         points = [str(k + 1) for k in range(len(table.rows))]
-    names = []
-    for k, point in enumerate(points):
-        name = _apart(groups[k] if groups else "", point)
-        if not name[1] or (groups and not name[0]):
+    names, seen = [], dict[tuple[str, str], int]()
+    for k, label in enumerate(points):
+        *path, point = label.split("::")  # SpatialAnalyzer's Collection::Group::Point
+        name = ((groups[k] if groups else "") or (path[-1] if path else ""), point)
+        if not point or (groups and not name[0]):
             table.refuse(k, "has no group or no point name", "name the point")
+        if (first := seen.setdefault(name, k)) != k:  # which of them holds nobody can tell
+            said = "/".join(filter(None, name))
+            what = f"{said} stands in line {table.lines[first].number} already"
+            hint = "give each point of a group a name of its own; average repeated measurements"
+            table.refuse(k, what, hint)
         names.append(name)
-    _refuse_repeated(table, names)
     return names, found
 
 
-def _refuse_repeated(table: Table, names: Sequence[tuple[str, str]]) -> None:
-    """Refuse two rows of one name: which of them holds nobody can tell."""
-    seen: dict[tuple[str, str], int] = {}
-    for k, name in enumerate(names):
-        first = seen.setdefault(name, k)
-        if first != k:
-            number, label = table.lines[first].number, "/".join(filter(None, name))
-            what = f"{label} stands in line {number} already"
-            hint = "give each point of a group a name of its own; average repeated measurements"
-            table.refuse(k, what, hint)
-
-
-def _apart(group: str, point: str) -> tuple[str, str]:
-    """Group and point of SpatialAnalyzer's `Collection::Group::Point`."""
-    *path, last = point.split("::")
-    return (group or (path[-1] if path else ""), last) if path else (group, point)
-
-
-def _coordinates(table: Table) -> FloatArray:
-    """Coordinates (N, 3) in the file's unit, of points and not of a probe beside them."""
-    columns = table.columns
-    offset = np.nan_to_num(table.numbers(columns.of("offset"), blank=True))
+def _refuse_probe_offsets(table: Table, names: list[tuple[str, str]]) -> None:
+    """Refuse coordinates of a probe, which are not those of the point beside it."""
+    offset = np.nan_to_num(table.numbers("offset", blank=True))
     for k, i in np.argwhere(offset != 0):
-        labels = table.texts("point")
-        label = labels[k] if labels else f"point {k + 1}"
         table.refuse(
             k,
-            f"{label} has a probe offset of {table.rows[k][columns.of('offset')[i]]}: the "
-            "coordinates are those of the probe, not of the point",
+            f"{names[k][1]} has a probe offset of {table.texts('offset')[k][i]}: the coordinates "
+            "are those of the probe, not of the point",
             "export offset-corrected points",
         )
-    return table.numbers(columns.coordinates)
 
 
-def _stated(table: Table, beside: Preamble) -> tuple[FloatArray | None, list[Finding]]:
+def _stated(table: Table) -> tuple[FloatArray | None, list[Finding]]:
     """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them; findings."""
     columns, source = table.columns, table.source
-    if not columns.uncertainties:
+    if "ux" not in columns.roles:
         return None, []
-    numbers = table.numbers(columns.uncertainties, blank=True)
+    numbers = table.numbers(*_UXYZ, blank=True)
     there = np.isfinite(numbers)
     for k, row in enumerate(there):
         if row.any() and not row.all():
@@ -228,30 +205,24 @@ def _stated(table: Table, beside: Preamble) -> tuple[FloatArray | None, list[Fin
             table.refuse(k, "has an uncertainty for some of x, y and z only", hint)
         if np.any(numbers[k] < 0):
             table.refuse(k, "has a negative uncertainty", "check the line")
+    if not np.any(numbers > 0):
+        return None, [_found("uncertainty-unstated", source, zero=bool(there.any()))]
+    coverage = COVERAGE_FACTOR if columns.expanded else table.coverage or 1.0
+    if columns.expanded and table.coverage not in (None, 1.0, coverage):
+        what = f"has U(95) columns and names a coverage of {table.coverage:g} sigma"
+        refuse(source, what, "correct one of them")
     found = []
-    if columns.expanded:
-        coverage = COVERAGE_FACTOR
-        found.append(found_in("uncertainty-expanded", source, coverage=coverage))
-        if beside.coverage not in (None, 1.0, coverage):
-            what = f"has U(95) columns and names a coverage of {beside.coverage:g} sigma"
-            refuse(source, what, "correct one of them")
-    else:
-        coverage = beside.coverage or 1.0
-        if beside.coverage is not None:
-            found.append(found_in("uncertainty-sigma", source, coverage=coverage))
-        elif columns.bare:
-            found.append(found_in("uncertainty-standard", source))
-    std = None
-    if np.any(numbers > 0):
-        # A zero beside other uncertainties was rounded: it is anything below half a digit, and
-        # the end of that interval is taken.
-        rounded = table.last_digit(columns.uncertainties) / 2
-        if np.any(numbers == 0):
-            found.append(found_in("uncertainty-rounded", source, rounded=rounded))
-        if not there.all():
-            lacking = float(np.sum(~there.all(axis=1)))
-            found.append(Finding("uncertainty-missing", (source,), lacking))
-        std = np.where(numbers == 0, rounded, numbers) / coverage
-    else:
-        found.append(found_in("uncertainty-unstated", source, zero=bool(there.any())))
-    return std, found
+    if columns.expanded or table.coverage is not None:
+        code = "uncertainty-expanded" if columns.expanded else "uncertainty-sigma"
+        found.append(_found(code, source, coverage=coverage))
+    elif columns.bare:
+        found.append(_found("uncertainty-standard", source))
+    # A zero beside other uncertainties was rounded: it is anything below half a digit, and the end
+    # of that interval is taken.
+    rounded = table.last_digit(*_UXYZ) / 2
+    if np.any(numbers == 0):
+        found.append(_found("uncertainty-rounded", source, rounded=rounded))
+    if not there.all():
+        lacking = float(np.sum(~there.all(axis=1)))
+        found.append(Finding("uncertainty-missing", (source,), lacking))
+    return np.where(numbers == 0, rounded, numbers) / coverage, found

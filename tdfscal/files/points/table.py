@@ -1,31 +1,57 @@
-"""The table in a point file's text: its lines, what the lines beside it say, its cells."""
+"""The table in a point file's text: its columns by their names, what lines beside it say, cells."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from tdfscal.errors import DataError, visible
-from tdfscal.files.points.columns import (
-    Columns,
-    as_number,
-    is_header,
-    last_digit,
-    read_header,
-    refuse,
-    spatial_analyzer,
-    to_metres,
-    unit_of,
-)
+from tdfscal.files.field_types import LARGEST
 from tdfscal.files.yaml import unreadable
-from tdfscal.frozen import record
+from tdfscal.frozen import field, record
 from tdfscal.records import FloatArray
 
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+#: Every spelling of a unit that is known, and which of METRES it means.
+_UNITS = {
+    spelling: unit
+    for unit, spellings in {
+        "m": "m meter meters metre metres",
+        "cm": "cm centimeter centimeters centimetre centimetres",
+        "mm": "mm millimeter millimeters millimetre millimetres",
+        "um": "um µm μm micron microns micrometer micrometre",
+        "in": 'in inch inches "',
+    }.items()
+    for spelling in spellings.split()
+}
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
+_GAP = r"[\s_.-]*"
+_MEASURED = r"(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)"
+_UNIT = rf"(?:[\[(](?P<unit>[^\])]*)[\])]|[/_\s]\s*(?P<bare>{'|'.join(map(re.escape, _UNITS))}))?"
+#: What stands before and after the axis in the names of each kind of column.
+_COLUMN = {
+    kind: re.compile(rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{after}\s*{_UNIT}", re.IGNORECASE)
+    for kind, before, after in (
+        ("expanded", rf"u{_GAP}\(?\s*95\s*%?\s*\)?", ""),
+        ("standard", r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)", ""),
+        ("coordinate", rf"{_MEASURED}?", rf"(?:{_GAP}{_MEASURED})?"),
+    )
+}
+_GROUP = ("group", "group name", "point group", "gruppe")
+#: Names of the column with the points' names, the best first; `Target` is a reflector's type or,
+#: in SpatialAnalyzer, the point.
+_POINT = (
+    "point", "point name", "pointname", "name", "point id", "pointid", "pt", "punkt", "punktname",
+    "punktnummer", "label", "id", "feature", "element", "point number", "target id", "no", "nr",
+    "number", "#", "index",
+)  # fmt: skip
+_TARGET = ("target", "target name")
+_OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
 #: Lines before the header at most, as instruments write them about themselves.
 _PREAMBLE = 60
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
@@ -37,7 +63,6 @@ _SIGMA = re.compile(
     r"|\b(?:sigma(?:\s+[a-z]+)?|coverage(?:\s+factor)?|k)\s*[:=]\s*(?P<after>\d+(?:[.,]\d+)?))\s*\)?",
     re.IGNORECASE,
 )
-_UNCERTAIN = re.compile(r"uncertaint|\bsigma\b|\bu[-_ ]?[xyz]\b", re.IGNORECASE)
 _HEAD = (
     "begin the file with a line that names each column, such as `group,point,x,y,z`, all of them "
     "parted by commas, semicolons or tabs; a column that is not used may have any name"
@@ -54,52 +79,96 @@ class Line:
 
 
 @record
-class Preamble:
-    """What lines beside the table say.
+class Columns:
+    """What each column of a table is.
 
-    unit : of length, None where none is named. axes : there is an AXES line of SpatialAnalyzer's.
-    coverage : k of the uncertainties, None where none is named. uncertain : they speak of some.
+    names : as they stand. roles : of each: group, point, x, y, z, ux, uy, uz, offset (of a probe,
+    which must be zero), or nothing. units : by role, where its name has one. expanded : the
+    uncertainties are U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands
+    elsewhere in the file. reflector : the points' column may hold the reflector's type instead.
     """
 
-    unit: str | None
-    axes: bool
-    coverage: float | None
-    uncertain: bool
+    names: Sequence[str]
+    roles: Sequence[str]
+    units: Mapping[str, str] = field(default_factory=dict)
+    expanded: bool = False
+    bare: bool = False
+    reflector: bool = False
+
+    @property
+    def ignored(self) -> list[str]:
+        """Names of the columns that say nothing here."""
+        return [n for n, role in zip(self.names, self.roles, strict=True) if n and not role]
 
 
 @record
 class Table:
-    """A table of cells: its columns, the line of each row, decimal comma allowed or not."""
+    """A table of cells, and what lines beside it say.
 
+    lines : of each row. comma : a decimal comma is one. unit : of length, None where none is named.
+    axes : there is an AXES line of SpatialAnalyzer's. coverage : k of the uncertainties, None where
+    none is named.
+    """
+
+    source: str
     columns: Columns
     lines: Sequence[Line]
     rows: Sequence[list[str]]
     comma: bool
-    source: str
+    unit: str | None
+    axes: bool
+    coverage: float | None
 
     def refuse(self, row: int, what: str, hint: str) -> NoReturn:
         """Raise DataError at a row."""
         refuse(f"{self.source}, line {self.lines[row].number}", what, hint)
 
-    def numbers(self, columns: Sequence[int], *, blank: bool = False) -> FloatArray:
-        """Return the numbers (N, columns); blank : a cell may be, and is not a number then."""
-        numbers = np.full((len(self.rows), len(columns)), np.nan)
-        for k, row in enumerate(self.rows):
-            for j, column in enumerate(columns):
-                value = as_number(row[column], comma=self.comma)
-                if value is not None:
-                    numbers[k, j] = value
-                elif row[column] or not blank:
-                    self.refuse(k, f"`{row[column]}` is not a finite number", "check the line")
+    def texts(self, *roles: str) -> list[list[str]]:
+        """Return each row's cells of these roles."""
+        which = [i for role in roles for i, own in enumerate(self.columns.roles) if own == role]
+        return [[row[i] for i in which] for row in self.rows]
+
+    def numbers(self, *roles: str, blank: bool = False) -> FloatArray:
+        """Return each row's numbers (N, roles); blank : a cell may be, and is not a number then."""
+        texts = self.texts(*roles)
+        numbers = np.full((len(texts), len(texts[0])), np.nan)
+        for k, cells in enumerate(texts):
+            for j, cell in enumerate(cells):
+                text = self._plain(cell)
+                if _NUMBER.fullmatch(text) and abs(float(text)) <= LARGEST:
+                    numbers[k, j] = float(text)
+                elif cell or not blank:
+                    self.refuse(k, f"`{cell}` is not a finite number", "check the line")
         return numbers
 
-    def texts(self, role: str) -> list[str]:
-        """Return the cells of the column of a role; none where there is no such column."""
-        return [row[i] for i in self.columns.of(role) for row in self.rows]
+    def last_digit(self, *roles: str) -> float:
+        """Return what the last digit of the most finely written number is worth; 0 of none."""
+        texts = (self._plain(cell) for row in self.texts(*roles) for cell in row)
+        found = (number for text in texts if (number := _NUMBER.fullmatch(text)))
+        exponents = (int(n[3] or 0) - len(n[1] or n[2] or "") for n in found)
+        return min((10.0**exponent for exponent in exponents), default=0.0)
 
-    def last_digit(self, columns: Sequence[int]) -> float:
-        """Return what the last digit of the most finely written number is worth."""
-        return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
+    def _plain(self, cell: str) -> str:
+        """A number with a point for its decimal comma."""
+        return cell.replace(",", ".") if self.comma and "." not in cell else cell
+
+
+def refuse(where: str, what: str, hint: str) -> NoReturn:
+    """Raise DataError: where a file is at fault, what is wrong, what to do."""
+    raise DataError(what, where=where, hint=hint)
+
+
+def to_metres(unit: str, where: str) -> float:
+    """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
+    known = _unit_of(unit)
+    if known is None:
+        what = f"`{unit.strip()}` is not a length unit known here"
+        refuse(where, what, f"use one of {', '.join(METRES)}")
+    return METRES[known]
+
+
+def _unit_of(text: str) -> str | None:
+    return _UNITS.get(text.strip().lower().rstrip("."))
 
 
 def read_text(path: Path) -> str:
@@ -119,8 +188,8 @@ def read_text(path: Path) -> str:
     raise DataError("is not a text file", where=str(path), hint="export the points as CSV")
 
 
-def read_table(text: str, source: str) -> tuple[Table, Preamble]:
-    """The table, and what the lines beside it say."""
+def read_table(text: str, source: str) -> Table:
+    """Find the table in a text; DataError where there is none of points."""
     lines = _split(text)
     data = [line for line in lines if not line.comment]
     delimiter = _delimiter_of(data[-1].text) if data else ","
@@ -130,24 +199,26 @@ def read_table(text: str, source: str) -> tuple[Table, Preamble]:
     if not body:
         what = "holds a header, but no points" if data else "holds no points"
         refuse(source, what, "check the export")
-    beside = _read_preamble([x for x in lines if x.comment or x.number <= begin], source)
+    stated = _stated((x for x in lines if x.comment or x.number <= begin), source)
     rows = [_cells_of(line.text, delimiter) for line in body]
     if header is not None:
-        where = f"{source}, line {header.number}"
-        columns = read_header(_header_cells(header, delimiter), where)
-    elif beside.axes and (known := spatial_analyzer(len(rows[0]), beside.uncertain)):
-        columns = known
+        columns = _columns(_header_cells(header, delimiter), f"{source}, line {header.number}")
+    elif stated[1] and len(rows[0]) in (5, 6):  # of SpatialAnalyzer
+        names = ("Collection", "group", "point", "x", "y", "z")[-len(rows[0]) :]
+        columns = Columns(names, [name.removeprefix("Collection") for name in names])
     else:
         where, shown = f"{source}, line {body[0].number}", ", ".join(rows[0])[:60]
         refuse(where, f"no line names the columns; the first reads {visible(shown)}", _HEAD)
-    table = Table(columns, body, rows, delimiter != ",", source)
+    table = Table(source, columns, body, rows, delimiter != ",", *stated)
+    needed = {"x", "y", "z", "group", "point"}
+    least = 1 + max(i for i, role in enumerate(columns.roles) if role in needed)
     for k, cells in enumerate(rows):
         expected = len(columns.roles)
-        if not columns.needed <= len(cells) <= expected:
+        if not least <= len(cells) <= expected:
             what = f"has {len(cells)} columns where {expected} are expected"
             table.refuse(k, what, "check the line; quote a name that has a comma in it")
         cells += [""] * (expected - len(cells))
-    return table, beside
+    return table
 
 
 def _split(text: str) -> list[Line]:
@@ -163,8 +234,11 @@ def _split(text: str) -> list[Line]:
     return lines
 
 
-def _read_preamble(lines: Sequence[Line], source: str) -> Preamble:
-    """Gather what these lines say; DataError where they contradict or name other axes."""
+def _stated(lines: Iterable[Line], source: str) -> tuple[str | None, bool, float | None]:
+    """Unit, whether axes are named, and coverage by lines beside the table, as `Table` has them.
+
+    Raises DataError where they contradict each other or name other axes.
+    """
     unit, axes = None, False
     coverage: float | None = None
     for line in lines:
@@ -184,10 +258,9 @@ def _read_preamble(lines: Sequence[Line], source: str) -> Preamble:
             if inside := _PARENTHESES.findall(_SIGMA.sub("", named["rest"])):
                 unit = inside[-1]
                 to_metres(unit, where)
-        elif (stated := _UNIT_LINE.search(line.text)) and unit_of(stated[1]) is not None:
-            unit = unit or stated[1]
-    uncertain = any(_UNCERTAIN.search(line.text) for line in lines)
-    return Preamble(unit, axes, coverage, uncertain)
+        elif (said := _UNIT_LINE.search(line.text)) and _unit_of(said[1]) is not None:
+            unit = unit or said[1]
+    return unit, axes, coverage
 
 
 def _delimiter_of(line: str) -> str:
@@ -207,11 +280,61 @@ def _header(lines: Sequence[Line], delimiter: str) -> Line | None:
     """The line that names x, y and z: among the first of the file, or a comment."""
     data = [line for line in lines if not line.comment][:_PREAMBLE]
     comments = [line for line in lines if line.comment and "=" not in line.text]
-    named = (line for line in (*data, *comments) if is_header(_header_cells(line, delimiter)))
-    return next(named, None)
+    wanted = {("coordinate", axis) for axis in "xyz"}
+    for line in (*data, *comments):
+        found = {named[:2] for named in map(_named, _header_cells(line, delimiter)) if named}
+        if wanted <= found:
+            return line
+    return None
 
 
 def _header_cells(line: Line, delimiter: str) -> list[str]:
     """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows."""
     own = _delimiter_of(line.text) if line.comment else delimiter
     return _cells_of(_SIGMA.sub("", line.text), own)
+
+
+def _columns(cells: Sequence[str], where: str) -> Columns:
+    """Columns from the cells of a header line; DataError where they do not make a point table."""
+    # A name may be bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`.
+    names = [name.removeprefix("[") for name in cells]
+    names = [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
+    folded, units = [name.lower() for name in names], dict[int, str | None]()
+    kinds: dict[str, dict[str, int]] = {kind: {} for kind in _COLUMN}
+    for i, name in enumerate(names):
+        if (named := _named(name)) is not None:
+            kind, axis, units[i] = named
+            if kinds[kind].setdefault(axis, i) != i:
+                refuse(where, f"names the column `{name}` twice", "leave one out")
+    uncertain = kinds["expanded"] or kinds["standard"]
+    if kinds["expanded"] and kinds["standard"]:
+        refuse(where, "has both U(95) and u columns", "leave one kind of them out")
+    if uncertain and set(uncertain) != set("xyz"):
+        stated = ", ".join(sorted(uncertain))
+        refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
+    point, target, group = (
+        next((folded.index(name) for name in known if name in folded), None)
+        for known in (_POINT, _TARGET, _GROUP)
+    )
+    roles = ["offset" if i not in units and _OFFSET.search(n) else "" for i, n in enumerate(names)]
+    own: dict[str, int | None] = {"group": group, "point": target if point is None else point}
+    own |= kinds["coordinate"] | {f"u{axis}": i for axis, i in uncertain.items()}
+    for role, index in own.items():
+        if index is not None:
+            roles[index] = role
+    return Columns(
+        names,
+        roles,
+        {role: unit for i, role in enumerate(roles) if role and (unit := units.get(i))},
+        expanded=bool(kinds["expanded"]),
+        bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
+        reflector=point is None and target is not None and group is None,
+    )
+
+
+def _named(name: str) -> tuple[str, str, str | None] | None:
+    """Kind, axis x, y or z, and unit as written, of a column's name."""
+    for kind, pattern in _COLUMN.items():
+        if found := pattern.fullmatch(name.strip()):
+            return kind, found["axis"].lower(), found["unit"] or found["bare"]
+    return None
