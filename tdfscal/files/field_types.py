@@ -93,10 +93,7 @@ def _as_number(given: Any) -> Any:
     """
     value = from_numpy(given)
     if isinstance(value, str):
-        try:
-            read = plain_scalar(value.strip())
-        except OverflowError as error:
-            raise fault(str(error), hint="check the number") from error
+        read = plain_scalar(value.strip())
         value = read if isinstance(read, (int, float)) and not isinstance(read, bool) else value
     if isinstance(value, (int, float)) and LARGEST < abs(value) < math.inf:
         raise fault(f"is beyond any quantity, got {value!r:.20}", hint="check the number")

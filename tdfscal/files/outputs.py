@@ -10,8 +10,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,33 +29,25 @@ class Outputs:
     """Files of one command, on their way.
 
     staged : by place, where the file is written until then. folders : made for them. protected :
-    files that the command reads. asked : places that its options name. whole : inside which they
-    go to their places. appeared : they are in their places, and stay there.
+    files that the command reads. asked : places that its options name.
     """
 
     staged: dict[Path, Path] = field(default_factory=dict)
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
     asked: list[Path] = field(default_factory=list)
-    whole: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
-    appeared: bool = False
 
     def stage(self, path: Path) -> Path:
         """Return where to write what shall appear at `path`. Raises UsageError, OSError."""
         place = checked_place(path, self.protected)
         if place in self.staged:
-            raise UsageError(
-                "two outputs go to one file", where=str(path), hint="choose another name"
-            )
+            what, hint = "two outputs go to one file", "choose another name"
+            raise UsageError(what, where=str(path), hint=hint)
         self.staged[place] = beside = _beside(place)
         return beside
 
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError before anything has changed."""
-        with self.whole():
-            self._move()
-
-    def _move(self) -> None:
         for place, beside in self.staged.items():
             with writing(place):
                 checked_place(place, self.protected)
@@ -69,7 +60,6 @@ class Outputs:
             with writing(place):
                 if not _is_device(place):
                     beside.replace(place)
-        self.appeared = bool(self.staged)
         self.folders.clear()
         self.vanish()
 
@@ -88,18 +78,16 @@ _current: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
 
 
 @contextlib.contextmanager
-def together(
-    whole: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext,
-) -> Iterator[Outputs]:
+def together() -> Iterator[Outputs]:
     """Let all files that are written inside appear at its end; at an exception none does.
 
-    Inside another one it is a part of that. whole : inside which they go to their places.
+    Inside another one it is a part of that.
     """
     outer = _current.get()
     if outer is not None:
         yield outer
         return
-    outputs = Outputs(whole=whole)
+    outputs = Outputs()
     token = _current.set(outputs)
     try:
         yield outputs
@@ -178,27 +166,19 @@ def check_outputs(
             place = checked_place(path, protected)
         other = options.setdefault(place, option)
         if other != option and path.name != "null":
-            raise UsageError(
-                f"{other} and {option} name one file",
-                where=str(path),
-                hint="give each a name of its own",
-            )
+            what, hint = f"{other} and {option} name one file", "give each a name of its own"
+            raise UsageError(what, where=str(path), hint=hint)
 
 
 def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
     """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
     if path.suffix.lower() not in suffixes and not _is_device(path):
         *others, last = suffixes
-        if str(path).startswith("-") and path.name != "-":
-            raise UsageError(
-                f"a file's name is missing before {path}",
-                hint=f"name the file; write ./{path} for one that is called so",
-            )
-        raise UsageError(
-            f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}",
-            where=str(path),
-            hint="choose such a name",
-        )
+        what = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}"
+        hint = "choose such a name"
+        if str(path).startswith("-") and path.name != "-":  # the option behind one without a value
+            hint = f"name the file; write ./{path} for one that is called so"
+        raise UsageError(what, where=str(path), hint=hint)
 
 
 def checked_place(path: Path, protected: set[Identity]) -> Path:
@@ -234,11 +214,9 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as fault:
-        raise UsageError(
-            f"cannot be written: {fault.strerror or fault}",
-            where=shorten(str(path), 300),
-            hint="check that the folder exists, may be written to and has room",
-        ) from fault
+        what = f"cannot be written: {fault.strerror or fault}"
+        hint = "check that the folder exists, may be written to and has room"
+        raise UsageError(what, where=shorten(str(path), 300), hint=hint) from fault
 
 
 def _identities(paths: Iterable[Path]) -> set[Identity]:

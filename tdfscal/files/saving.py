@@ -25,7 +25,7 @@ import yaml
 
 from tdfscal.errors import DataError, UsageError, visible
 from tdfscal.files.outputs import replacing
-from tdfscal.files.yaml import plain_scalar
+from tdfscal.files.yaml import NUMBER, plain_scalar
 from tdfscal.records import InputFile, Integrity
 
 #: What XML 1.0 cannot hold (production 2), and the carriage return, which its parsers replace.
@@ -95,10 +95,7 @@ def _represent_list(dumper: _PlainDumper, data: list[Any]) -> yaml.Node:
 
 def represent_text(dumper: yaml.SafeDumper, data: str) -> yaml.Node:
     """Write a text so that YAML 1.1 and 1.2 both read it as one."""
-    try:
-        ambiguous = not isinstance(plain_scalar(data), str)
-    except OverflowError:
-        ambiguous = True
+    ambiguous = not isinstance(plain_scalar(data), str) or NUMBER.fullmatch(data)
     # Only double quotes escape what does not print; a bare U+0085 would read back as a line break.
     style = "'" if ambiguous else None if data.isprintable() else '"'
     return dumper.represent_scalar("tag:yaml.org,2002:str", data, style=style)

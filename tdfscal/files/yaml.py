@@ -34,10 +34,9 @@ MAX_DEPTH = 32
 _TOO_DEEP = f"is nested deeper than {MAX_DEPTH} levels"
 _THIS_FILE = "check that it is the file that you mean"
 
-_CORE = ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")
-_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{name}" for name in _CORE}
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+#: A number that is not quoted.
+NUMBER = re.compile(rf"{_INTEGER.pattern}|[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = {".nan": math.nan, "+.inf": math.inf, ".inf": math.inf, "-.inf": -math.inf}
 _CONSTANTS: dict[str, bool | None] = {"": None, "~": None, "null": None}
 _CONSTANTS |= {"true": True, "false": False}
@@ -96,10 +95,7 @@ def parse_document(
         line = raw[: fault.start].count(b"\n") + 1
         what = f"byte 0x{raw[fault.start]:02x} is not UTF-8 text"
         builder.fail(what, "save the file as UTF-8", line)
-    try:
-        content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
-    except OverflowError as fault:
-        builder.fail(str(fault), "check the number")
+    content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
     return Document(content, builder.lines, source, hashlib.sha256(raw).hexdigest())
 
 
@@ -169,13 +165,10 @@ class _Builder:
         self.lines[place] = event.start_mark.line + 1
         if event.anchor is not None:
             self._at(event, "anchors and aliases are not read", "write the value out")
-        if event.tag not in _TAGS:
+        if event.tag not in (None, "!"):
             self._at(event, f"the tag {shorten(event.tag)} is not read", "write a plain value")
         if isinstance(event, yaml.ScalarEvent):
-            try:
-                return plain_scalar(event.value) if event.implicit[0] else event.value
-            except OverflowError as fault:
-                self._at(event, str(fault), "check the number")
+            return plain_scalar(event.value) if event.implicit[0] else event.value
         if len(place) >= MAX_DEPTH:
             self._at(event, _TOO_DEEP, _THIS_FILE)
         inner = takewhile(lambda one: isinstance(one, yaml.NodeEvent), events)
@@ -194,8 +187,8 @@ class _Builder:
         """Return a JSON document's value."""
         read = json.JSONDecoder(
             parse_constant=self._constant,
-            parse_float=decimal,
-            parse_int=integer,
+            parse_float=number,
+            parse_int=number,
             object_pairs_hook=self._object,
         ).decode
         try:
@@ -231,34 +224,24 @@ def _deeper_than(limit: int, content: Any) -> bool:
 
 
 def plain_scalar(text: str) -> Scalar:
-    """Return the value of an unquoted YAML 1.2 scalar.
-
-    Raises OverflowError for a number beyond double precision, which is never read as infinite.
-    """
+    """Return the value of an unquoted YAML 1.2 scalar."""
     lower = text.lower()
     if lower in _CONSTANTS and text in (lower, lower.capitalize(), lower.upper()):
         return _CONSTANTS[lower]
     if lower in _SPECIAL:
         return _SPECIAL[lower]
-    if _INTEGER.fullmatch(text):
-        return integer(text)
-    return decimal(text) if _FLOAT.fullmatch(text) else text
+    return number(text) if NUMBER.fullmatch(text) else text
 
 
-def integer(text: str) -> int | float:
-    """Value of an integer's digits, decimal or 0x…, 0o…; OverflowError beyond double precision."""
-    if text[:2] in ("0o", "0x"):
-        return int(text, 0) if len(text) <= 18 else decimal("inf")
-    # Huge integers are slow to convert, and above 2⁵³ a double does not hold them exactly anyway.
-    return int(text) if len(text) <= 20 else decimal(text)
+def number(text: str) -> str | int | float:
+    """Value of the digits of a number; the text itself beyond double precision, never infinity.
 
-
-def decimal(text: str) -> float:
-    """Value of a decimal number; OverflowError beyond double precision."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise OverflowError(f"{shorten(text)} is beyond double precision")
-    return value
+    Above 2⁵³ a double does not hold integers exactly anyway, and huge ones are slow to convert.
+    """
+    if len(text) <= 20 and _INTEGER.fullmatch(text):
+        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    value = math.inf if text[:2] in ("0o", "0x") else float(text)
+    return value if math.isfinite(value) else text
 
 
 def shorten(text: str, limit: int = 40) -> str:

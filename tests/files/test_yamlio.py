@@ -51,7 +51,8 @@ def refused(text: str | bytes, form: Format = "yaml") -> str:
         ("1_000", "1_000"),
         ("2026-11-21T02:00:00Z", "2026-11-21T02:00:00Z"),
         ('"5"', "5"),
-        ("!!str 5", "5"),
+        ("1e999", "1e999"),
+        ("9" * 400, "9" * 400),
         ("1.2.3", "1.2.3"),
     ],
 )
@@ -85,8 +86,7 @@ def test_lines_and_places() -> None:
         ("a: !!python/object/apply:os.system ['true']\n", "tag"),
         ("a: !!binary aGk=\n", "tag"),
         ("a: !mine 3\n", "tag"),
-        ("a: 1e999\n", "beyond double precision"),
-        ("a: " + "9" * 400 + "\n", "beyond double precision"),
+        ("a: !!str 5\n", "tag"),
         ("[" * 40 + "]" * 40, "nested deeper"),
         ("a: \x00\n", "character"),
         (b"a: \xff\xfe\n", "0xff is not UTF-8"),
@@ -103,8 +103,6 @@ def test_refused_yaml(text: str | bytes, word: str) -> None:
     [
         ('{"a": NaN}', "NaN is not JSON"),
         ('{"a": -Infinity}', "Infinity is not JSON"),
-        ('{"a": 1e999}', "beyond double precision"),
-        ('{"a": ' + "9" * 5000 + "}", "beyond double precision"),
         ('{"a": 1, "a": 2}', "`a` occurs twice"),
         ('{"a": 1,\n}', "line 2"),
         ("[" * 100_000, "nested deeper"),
