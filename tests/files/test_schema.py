@@ -7,11 +7,12 @@ import pytest
 import yaml
 
 from docs.generate import schemas
-from tdfscal.files.calibration.document import Calibration, dump_calibration
-from tdfscal.files.rig.reading import load_rig, parse_rig
+from tdfscal.files.calibration.document import dump_calibration
+from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.saving import to_json
 from tests.files.edits import DROP, edited
-from tests.files.sample_documents import RIG, calibration
+from tests.files.sample_documents import RIG
+from tests.reporting.samples import surveyed
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("rig", "calibration", "points")
@@ -35,8 +36,7 @@ def sample(name: str) -> Any:
         return yaml.safe_load(RIG)
     if name == "points":
         return POINTS
-    rig = dict(parse_rig(RIG.encode(), "rig.yaml").document)
-    return json.loads(dump_calibration(Calibration.model_validate(calibration(rig)), "json"))
+    return json.loads(dump_calibration(surveyed()[1], "json"))
 
 
 def valid(name: str, content: Any) -> bool:
