@@ -8,13 +8,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tdfscal.errors import DataError, TdfscalError
-from tdfscal.files.calibration.document import parse_calibration
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.errors import DataError
 from tdfscal.files.saving import to_json, to_yaml
 from tdfscal.files.yaml import Format, parse_document
-from tests.files.edits import edited, places
-from tests.files.sample_documents import RIG
 
 
 def read(text: str | bytes, form: Format = "yaml") -> Any:
@@ -80,17 +76,12 @@ def test_lines_and_places() -> None:
         ("a: 1\n---\nb: 2\n", "more than one document"),
         ("a: &x [*x]\n", "anchors and aliases"),
         ("a: *x\n", "line 1: anchors and aliases"),
-        ("d: &d {a: 1}\ne: {<<: *d}\n", "anchors and aliases"),
         ("? [1, 2]\n: 3\n", "plain text"),
-        ("x: &x a\n*x : 3\n", "anchors and aliases"),
         ("a: !!python/object/apply:os.system ['true']\n", "tag"),
-        ("a: !!binary aGk=\n", "tag"),
-        ("a: !mine 3\n", "tag"),
         ("a: !!str 5\n", "tag"),
         ("[" * 40 + "]" * 40, "nested deeper"),
         ("a: \x00\n", "character"),
         (b"a: \xff\xfe\n", "0xff is not UTF-8"),
-        (b"a: 1\nb: \xc3\n", "line 2"),
         ("x" * 4_000_001, "larger than 4 MB"),
     ],
 )
@@ -102,10 +93,8 @@ def test_refused_yaml(text: str | bytes, word: str) -> None:
     ("text", "word"),
     [
         ('{"a": NaN}', "NaN is not JSON"),
-        ('{"a": -Infinity}', "Infinity is not JSON"),
         ('{"a": 1, "a": 2}', "`a` occurs twice"),
         ('{"a": 1,\n}', "line 2"),
-        ("[" * 100_000, "nested deeper"),
         ("[" * 40 + "]" * 40, "nested deeper"),
         ("", "line 1"),
     ],
@@ -161,23 +150,3 @@ def test_ambiguous_words_are_quoted_and_matrices_are_rows() -> None:
         assert read(text) == yaml.safe_load(text) == {"a": word}
     text = to_yaml({"matrix": np.eye(2), "names": ["a", "b"]})
     assert text.splitlines() == ["matrix:", "- [1.0, 0.0]", "- [0.0, 1.0]", "names: [a, b]"]
-
-
-def no_surprise(raw: bytes) -> None:
-    for reader in (parse_rig, parse_calibration):
-        said, status = "", None
-        try:
-            reader(raw, "file")
-        except TdfscalError as error:
-            said, status = str(error), error.exit_status
-        assert "\n" not in said
-        assert status in (None, 2 if reader is parse_rig else 3)
-
-
-PLACES = [".".join(map(str, place)) for place in places(yaml.safe_load(RIG))]
-
-
-@given(st.sampled_from(PLACES), values)
-@settings(max_examples=40, deadline=None)
-def test_fuzz_values_of_the_rig(place: str, value: Any) -> None:
-    no_surprise(to_yaml(edited(yaml.safe_load(RIG), (place, value))).encode())
