@@ -9,12 +9,15 @@ exported as CSV and C, applied to a log and held against one; all numbers of the
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import json
+import random
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +33,64 @@ from tdfscal.exports import c_header, csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
-from tests.files.edits import edits
+from tests.files.edits import Place, at, places
 
 #: A number with its sign and exponent, in text.
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 ENDS = ("refused when read", "refused when used", "read, without effect",
         "read, a number used is another")  # fmt: skip
 Numbers = dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class Edit:
+    """An edited copy of a document: what was done, and where."""
+
+    kind: str
+    place: Place
+    document: dict[str, Any]
+
+
+def edits(document: dict[str, Any], count: int, seed: int) -> Iterator[Edit]:
+    """Edits that change the document, one each; keys of all depths are equally likely."""
+    rng = random.Random(seed)
+    known: dict[tuple[str, ...], list[Place]] = {}
+    for place in places(document):  # one of a matrix's hundred entries, not a hundred of them
+        known.setdefault(tuple(p for p in place if isinstance(p, str)), []).append(place)
+    while count:
+        place = rng.choice(rng.choice(list(known.values())))
+        other = copy.deepcopy(document)
+        inner = at(other, place[:-1])
+        kind, value = _other(inner[place[-1]], rng)
+        if kind == "dropped":
+            del inner[place[-1]]
+        else:
+            inner[place[-1]] = value
+        if other != document:
+            count -= 1
+            yield Edit(kind, place, other)
+
+
+def _other(value: Any, rng: random.Random) -> tuple[str, Any]:
+    if rng.random() < 0.15:
+        return "dropped", None
+    if value is None:
+        return "null", rng.choice([0.0, 1.0])
+    if isinstance(value, bool):
+        return "switch", not value
+    if isinstance(value, int) and abs(value) > 1e300:
+        return "number", value + 1
+    if isinstance(value, int | float):
+        factor = 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-6, 0)
+        return "number", rng.choice([value * factor, -value, value + 1, 0, value / 1000])
+    if isinstance(value, str):
+        words = ["", value + "x", value[:-1], value[::-1], "accepted", "2020-01-01T00:00:00Z"]
+        return "text", rng.choice(words)
+    if isinstance(value, list) and len(value) > 1:
+        a, b = rng.sample(range(len(value)), 2)
+        value[a], value[b] = value[b], value[a]
+        return "swapped", value
+    return "emptied", type(value)()
 
 
 def files(home: Path) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -30,13 +30,13 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import yaml
 
+from benchmarks.edits import edits
 from benchmarks.frame import heads, introduce, numbers, over, row, scratch
 from tdfscal.cli import main as command_line
 from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.plan import plan
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
-from tests.files.edits import edits
 from tests.files.logs.log_making import make_truth, mcap_bytes
 from tests.files.logs.test_log_bag_kinds import ros1_bag, sqlite_bag
 

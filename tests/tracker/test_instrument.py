@@ -1,7 +1,5 @@
 """Noise of a spherical instrument and of point files against draws and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +9,7 @@ from scipy import stats
 
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.simulation import measure
 from tdfscal.trackercal import register
 from tdfscal.trackercal.judged_registration import fit_survey
 from tdfscal.trackercal.noise import (
@@ -23,7 +22,7 @@ from tdfscal.trackercal.noise import (
 from tdfscal.trackercal.point_matching import MatchedPoints
 from tests.words import in_words
 
-from .world import rotation, sight
+from .world import rotation
 
 TRACKER = Instrument(range=1e-5, range_ppm=5.0, angle_arcsec=200.0)
 PLACES = np.array([[3.0, -4.0, 2.0], [-1.0, 0.5, -6.0], [2.0, 1.0, 0.0], [0.0, 0.0, 4.0]])
@@ -33,7 +32,7 @@ def test_covariance_is_the_scatter_of_what_the_instrument_reads() -> None:
     """Drawn by a formula of its own, one direction after the other."""
     rng, draws = np.random.default_rng(0), 4000
     stated = range_covariance(PLACES, TRACKER) + angle_covariance(PLACES, TRACKER)
-    seen = sight(rng, np.repeat(PLACES[:3], draws, axis=0), TRACKER).reshape(3, draws, 3)
+    seen = measure(np.repeat(PLACES[:3, None], draws, axis=1), TRACKER, rng)
     own = observe(PLACES[:3], TRACKER, rng, draws)
     assert own.shape == (draws, 3, 3)
     for k in range(3):

@@ -1,7 +1,5 @@
 """Surveys with one thing wrong: it is named, and what cannot be right is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -24,7 +22,7 @@ def displaced(pointset: PointSet, name: tuple[str, str], by: FloatArray) -> Poin
 
 @pytest.mark.parametrize("which", ["targets", "moves"])
 def test_an_outlying_point_is_named_and_left_out(which: str) -> None:
-    survey = make_survey(15, layout=np.concatenate([TRIPOD, [[0, 0.2, 0.5], [0.5, 0, -0.3]]]))
+    survey = make_survey(15, layout=0.1 * np.concatenate([TRIPOD, [[0, 0.2, 0.5], [0.5, 0, -0.3]]]))
     name = ("ncp2", "P3" if which == "targets" else "M4")
     bad = displaced(getattr(survey.session, which), name, np.array([0, 0, 1e-3]))
     result = calibrate(survey.with_session(**{which: bad}))
@@ -93,7 +91,7 @@ REFUSED: list[tuple[str, Callable[..., object], str, str]] = [
 def test_a_session_that_cannot_be_right_is_refused(
     what: str, change: Callable[..., object], code: str, said: str
 ) -> None:
-    survey = make_survey(17, positioner=0.0 if what == "instrument" else 1e-5)
+    survey = make_survey(18, positioner=0.0 if what == "instrument" else 1e-5)
     with pytest.raises(DataError) as caught:
         calibrate(survey.with_session(**{what: change(getattr(survey.session, what))}))
     assert caught.value.exit_status == 3
@@ -105,7 +103,7 @@ def test_a_session_that_cannot_be_right_is_refused(
 
 def test_one_bad_target_of_four_in_a_plane_is_refused() -> None:
     """Out of the plane, four points have one redundancy: no one can say which of them is off."""
-    survey = make_survey(15, layout=SQUARE)
+    survey = make_survey(15, layout=0.1 * SQUARE)
     normal = survey.tracker @ survey.X[1] @ [0, 0, 1]
     bad = displaced(survey.session.targets, ("ncp2", "P3"), 1e-3 * normal)
     with pytest.raises(DataError) as caught:
@@ -119,7 +117,7 @@ def test_one_bad_target_of_four_in_a_plane_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("setting", "said"),
-    [({"layout": LINE}, "targets of ncp1"), ({"travel": 0.0}, "moved points")],
+    [({"layout": 0.1 * LINE}, "targets of ncp1"), ({"travel": 0.0}, "moved points")],
 )
 def test_points_on_a_line_are_not_identifiable(setting: dict[str, Any], said: str) -> None:
     with pytest.raises(NotIdentifiableError, match=said):
@@ -127,7 +125,7 @@ def test_points_on_a_line_are_not_identifiable(setting: dict[str, Any], said: st
 
 
 def test_what_a_survey_leaves_doubtful_is_said_and_nothing_of_a_sound_one() -> None:
-    sound, square = make_survey(20), make_survey(20, layout=SQUARE)
+    sound, square = make_survey(20), make_survey(20, layout=0.1 * SQUARE)
     assert codes(calibrate(sound)) == []
     flat = calibrate(square)
     assert flat.coplanar_targets == ("ncp1", "ncp2", "ncp3")
