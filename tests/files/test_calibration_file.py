@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tdfscal.commands.calibrate import calibrate
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.document import (
     Calibration,
     dump_calibration,
@@ -130,9 +130,9 @@ def test_altered_file_is_refused(
     broken = edited(content, (edit, value))
     path = tmp_path / "c.json"
     path.write_text(json.dumps(broken))
-    with pytest.raises(DataError) as refused:
+    with pytest.raises(TdfscalError) as refused:
         load_calibration(path)
-    assert refused.value.exit_status == 3
+    assert refused.value.exit_status == (2 if word == "not a calibration file" else 3)
     assert refused.value.where is not None
     assert refused.value.where.startswith(str(path))
     assert place in refused.value.where
@@ -193,7 +193,7 @@ def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> Non
         said = ""
         try:
             assert parse_calibration(text.encode(), "c.json") == whole, place
-        except DataError as error:
+        except TdfscalError as error:
             said = str(error)
         assert not said or "content_sha256 does not match" in said or place == ("format",)
 
