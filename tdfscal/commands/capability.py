@@ -2,36 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.calibration_in_use import WrenchPass, take
-from tdfscal.commands.campaign import listed
-from tdfscal.commands.free_path import FreePath, planned_path, read_path
+from tdfscal.commands.calibration_in_use import InUse, WrenchPass, take
+from tdfscal.commands.campaign import Campaign, listed
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple
-from tdfscal.commands.result import Calibration, CommandResult, by_column
-from tdfscal.detection.capability import (
-    Capability,
-    Request,
-    assess,
-    beyond_contact_free,
+from tdfscal.commands.result import (
+    Calibration,
+    CalibrationSource,
+    CommandResult,
+    by_column,
+    read_source,
 )
-from tdfscal.errors import DataError
+from tdfscal.detection.capability import UNTIMED, Capability, Request, assess, beyond_contact_free
+from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
+from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
+from tdfscal.detection.path import Path as Places
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record
-from tdfscal.records import BoolArray
+from tdfscal.model.calibrated import Calibrated, about_point
+from tdfscal.model.parameters import gravity, sensing
+from tdfscal.model.postures import ZeroAge
+from tdfscal.model.statics import carrying
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.samples_in_motion import rotations
+from tdfscal.wrench.wrench_noise import by_sensor
 
 #: Age of zeros, s, from which on a rig file is expected to say how they drift.
 _OLD = 86400.0
 #: Share of the variance from which on zeros have aged too far.
 _AGED = 0.5
+#: Where nothing rests: windows in which slow noise shows, s.
+_WINDOW = 60.0
+_OF_AXIS = ("axis", "unit", "threshold", "smallest_contact", "noise", "shares")
 
 
 @record(eq=False)
@@ -71,34 +88,27 @@ class CapabilityResult(CommandResult):
             "calibration_status": self.calibration.status,
             "calibration_created": self.calibration.created,
             **asked,
-            **document(self, "about"),
+            **document(self, "about timed"),
             "duration": c.duration,
-            "timed": self.timed,
             "for_machine": not unfit(self.findings),
             "axes": [
-                plain(
-                    {
-                        "axis": axis,
-                        "unit": unit,
-                        "threshold": c.threshold[k],
-                        "smallest_contact": c.smallest_contact[k],
-                        "shares": {name: share[k] for name, share in c.shares.items()},
-                        "noise": c.noise[k].std,
-                    }
-                )
-                for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
+                plain(dict(zip(_OF_AXIS, (*row, noise.std, shares), strict=True)))
+                for noise, (row, shares) in zip(c.noise, self._by_axis(), strict=True)
             ],
         }
 
     def table(self) -> dict[str, list[Any]]:
         """One row per axis: threshold and smallest contact, N or N·m, shares of the variance."""
+        names = (f"share_{source}" for source in self.capability.shares)
+        rows = ((*row, *shares.values()) for row, shares in self._by_axis())
+        return by_column(" ".join((*_OF_AXIS[:4], *names)), rows)
+
+    def _by_axis(self) -> Iterator[tuple[tuple[str, str, float, float], dict[str, float]]]:
+        """Axis, unit, threshold, smallest contact; and the shares of the variance by source."""
         c = self.capability
-        names = " ".join(f"share_{source}" for source in c.shares)
-        rows = (
-            (axis, unit, c.threshold[k], c.smallest_contact[k], *(s[k] for s in c.shares.values()))
-            for k, (axis, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True))
-        )
-        return by_column(f"axis unit threshold smallest_contact {names}", rows)
+        rows = zip(COMPONENTS, UNITS, c.threshold, c.smallest_contact, strict=True)
+        for k, row in enumerate(rows):
+            yield row, {name: share[k] for name, share in c.shares.items()}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of thresholds and contacts over the path."""
@@ -119,17 +129,11 @@ def capability(
     ] = 0.1,
     detect: Annotated[
         float,
-        Option(
-            "probability with which the smallest contact is seen", metavar="P", least=0.5, below=1.0
-        ),
+        Option("probability that the smallest contact is seen", metavar="P", least=0.5, below=1.0),
     ] = 0.95,
     filter: Annotated[
         float | None,
-        Option(
-            "cut-off of the controller's low-pass (Butterworth, 2nd order)",
-            metavar="HZ",
-            least=1e-9,
-        ),
+        Option("cut-off of the controller's Butterworth, 2nd order", metavar="HZ", least=1e-9),
     ] = None,
     at: options.LcsPoint = (0.0, 0.0, 0.0),
     html: options.Page = None,
@@ -142,82 +146,205 @@ def capability(
     UsageError, RigError, DataError
     """
     request, point = Request(false_stops, detect, filter), triple("--at", at)
-    path = planned_path(calibration, listed(paths), np.array(point))
+    path = _planned(calibration, listed(paths), np.array(point))
     if path is None:
-        use = take(calibration, paths, rig)
-        path = read_path(WrenchPass.of(use, Settings(progress), point), request.cutoff)
-    if not path.use.calibration.rotation_covariance.any():
+        log = WrenchPass.of(take(calibration, paths, rig), Settings(progress), point)
+        path = _recorded(log, request.cutoff)
+    own, places = path.use.calibration, path.places
+    if not own.rotation_covariance.any():
         raise DataError(
             "the calibration states no covariance: nothing tells what it leaves open",
             where=path.use.name,
             hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
         )
     progress("looking for thresholds")
-    return _judged(path, request, point)
+    found = assess(path.given, path.errors, path.noise, places.time, path.duration, request)
+    findings = (*path.use.findings, *path.findings, *_findings(path, found))
+    return CapabilityResult(own, found, request, findings, point, not places.averaged)
 
 
-def _judged(
-    path: FreePath, request: Request, about: tuple[float, float, float]
-) -> CapabilityResult:
-    noise = path.noise(request.cutoff)
-    found = assess(path.given, path.errors, noise, path.places.time, path.duration, request)
-    findings = (*path.use.findings, *path.findings, *_findings(path, found, noise.spans > 0))
-    timed = not path.places.averaged
-    return CapabilityResult(path.use.calibration, found, request, findings, about, timed)
+@dataclass(slots=True)
+class Largest:
+    """Largest components of a wrench (6,), N and N·m, and when, s."""
+
+    size: FloatArray = field(default_factory=lambda: np.zeros(6))
+    when: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
+
+    def add(self, time: FloatArray, size: FloatArray) -> None:
+        """Take in sizes (N, 6) at times (N,)."""
+        if len(time):
+            place = np.argmax(size, axis=0)
+            new = size[place, np.arange(6)]
+            self.when = np.where(new > self.size, time[place], self.when)
+            self.size = np.maximum(self.size, new)
 
 
-def _findings(path: FreePath, found: Capability, noisy: bool) -> list[Finding]:
+@record(kw_only=True)
+class FreePath:
+    """A path without contact, with all that stands on the wrench along it.
+
+    given : about the point that moments are about. noise : of the wrench behind the filter.
+    duration : s. sampled : at known times. age : of the zeros. largest : of the filtered wrench; of
+    a log of stops, at rest, and moved : between them. in_motion : the log has no stops.
+    """
+
+    use: InUse
+    given: Calibrated
+    places: Places
+    errors: Errors
+    noise: MeasuredNoise
+    duration: float
+    sampled: bool = False
+    age: ZeroAge = ZeroAge(known=False)
+    largest: Largest = field(default_factory=Largest)
+    moved: Largest = field(default_factory=Largest)
+    in_motion: bool = False
+    findings: tuple[Finding, ...] = ()
+
+
+def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
+    """Read a log under a calibration, once, in bounded memory.
+
+    Raises DataError where it holds no instant, UsageError for a filter beyond its sampling rate.
+    """
+    points, (head, samples) = PathPoints(log.campaign.averaged), log.read()
+    averaged, start = log.campaign.averaged, head.samples.time
+    interval = None if averaged or len(start) < 2 else float(np.median(np.diff(start)))
+    if cutoff is not None and (interval is None or cutoff * interval >= 0.5):
+        rate = "its rows are averaged postures" if interval is None else f"{1 / interval:.6g} Hz"
+        raise UsageError(
+            f"a filter of {cutoff:g} Hz does not suit this log ({rate})",
+            where="--filter",
+            hint="give a cut-off below half the sampling rate",
+        )
+    low = LowPass(cutoff, interval or 1.0)
+    begun, free, moved = list[tuple[FloatArray, FloatArray]](), Largest(), Largest()
+    with np.errstate(all="ignore"):
+        for piece in log.wrenches(points.passing(samples)):
+            if piece.time[0] <= start[-1]:
+                begun.append((piece.time, piece.value))
+            size = np.abs(low(piece.time, piece.value))
+            # In a log of stops: between them it is driven, not watched.
+            rests = points.resting(piece.time) if len(head.start) else np.True_
+            still = np.broadcast_to(rests, piece.time.shape)
+            free.add(piece.time[still], size[still])
+            moved.add(piece.time[~still], size[~still])
+    places = points.path()
+    age, flicker = log.zeros(head)
+    zeros = ZeroChange(log.rig.drift, age, log.temperatures(places.time), flicker)
+    stand = errors(log.given, places, zeros, _scatter(log.use, log.given))
+    time, value = (np.concatenate(parts) for parts in zip(*begun, strict=True))
+    rest = [] if head.averaged else list(head.dwells(time))
+    if not rest and not head.averaged and len(time) > 1:
+        value = unexplained(stand, places, time, value)
+    if head.averaged:
+        time, value = time[:0], value[:0]
+    return FreePath(
+        use=log.use,
+        given=log.given,
+        places=places,
+        errors=stand,
+        noise=measured_noise(time, value, rest, cutoff, window=_WINDOW, degree=0),
+        duration=UNTIMED if interval is None else points.used * interval,
+        sampled=interval is not None,
+        age=age,
+        largest=free,
+        moved=moved,
+        in_motion=not averaged and not len(head.start),
+        findings=tuple(log.findings()),
+    )
+
+
+def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) -> FreePath | None:
+    """Take the postures or the motion of a plan for the path; None where no plan is named.
+
+    Nothing was recorded: its zeros hold, and its samples have no noise.
+
+    Raises UsageError, DataError.
+    """
+    if len(paths) != 1 or (driven := read_plan(paths[0])) is None:
+        return None
+    name, loaded = read_source(source)
+    rig, given = loaded.loaded_rig(name), about_point(calibrated(loaded), point)
+    if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
+        hint = f"plan with the rig of {name}"
+        raise DataError("the plan is of another rig", where=str(paths[0]), hint=hint)
+    use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
+    places = Places(driven.time, driven.position, _readings(given, driven), driven.averaged)
+    return FreePath(
+        use=use,
+        given=given,
+        places=places,
+        errors=errors(given, places, None, _scatter(use, given)),
+        noise=measured_noise(np.zeros(0), np.zeros((0, 6)), [], None),
+        duration=UNTIMED if places.averaged else float(np.ptp(places.time)),
+    )
+
+
+def _scatter(use: InUse, given: Calibrated) -> FloatArray:
+    """Variance (6,) of the wrench at a posture beyond what the rig file declares."""
+    excess = max(use.posture_std**2 - given.rig.declared.force_noise**2, 0.0)
+    return np.asarray(excess * by_sensor(given).sum(axis=0))
+
+
+def _readings(given: Calibrated, driven: Driven) -> FloatArray:
+    """Readings (K, n, 3), N, of the sensors at the postures of a plan."""
+    state = given.state
+    R = rotations(state.hinge, driven.position - state.datum)
+    weight = state.mass * gravity(state, given.rig.gravity)
+    middle = state.hinge.mean(axis=0)
+    arm, arm_m = (
+        (place - middle) @ np.swapaxes(R, 1, 2) for place in (state.hinge, state.barycentre[None])
+    )
+    force = carrying(arm, arm_m[:, 0], weight) + driven.squeeze
+    return np.asarray(np.linalg.solve(sensing(state), force[..., None])[..., 0] + state.zero)
+
+
+def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
     """What the path and the calibration's use are to be judged by."""
-    out = []
-    # Without its inertia a terminal that moves shows a wrench, and no contact.
-    unmodelled = path.given.rig.inertia is None and path.in_motion
-    free = "moves-beyond" if unmodelled else "path-in-contact"
-    for code, largest in ((free, path.largest), ("moves-beyond", path.moved)):
-        contact, limit = beyond_contact_free(path.errors, found, largest.size)
-        if contact.any():
-            worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
-            values: dict[str, Value] = {
-                "limit": float(limit[worst]),
-                "time": float(largest.when[worst] - path.places.time[0]),
-            }
-            if path.given.rig.inertia is None:
-                values["unstated"] = True
-            axes, size = _axes(contact), float(largest.size[worst])
-            out.append(Finding(code, axes, size, UNITS[worst], values=values, rejects=True))
-    if path.errors.open.any():
-        out.append(Finding("threshold-unbounded", _axes(path.errors.open), rejects=True))
-    use, drift = path.use, path.use.campaign.rig.rig.drift
+    use, stated = path.use, path.use.campaign.rig.rig
+    rejecting = list(_rejecting(path, found))
+    yield from rejecting
     if not path.given.joint and use.calibration.method != "tracker":
-        out.append(Finding("covariance-in-part", (use.name,)))
+        yield Finding("covariance-in-part", (use.name,))
     aged = np.mean(np.sum(path.errors.zeros**2, axis=2), axis=0)
     whole = np.mean(np.sum(path.errors.factor**2, axis=2), axis=0)
     whole += [one.std**2 for one in found.noise]
     share = float(np.max(np.divide(aged, whole, out=np.zeros(6), where=whole > 0)))
     days = abs(path.age.seconds) / _OLD
     if share > _AGED:
-        out.append(Finding("zeros-aged", size=share, values={"days": days}))
-    declared = drift.time > 0 or drift.walk > 0 or drift.temperature > 0
-    if not declared and path.age.known and days > 1.0:
-        out.append(Finding("drift-undeclared", size=days))
-    if not noisy:
-        planned = not path.use.campaign.logs
-        out.append(Finding("path-without-noise", values={"planned": planned}))
-    if path.given.rig.inertia is None and path.interval and not any(f.rejects for f in out):
-        out.append(Finding("path-inertia-unknown"))
-    return [*out, *_stated_contact(path, found)]
+        yield Finding("zeros-aged", size=share, values={"days": days})
+    drifts = stated.drift.time > 0 or stated.drift.walk > 0 or stated.drift.temperature > 0
+    if not drifts and path.age.known and days > 1.0:
+        yield Finding("drift-undeclared", size=days)
+    if not path.noise.spans:
+        yield Finding("path-without-noise", values={"planned": not use.campaign.logs})
+    if path.given.rig.inertia is None and path.sampled and not rejecting:
+        yield Finding("path-inertia-unknown")
+    for name, unit, rows, limit in stated.acceptance.contact_limits:
+        worst = float(np.max(found.smallest_contact[rows]))
+        if limit is not None and worst > limit:
+            values: dict[str, Value] = {"limit": limit}
+            yield Finding("contact-unseen", (name,), worst, unit, values=values, rejects=True)
+
+
+def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
+    """What shows that the path was in contact, or driven beyond; and thresholds without end."""
+    # Without its inertia a terminal that moves shows a wrench, and no contact.
+    quasi_static = path.given.rig.inertia is None
+    free = "moves-beyond" if quasi_static and path.in_motion else "path-in-contact"
+    for code, largest in ((free, path.largest), ("moves-beyond", path.moved)):
+        contact, limit = beyond_contact_free(path.errors, found, largest.size)
+        if contact.any():
+            worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
+            when = float(largest.when[worst] - path.places.time[0])
+            values: dict[str, Value] = {"limit": float(limit[worst]), "time": when}
+            values |= {"unstated": True} if quasi_static else {}
+            axes, size = _axes(contact), float(largest.size[worst])
+            yield Finding(code, axes, size, UNITS[worst], values=values, rejects=True)
+    if path.errors.open.any():
+        yield Finding("threshold-unbounded", _axes(path.errors.open), rejects=True)
 
 
 def _axes(which: BoolArray) -> tuple[str, ...]:
     return tuple(axis for axis, there in zip(COMPONENTS, which, strict=True) if there)
-
-
-def _stated_contact(path: FreePath, found: Capability) -> list[Finding]:
-    """Whether the contact that the rig file states would be seen."""
-    limits = path.use.campaign.rig.rig.acceptance
-    out = []
-    for name, unit, rows, limit in limits.contact_limits:
-        worst = float(np.max(found.smallest_contact[rows]))
-        if limit is not None and worst > limit:
-            values: dict[str, Value] = {"limit": limit}
-            out.append(Finding("contact-unseen", (name,), worst, unit, values=values, rejects=True))
-    return out
