@@ -160,7 +160,6 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
 def _alone(earlier: Earlier) -> CampaignResult:
     """The one campaign of a calibration, as a file with several lists it."""
     file = earlier.file
-    table = file.dwells
     return CampaignResult.model_validate(
         {
             "name": earlier.name,
@@ -172,7 +171,7 @@ def _alone(earlier: Earlier) -> CampaignResult:
             "postures": 0 if file.fit is None else file.fit.postures,
             "chi2": earlier.chi2,
             "dof": earlier.dof,
-            "readings": None if table is None or table.noise is None else table,
+            "readings": file.dwells,
         }
     )
 

@@ -38,7 +38,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     names = ", ".join("/".join(file.parts[-2:]) if alike else file.name for file in files)
     rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
-    pieces = (c.postures.left_out or ()) if c.postures is not None else ()
+    pieces = c.postures.left_out if c.postures is not None else ()
     blocks: dict[str, tuple[Block, ...]] = {
         "angles": (_angles(c),),
         "residuals" if c.motion is None else "residual-over-time": (

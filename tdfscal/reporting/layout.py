@@ -215,12 +215,9 @@ def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
 
 def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:
     """Rejected postures with when and why."""
-    found = []
-    for r in rejected:
-        dated = r.start is not None and r.end is not None
-        when = f" ({clock.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
-        found.append(f"posture {r.index + 1}{when}: {r.reason}")
-    return tuple(found)
+    return tuple(
+        f"posture {r.index + 1} ({clock.stretch(r.start, r.end)}): {r.reason}" for r in rejected
+    )
 
 
 def rests(pieces: Iterable[StretchOfRest], clock: Clock) -> tuple[str, ...]:

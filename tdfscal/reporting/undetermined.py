@@ -153,8 +153,8 @@ def _left_out(attempt: Attempt) -> tuple[str, ...]:
     if isinstance(seen, UndeterminedMotion):
         return layout.stretches(seen.rejected)
     log = attempt.log(seen)
-    pieces = log.postures.left_out or ()
-    return (*layout.postures(log.rejected, log.clock), *layout.rests(pieces, log.clock))
+    rests = layout.rests(log.postures.left_out, log.clock)
+    return (*layout.postures(log.rejected, log.clock), *rests)
 
 
 def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:

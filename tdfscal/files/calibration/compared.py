@@ -150,8 +150,8 @@ def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
     tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [c.dwells]
     return [
         nothing
-        if table is None or table.noise is None
-        else Readings(np.array(table.force)[order].swapaxes(0, 1), np.array(table.noise)[order])
+        if table is None
+        else Readings(np.array(table.force)[:, order], np.array(table.noise)[order])
         for table in tables
     ]
 

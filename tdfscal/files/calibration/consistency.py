@@ -25,6 +25,7 @@ from tdfscal.records import ANGLES, FloatArray
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.document import Calibration
+    from tdfscal.files.calibration.evidence import ReadingsTable
 
 Place = tuple[str | int, ...]
 Repeated = tuple[Place, str, Any, Any]
@@ -121,13 +122,15 @@ def _tables(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None, int]]
         yield ("taken_as_exact", k, "common"), one.common, free
         yield ("taken_as_exact", k, "apart"), one.apart, free
     n = len(c.supports)
-    if c.dwells is not None:
-        yield ("dwells", "force"), c.dwells.force, n
+    held: list[tuple[Place, ReadingsTable | None]] = [(("dwells",), c.dwells)]
     for k, campaign in enumerate(c.campaigns):
         yield ("campaigns", k, "zero"), campaign.zero, n
         yield ("campaigns", k, "zero_std"), campaign.zero_std, n
-        if campaign.readings is not None:
-            yield ("campaigns", k, "readings", "force"), campaign.readings.force, n
+        held.append((("campaigns", k, "readings"), campaign.readings))
+    for place, table in held:
+        if table is not None:
+            yield (*place, "noise"), table.noise, n
+            yield from (((*place, "force", k), row, n) for k, row in enumerate(table.force))
 
 
 def _angles(c: Calibration) -> Iterator[Repeated]:

@@ -41,7 +41,7 @@ class Table(Strict):
 
     @model_validator(mode="after")
     def _rectangular(self) -> Self:
-        columns = {n: c for n, c in self if c is not None and n != "left_out"}
+        columns = {n: c for n, c in self if c is not None and n not in ("left_out", "noise")}
         rows = len(next(iter(columns.values())))
         for name, column in columns.items():
             if len(column) != rows:
@@ -172,26 +172,17 @@ class TrackerResult(Strict):
     p_value: Probability = key("probability of a larger χ² by chance")
     birge: NotNegative = key("Birge ratio, √(χ²/dof)")
     points: Count = key("number of points used")
-    rejected: Texts = key("names of points left out", ())
+    rejected: Texts = key("names of points left out")
     consistency_p_value: Probability | None = key("that both methods differ by chance so", None)
     largest_en: NotNegative | None = key("E_n of the angle in which they differ most", None)
-    residuals: PointResiduals | None = key("of each point", None)
+    residuals: PointResiduals = key("of each point")
 
 
-class ReadingsTable(Strict):
+class ReadingsTable(Table):
     """Mean readings, sensor frames, by which a recording is known again."""
 
-    force: tuple[Vectors, ...] = key("N: per support, of each dwell")
-    noise: Vectors | None = key("N: per support, a mean's typical standard error by noise", None)
-
-    @model_validator(mode="after")
-    def _of_each_support(self) -> Self:
-        for i, rows in enumerate(self.force):
-            if len(rows) != len(self.force[0]):
-                raise fault(f"must have {len(self.force[0])} rows", "force", i)
-        if self.noise is not None and len(self.noise) != len(self.force):
-            raise fault(f"must have {len(self.force)} rows", "noise")
-        return self
+    force: tuple[Vectors, ...] = key("N: of each dwell, those of all supports")
+    noise: Vectors = key("N: per support, a mean's typical standard error by noise")
 
 
 class DwellTable(ReadingsTable):
@@ -200,14 +191,6 @@ class DwellTable(ReadingsTable):
     start: Numbers = key("s: begin of each dwell, as the log counts")
     end: Numbers = key("s: end of each dwell")
     temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
-
-    @model_validator(mode="after")
-    def _of_each_dwell(self) -> Self:
-        for name, column in (("force", self.force[0]), ("end", self.end),
-                             ("temperature", self.temperature)):  # fmt: skip
-            if column is not None and len(column) != len(self.start):
-                raise fault(f"must have {len(self.start)} rows", name)
-        return self
 
 
 class CampaignResult(Strict):
@@ -259,7 +242,7 @@ class PostureTable(Table):
     force_after: Vectors = key("N: residual force, calibrated")
     moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
     moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
-    left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
+    left_out: tuple[Stretch, ...] = key("stretches of rest that are no posture", ())
 
 
 class LeftOutStretch(Strict):
@@ -267,7 +250,7 @@ class LeftOutStretch(Strict):
 
     begin: Number = key("s in the log's time")
     end: Number = key("s in the log's time")
-    code: Text | None = key("of the finding about it", None)
+    code: Text = key("of the finding about it")
     reason: Text = key("contact, a frozen channel, a sensor at its capacity")
 
 
@@ -316,4 +299,4 @@ class MotionResult(Strict):
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
     spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
-    residual: MotionResidual | None = key("of the wrench, over time", None)
+    residual: MotionResidual = key("of the wrench, over time")

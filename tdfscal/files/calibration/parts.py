@@ -259,9 +259,9 @@ class RejectedPosture(Strict):
     """A posture left out of the fit, with its time in s."""
 
     index: Count = key("number of the dwell, from 0")
-    start: Number | None = key("s in the log's time", None)
-    end: Number | None = key("s in the log's time", None)
-    code: Text | None = key("of the finding about it", None)
+    start: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    code: Text = key("of the finding about it")
     reason: Text = key("in words")
 
 

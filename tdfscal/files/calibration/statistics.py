@@ -187,13 +187,8 @@ def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
         "start": found.start,
         "end": found.end,
         "temperature": warm,
-        **known_again(readings(result.rig, found)),
+        **vars(readings(result.rig, found)),
     }
-
-
-def known_again(means: Readings) -> dict[str, Any]:
-    """Mean readings by which a recording is known again."""
-    return {"force": np.swapaxes(means.force, 0, 1), "noise": means.noise}
 
 
 def campaign(
@@ -203,7 +198,7 @@ def campaign(
 
     axes : (n, 3), which it measured. means : None of a survey. more : its other keys.
     """
-    kept = None if means is None or len(means.force) > _LOOKED_AT else known_again(means)
+    kept = None if means is None or len(means.force) > _LOOKED_AT else means
     return CampaignResult.model_validate(
         {**more, **zeros_and_load(state, std, axes), "readings": kept}
     )

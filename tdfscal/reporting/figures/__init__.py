@@ -79,9 +79,9 @@ def log_clock(
     """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
     if any(recorder.rows == "postures" for recorder in rig.recorders):
         return Clock(0.0, "row of the log", "row")
-    starts = [r.start for r in rejected if r.start is not None]
+    starts = [r.start for r in rejected]
     if table is not None:
-        starts += [*table.start, *(s.start for s in table.left_out or ())]
+        starts += [*table.start, *(s.start for s in table.left_out)]
     return clock_from(min(starts, default=0.0))
 
 

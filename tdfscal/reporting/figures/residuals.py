@@ -48,7 +48,7 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
 
 def over_motion(c: Calibration) -> Drawing | None:
     """Length of the residual force and moment over the time of a log in motion."""
-    if c.motion is None or c.motion.residual is None:
+    if c.motion is None:
         return None
     r = c.motion.residual
     before = np.column_stack([r.force_before, r.moment_before])

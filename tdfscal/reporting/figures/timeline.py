@@ -70,7 +70,7 @@ def of(log: DwellLog) -> Drawing | None:
     table = log.postures
     if not table.index:
         return None
-    rejected = [r for r in log.rejected if r.start is not None]
+    rejected = log.rejected
     total = len(table.index) + len(rejected)
     averaged = float(np.sum(np.array(table.end) - np.array(table.start)))
     said = f"{len(table.index)} of {total} dwells are in the fit"
@@ -84,24 +84,23 @@ def _paint(log: DwellLog) -> Figure:
     time, table, dwells = log.clock, log.postures, log.dwells
     shortest = 0.9 if time.unit == "row" else 0.0
 
-    def ends(start: float | None, end: float | None) -> tuple[float, float]:
-        begin = (start or 0.0) - time.origin
-        return begin, begin + max((end or 0.0) - (start or 0.0), shortest)
+    def ends(start: float, end: float) -> tuple[float, float]:
+        begin = start - time.origin
+        return begin, begin + max(end - start, shortest)
 
     used = [ends(*pair) for pair in zip(table.start, table.end, strict=True)]
-    rejected = [r for r in log.rejected if r.start is not None]
-    gone = [ends(r.start, r.end) for r in rejected]
-    pieces = [ends(s.start, s.end) for s in table.left_out or ()]
+    gone = [ends(r.start, r.end) for r in log.rejected]
+    pieces = [ends(s.start, s.end) for s in table.left_out]
     heights = [0.34 * (3 if pieces else 2)] + ([_PANEL] * 3 if dwells is not None else [])
     labels = ("", *_FORCES)[: len(heights)]
     fig, axes = panels(0.75 + sum(heights), labels, gridspec_kw={"height_ratios": heights})
     _lanes(axes[0], used, gone, pieces)
-    for r, (_, end) in zip(rejected, gone, strict=True):
+    for r, (_, end) in zip(log.rejected, gone, strict=True):
         style.beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
     if dwells is not None:
         middle = np.mean([ends(*pair) for pair in zip(dwells.start, dwells.end, strict=True)], 1)
         measured = [[axis in support.axes for axis in "xyz"] for support in log.rig.supports]
-        force = np.where(measured, np.swapaxes(dwells.force, 0, 1), np.nan)
+        force = np.where(measured, dwells.force, np.nan)
         names = [support.name for support in log.rig.supports]
         look: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.2, "markeredgewidth": 0.3}
         look |= {"markeredgecolor": style.BLACK, "rasterized": style.raster(3 * len(middle))}
