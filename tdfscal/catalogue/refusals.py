@@ -77,7 +77,8 @@ hinges-off refuses
   is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
   servo coordinates of ~ are offset, or out of scale, by {by:m}{more: or more|}|}
   ? fits ; it would fit with {fits}
-  -> {fits:correct the position fields of the log block in rig.yaml|measure
+  -> {fits:correct the position fields of the log block in rig.yaml (a sign by a negative factor of
+    `position_scale`, m per unit of the log)|measure
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
     ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
     or check the position fields and that log and rig.yaml belong together}
@@ -114,7 +115,8 @@ instants-broken refuses
 forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the
   residuals fall from {before:.2g} to {after:.2g} times what is stated
-  -> correct the force fields of the log block in rig.yaml, or the cabling
+  -> correct the force fields of the log block in rig.yaml (a sign by a negative factor of
+    `force_scale`, N per unit of the log), or the cabling
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors

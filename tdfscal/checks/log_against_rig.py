@@ -9,7 +9,7 @@ other another base frame.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain, combinations, permutations, product
+from itertools import combinations, permutations, product
 from typing import Final
 
 import numpy as np
@@ -23,11 +23,13 @@ from tdfscal.model.parameters import State, gravity, nominal
 from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Supports above which only the same axes of two sensors are exchanged.
 _MANY: Final = 8
-#: Whose, where it is every sensor's.
+#: Axes of positions, and of forces with whose they are where they are every sensor's.
+_PLACES: Final = ("X", "Y", "Z")
+_FORCES: Final = ("Fx", "Fy", "Fz")
 _EVERYONE: Final = "every sensor"
 #: Words of the wiring in which every sensor records the reaction.
 REACTION: Final = f"the opposite sign of every axis of {_EVERYONE}"
@@ -84,32 +86,56 @@ def mirrored_frames(n: int) -> Iterator[Wiring]:
 def rewired_sensors(supports: tuple[str, ...]) -> Iterator[Wiring]:
     """Sensors exchanged; two axes of a sensor, or of all, exchanged, or of opposite sign."""
     yield from exchanged_supports(supports, "the sensors")
-    n, same = len(supports), 3 * np.arange(len(supports))[:, None] + np.arange(3)
     for name in (*supports, _EVERYONE):
-        own = np.array([name in (support, _EVERYONE) for support in supports])[:, None]
-        for a, b in combinations(range(3), 2):
-            order = np.arange(3)
-            order[[a, b]] = b, a
-            words = f"F{'xyz'[a]} and F{'xyz'[b]} of {name} exchanged"
-            yield Wiring(words, np.where(own, same[:, order], same), np.ones((n, 3)))
-        for axes in ([0], [1], [2], [0, 1, 2]):
-            which = f"F{'xyz'[axes[0]]}" if len(axes) == 1 else "every axis"
-            sign = np.where(own & np.isin(np.arange(3), axes), -1.0, 1.0)
-            yield Wiring(f"the opposite sign of {which} of {name}", same, sign)
+        yield from _rewired_axes(supports, name, _FORCES)
+
+
+def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
+    """Positioners exchanged; axes of one, or of all, exchanged, or of opposite sign."""
+    yield from exchanged_supports(supports, "the positions")
+    yield from mirrored_frames(len(supports))
+    for name in supports:
+        yield from _rewired_axes(supports, name, _PLACES)
+    yield from _exchanged_axes(supports, _PLACES)
+
+
+def _rewired_axes(
+    supports: tuple[str, ...], name: str, axes: tuple[str, str, str]
+) -> Iterator[Wiring]:
+    """Two axes of a support, or of every sensor, exchanged, or of opposite sign."""
+    same = np.arange(3 * len(supports)).reshape(-1, 3)
+    own = np.array([name in (support, _EVERYONE) for support in supports])[:, None]
+    for a, b in combinations(range(3), 2):
+        order = np.arange(3)
+        order[[a, b]] = b, a
+        words = f"{axes[a]} and {axes[b]} of {name} exchanged"
+        yield Wiring(words, np.where(own, same[:, order], same), np.ones(same.shape))
+    for turned, which in (*(([a], axes[a]) for a in range(3)), ([0, 1, 2], "every axis")):
+        sign = np.where(own & np.isin(np.arange(3), turned), -1.0, 1.0)
+        yield Wiring(f"the opposite sign of {which} of {name}", same, sign)
 
 
 def exchanged_channels(rig: Rig) -> Iterator[Wiring]:
-    """Two channels of different sensors exchanged.
+    """Two channels of different sensors exchanged."""
+    return _exchanged_axes(rig.supports, _FORCES, rig.axes)
 
-    Of many sensors only the same axes: cables of one kind are mistaken for each other.
+
+def _exchanged_axes(
+    supports: tuple[str, ...], axes: tuple[str, str, str], measured: BoolArray | None = None
+) -> Iterator[Wiring]:
+    """Two axes of different supports exchanged; measured : (n, 3), by default all.
+
+    Of many supports only the same axes: cables of one kind are mistaken for each other.
     """
-    for (i, a), (j, b) in combinations(np.argwhere(rig.axes).tolist(), 2):
-        if i == j or (a != b and rig.n > _MANY):
+    n = len(supports)
+    measured = np.ones((n, 3), dtype=np.bool_) if measured is None else measured
+    for (i, a), (j, b) in combinations(np.argwhere(measured).tolist(), 2):
+        if i == j or (a != b and n > _MANY):
             continue
-        source = np.arange(3 * rig.n).reshape(-1, 3)
+        source = np.arange(3 * n).reshape(-1, 3)
         source[i, a], source[j, b] = 3 * j + b, 3 * i + a
-        names = f"F{'xyz'[a]} of {rig.supports[i]} and F{'xyz'[b]} of {rig.supports[j]}"
-        yield Wiring(f"{names} exchanged", source, np.ones((rig.n, 3)))
+        names = f"{axes[a]} of {supports[i]} and {axes[b]} of {supports[j]}"
+        yield Wiring(f"{names} exchanged", source, np.ones((n, 3)))
 
 
 #: Positions and rig file must agree in size within this share.
@@ -255,8 +281,7 @@ def _turn(rig: Rig, position: FloatArray) -> FloatArray:
 def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
     """Words for the rearrangement that fits upright with the terminal least turned."""
     fitting = []
-    ways = exchanged_supports(rig.supports, "the positions"), mirrored_frames(rig.n)
-    for other in chain(*ways):
+    for other in rewired_positions(rig.supports):
         place = other.signals(position)
         off, up = geometry.misfit(rig.hinge, place)
         if off <= limit and up > 0:

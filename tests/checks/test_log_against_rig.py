@@ -136,6 +136,26 @@ def test_mirrored_axes_are_named(axes: list[int], signs: list[int], words: str) 
     assert f"the axes read as {words}" in error.what
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("support", range(3))
+def test_one_position_of_opposite_sign_is_named(support: int, axis: int) -> None:
+    """And no offset or scale of its positioner; a coordinate may lie on either side of its zero."""
+    for place in (POSITION, POSITION - POSITION[:, [support]].mean(axis=0)):
+        negated = place.copy()
+        negated[:, support, axis] *= -1.0
+        words = f"the opposite sign of {'XYZ'[axis]} of {RIG.supports[support]}"
+        assert words in refused(RIG, negated).what
+
+
+@pytest.mark.parametrize("axis", range(2))
+def test_positions_of_two_supports_exchanged_along_one_axis_are_named(axis: int) -> None:
+    """Heights differ by the tilt alone, which exchanged is another tilt."""
+    swapped = POSITION.copy()
+    swapped[:, [0, 2], axis] = POSITION[:, [2, 0], axis]
+    name = "XYZ"[axis]
+    assert f"{name} of ncp1 and {name} of ncp3 exchanged" in refused(RIG, swapped).what
+
+
 def test_a_hinge_measured_wrongly_is_named_with_its_farthest_partner() -> None:
     moved = RIG.hinge.copy()
     moved[1] += 0.01 * (moved[1] - moved[2]) / np.linalg.norm(moved[1] - moved[2])
