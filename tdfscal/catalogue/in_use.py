@@ -165,6 +165,8 @@ compared-nested notes
   {whole} stands on all recordings of {part} and on more: U is of what the others
   changed (the difference of both covariances){walked:, drift.angle included|}
   ? undated , over a time that a file's date tells
+compared-stated-otherwise notes
+  {subject} rest on other stated values of {whats}, from which a part of a difference may come
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
   -> leave the other rig's calibration out; or, where its rig file was only corrected, calibrate

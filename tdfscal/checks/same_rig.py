@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import numpy.typing as npt
 
@@ -26,15 +28,31 @@ def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     """What shows that two rig files are of two rigs; nothing: of one, for all they say.
 
     Compared are the supports, the serials of rig and sensors where both state one, gravity, and the
-    hinges within the uncertainties that both state.
+    distances between hinges within the uncertainties that both state: the angles are those of
+    sensors in the BCS, whichever LCS a rig file has.
     """
     found = _named(first, other)
     if first.supports != other.supports:
         return found
+    found += _gravities(first, other)
+    # Of the difference of two places, along the line that joins them.
+    std = np.sqrt(2.0) * _hinge_std(first, other)
+    for i, j in combinations(range(first.n), 2):
+        own, given = (np.linalg.norm(rig.hinge[i] - rig.hinge[j]) for rig in (first, other))
+        if not _agree(own, given, std):
+            names = f"{first.supports[i]} to {first.supports[j]}"
+            found += (_differs("distance of the hinges", names, "m", own, given),)
+    return found
+
+
+def _gravities(first: Rig, other: Rig) -> tuple[Finding, ...]:
     g, own = first.gravity, other.gravity
-    if abs(own - g) > _GRAVITY * g:
-        found += (_differs("gravity", "", "m/s²", g, own),)
-    return found + _hinges(first, other)
+    return () if abs(own - g) <= _GRAVITY * g else (_differs("gravity", "", "m/s²", g, own),)
+
+
+def _hinge_std(first: Rig, other: Rig) -> float:
+    """Standard uncertainty of a hinge's coordinate between two rig files, m."""
+    return float(np.hypot(first.declared.hinge, other.declared.hinge))
 
 
 def other_papers(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
@@ -55,29 +73,23 @@ def _serials(rig: Rig) -> dict[str, str]:
     return {what: serial for what, serial in all_of.items() if serial is not None}
 
 
-def _hinges(first: Rig, other: Rig) -> tuple[Finding, ...]:
-    """Hinges that differ."""
-    std = float(np.hypot(first.declared.hinge, other.declared.hinge))
-    pairs = zip(first.supports, first.hinge, other.hinge, strict=True)
-    return tuple(
-        _differs("hinge", name, "m", a, b) for name, a, b in pairs if not _agree(a, b, std)
-    )
-
-
 def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
     """What of `given` contradicts the calibrated rig; nothing: they agree.
 
-    Compared are, besides what tells one rig from another, nominal mounting, stated zeros, mass and
-    barycentre, each within the uncertainties that both state.
+    Compared are names, serials and gravity, hinges in the LCS, nominal mounting, stated zeros, mass
+    and barycentre, each within the uncertainties that both state.
     """
-    found = other_rig(calibrated, given)
+    found = _named(calibrated, given)
     if calibrated.supports != given.supports:
         return found
+    found += _gravities(calibrated, given)
+    hinges = _hinge_std(calibrated, given)
     zeros = np.hypot(calibrated.zero.std, given.zero.std)
     pairs: list[tuple[str, str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
     for i, name in enumerate(given.supports):
         nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
         pairs += [
+            ("hinge", name, "m", calibrated.hinge[i], given.hinge[i], hinges),
             ("nominal mounting", name, "rad", *nominal, 0.0),
             ("stated zero", name, "N", zero, given.zero.value[i], zeros[i]),
         ]
@@ -135,11 +147,9 @@ def _differs(what: str, of: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) 
     return Finding("rig-constant", values=values | {"own": _shown(a), "other": _shown(b)})
 
 
-def _agree(a: FloatArray, b: FloatArray, std: npt.ArrayLike) -> bool:
-    size = np.maximum(np.abs(a), np.abs(b))
-    return bool(
-        np.all(np.abs(a - b) <= CONTRADICTION * np.asarray(std) + _ROUNDING * np.maximum(size, 1.0))
-    )
+def _agree(a: npt.ArrayLike, b: npt.ArrayLike, std: npt.ArrayLike) -> bool:
+    size, off = np.maximum(np.abs(a), np.abs(b)), np.abs(np.subtract(a, b))
+    return bool(np.all(off <= CONTRADICTION * np.asarray(std) + _ROUNDING * np.maximum(size, 1.0)))
 
 
 def _same(a: npt.ArrayLike, b: npt.ArrayLike) -> bool:

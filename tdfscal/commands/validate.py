@@ -65,8 +65,8 @@ class ValidateResult(CommandResult):
 
     @property
     def exit_status(self) -> int:
-        """1 where the calibration does not hold."""
-        return 0 if self.holds else 1
+        """1 where the calibration does not hold, or never was fit for use."""
+        return 0 if self.holds and self.calibration.accepted else 1
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
@@ -143,7 +143,7 @@ def validate(
     own = (Finding("log-used-before", (path,)) for path in result.own)
     when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
     past = before_calibration(use, when)
-    result = replace(result, earlier=bool(past))
+    result = replace(result, earlier=bool(past), gate_rejected=not use.calibration.accepted)
     ended = overdue(by.rig, when.end[:10], "this check")
     found = (*use.findings, *own, *past, *_left_out(result), *result.findings, *ended)
     making = Making(command, tuple(log.inputs))

@@ -83,6 +83,10 @@ _SAID = {
         ),
     ),
 }
+_REJECTED = (
+    "Mend what the quality gate names and calibrate again: a rejected calibration is not fit for "
+    "use, whatever a check says."
+)
 _ANOTHER = "Validate on a log that did not go into the calibration."
 _LATER = "Validate on a log recorded since the calibration: only that shows whether it holds."
 _MORE = "Record six postures or more, with squeezes: these are too few to call it still valid."
@@ -152,14 +156,23 @@ def validation_document(
 def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
-        advice = _ANOTHER if v.own else _LATER if v.earlier else _MORE if v.few else _SHARPER
-        return "not contradicted", (advice,)
+        reasons = (
+            (v.gate_rejected, _REJECTED),
+            (v.own, _ANOTHER),
+            (v.earlier, _LATER),
+            (v.few, _MORE),
+        )
+        return "not contradicted", (next((told for why, told in reasons if why), _SHARPER),)
     return _SAID[v.outcome]
 
 
 def _own(v: Tested, found: Finding) -> bool:
-    """A log that would not have shown what happened since: said in the headline."""
-    return v.holds and found.code in ("log-used-before", "log-before-calibration")
+    """What makes a check that passes say little: said in the headline."""
+    return v.holds and found.code in (
+        "rejected-in-use",
+        "log-used-before",
+        "log-before-calibration",
+    )
 
 
 def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
@@ -241,7 +254,7 @@ def validation_report(
     report = Report(
         title=v.rig.name,
         verdict=verdict.upper(),
-        accepted=v.holds,
+        accepted=v.holds and not v.gate_rejected,
         claim=" ".join(_why(v, findings)),
         reasons=_causes(v),
         tiles=(

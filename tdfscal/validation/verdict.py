@@ -280,7 +280,8 @@ class Verdict:
     rig : of the log. judged : the test. zeros : whether they moved.
     findings : what is to be said of log and noise. own : logs that went into the
     calibration itself, where what was tested is theirs. earlier : the log is older than the
-    calibration's data.
+    calibration's data. gate_rejected : the calibration never was fit for
+    use.
     """
 
     rig: Rig
@@ -289,6 +290,7 @@ class Verdict:
     findings: tuple[Finding, ...]
     own: tuple[str, ...] = ()
     earlier: bool = False
+    gate_rejected: bool = False
 
     @property
     def few(self) -> bool:
@@ -310,7 +312,7 @@ class Verdict:
         """What the test says of the calibration; touched where nothing else explains the log."""
         if not self.holds:
             return "touched" if {c.kind for c in self.suspected} == {"contact"} else "changed"
-        unproven = self.own or self.earlier or self.few or self.blind
+        unproven = self.gate_rejected or self.own or self.earlier or self.few or self.blind
         return "unproven" if unproven else "holds"
 
     @property

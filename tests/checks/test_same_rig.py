@@ -10,6 +10,7 @@ import pytest
 from tdfscal import simulation
 from tdfscal.catalogue import cure, rigs_apart, sentence
 from tdfscal.checks.same_rig import contradictions, different_constants, other_papers, other_rig
+from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.significance import CONTRADICTION
 
@@ -69,6 +70,19 @@ def test_what_has_no_uncertainty_agrees_to_rounding(
         assert contradictions(RIG, shifted(quantity, sign * same)) == ()
         (found,) = contradictions(RIG, shifted(quantity, sign * other))
         assert quantity in sentence(found)
+
+
+def test_a_rig_is_one_in_whichever_frame_its_terminal_is_drawn() -> None:
+    """The angles are the sensors' in the BCS; hinges apart otherwise are another rig's."""
+    drawn = RIG.hinge @ so3.exp(np.array([0.3, -0.2, 1.1])).T + [0.1, -0.2, 0.3]
+    assert other_rig(RIG, replace(RIG, hinge=drawn)) == ()
+    way = (drawn[1] - drawn[0]) / np.linalg.norm(drawn[1] - drawn[0])
+    limit = CONTRADICTION * 2.0 * STDS["hinge"]  # a distance of two places, in either file
+    for by, differing in ((0.98 * limit, 0), (1.02 * limit, 1)):
+        drawn[1] += by * way
+        found = other_rig(RIG, replace(RIG, hinge=drawn))
+        assert len([each for each in found if each.values["of"] == "ncp1 to ncp2"]) == differing
+        drawn[1] -= by * way
 
 
 @pytest.mark.parametrize("compared", [other_rig, contradictions, different_constants])

@@ -219,16 +219,21 @@ def test_the_embedded_rig_serves_where_there_is_no_other(
     )  # the log's own is not known
 
 
-def test_a_rejected_calibration_is_used_with_a_loud_warning(
+def test_a_rejected_calibration_passes_no_check_and_is_used_with_a_loud_warning(
     places: Places, cli: Cli, tmp_path: Path
 ) -> None:
+    """That its residuals are explained makes it no calibration to keep in use."""
     target = tmp_path / "rejected.yaml"
     shutil.copy(places.calibration, target)
     rejected = {"status": "rejected", "findings": [found("a test", "rejects")]}
     edited(target, lambda d: d.update(rejected, content_sha256=None))
-    seen = cli("validate", target, places.held)
-    assert "IS A REJECTED CALIBRATION" in seen.err
-    assert "a test" in seen.err
+    assert "STILL VALID" in cli("validate", places.calibration, places.held, ends=0).out
+    said = cli("validate", target, places.held, "-q", ends=1).out.splitlines()
+    assert said[0].endswith("NOT CONTRADICTED")
+    assert "IS A REJECTED CALIBRATION" in "".join(said[1:3])
+    assert cli.json("validate", target, places.held, ends=1)["holds"]
+    used = cli("apply", target, places.held, "-o", tmp_path / "w.csv", ends=0)
+    assert "IS A REJECTED CALIBRATION, not fit for use: a test" in used.err
 
 
 def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.checks.same_rig import other_papers, other_rig
+from tdfscal.checks.same_rig import different_constants, other_papers, other_rig
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
@@ -20,7 +20,7 @@ from tdfscal.comparison.shared_data import Readings, Recorded, relation
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value
-from tdfscal.records import Rotations
+from tdfscal.records import Rig, Rotations
 
 Named = tuple[str, Calibration]
 
@@ -38,7 +38,7 @@ def compared(
     """
     pair, said = _by_recordings(first, second, order)
     a, b = ((name, c.rig.record()) for name, c in (first, second))
-    said = (*said, *other_papers(a, b))
+    said = (*said, *other_papers(a, b), *_stated_otherwise(a, b))
     rejected = tuple(name for name, c in (first, second) if not c.accepted)
     if differences := other_rig(a[1], b[1]):
         found = rigs_apart(differences, "compared-other-rig")
@@ -49,6 +49,15 @@ def compared(
         return pair, said
     known = () if pair.obstacle is None else (pair.obstacle,)
     return replace(pair, obstacle=found), (*said, *known)
+
+
+def _stated_otherwise(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
+    """What the rig files state differently of the rig's constants, but for where the LCS lies."""
+    found = [each.values["what"] for each in different_constants(first[1], other[1])
+             if each.code == "rig-constant" and each.values["what"] != "hinge"]  # fmt: skip
+    values: dict[str, Value] = {"whats": [str(what) for what in dict.fromkeys(found)]}
+    names = (first[0], other[0])
+    return (Finding("compared-stated-otherwise", names, values=values),) if found else ()
 
 
 def _by_recordings(
