@@ -31,6 +31,7 @@ _WALL_CLOCK = (631152000.0, 4102444800.0)
 _LEAST, _MOST = 1e-3, 0.99
 #: The sign of a negative number: no hyphen of a word, a date or a name, nor an exponent's.
 _MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
+_PERCENT = re.compile(r"(?<=\d)%(?!\w)")
 _EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
@@ -106,6 +107,22 @@ def with_std(value: float, std: float, sign: str = "") -> str:
     return f"{to_place(value, places(std), sign)} ± {to_place(std, places(std))}"
 
 
+def count(number: int, noun: str) -> str:
+    """Return "1 line", "26 lines"."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def spans(numbers: Sequence[int]) -> str:
+    """Return numbers one by one, those that follow each other as one span: 3–5, 8."""
+    found: list[list[int]] = []
+    for number in numbers:
+        if found and found[-1][-1] == number - 1:
+            found[-1][1:] = [number]
+        else:
+            found.append([number])
+    return ", ".join("–".join(map(str, span)) for span in found)
+
+
 def p_text(p: float) -> str:
     """Write a p-value."""
     said = probability(p)
@@ -120,6 +137,10 @@ def probability(p: float) -> str:
 
 
 def typeset(text: str, minus: str = "−") -> str:
-    """Return text with one sign for all negative numbers; code between backquotes keeps its own."""
+    """Return text with one sign for all negative numbers, and a space between number and %.
+
+    Code between backquotes stays as it is.
+    """
     parts = text.split("`")
-    return "`".join(_MINUS.sub(minus, part) if k % 2 == 0 else part for k, part in enumerate(parts))
+    parts[::2] = (_PERCENT.sub(" %", _MINUS.sub(minus, part)) for part in parts[::2])
+    return "`".join(parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from math import ceil
 
 import numpy as np
@@ -17,11 +17,10 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
-from tdfscal.reporting.assumptions import STATED_BY, exceeding
-from tdfscal.reporting.claims import (
+from tdfscal.reporting.headline import (
     SOURCES,
     SPOILT,
-    draft_lines,
+    exceeding,
     half_widths,
     numbers,
     within,
@@ -49,8 +48,21 @@ _CHANGES = {
 }
 #: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
 _BEARABLE = " (if sensors and hinges bear it)"
-#: Lines of a draft that are cited with their values.
-_CITED = 2
+#: What may be taken as exact, and the key of the rig file that states how well it is known.
+_STATED_BY = {
+    "NCP repeatability": "uncertainty.positioner",
+    "hinge drawing": "uncertainty.hinge",
+    "servo datums": "uncertainty.datum",
+    "gain, crosstalk": "uncertainty.force_sensitivity",
+    "friction of the hinges": "uncertainty.hinge_moment",
+    "base level": "gravity.tilt_std",
+    "mass": "terminal.mass.std",
+    "barycentre": "terminal.barycenter.std",
+    "zeros": "zero.std",
+    "delay": "log.delay.std",
+    "body against axes": "tracker.misalignment",
+    "target drawing": "tracker.drawing",
+}
 #: What would lower a source in motion, where it is something else.
 _IN_MOTION = {
     "noise": "a longer motion, a larger tilt, or a harder squeeze (`tdfscal plan RIG --motion` "
@@ -73,42 +85,17 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    return (*_to_confirm(c), *_to_mend(c), _proof(c), *_to_improve(c))
+    if c.status == "provisional":
+        confirm = "Confirm or correct each line, take out its mark, and calibrate again."
+        return (confirm, *_to_mend(c))
+    return (*_to_measure(c), *_to_mend(c), _proof(c), *_to_improve(c))
 
 
-def _to_confirm(c: Calibration) -> Iterator[str]:
-    """Lines of a draft; what was taken as exact, where typical errors exceed the headline."""
-    if lines := draft_lines(c):
-        cited = (*lines[:_CITED], *filter(None, [_by_block(lines[_CITED:])]))
-        yield (
-            f"Confirm or correct {'; '.join(cited)}, take the mark behind each out, and calibrate "
-            "again."
-        )
-    if larger := exceeding(c, half_widths(c).max()):
-        keys = ", ".join(f"`{STATED_BY[q.name]}`" for q in larger)
-        yield f"Measure what is taken as exact, and state in rig.yaml how well it is known: {keys}."
-
-
-def _by_block(lines: Iterable[str]) -> str:
-    """Lines of a draft, each as `key: value (line N)`, counted by the rig file's block."""
-    blocks: dict[str, list[int]] = {}
-    for line in lines:
-        key, _, number = line.rstrip(")").rpartition(" (line ")
-        at = blocks.setdefault(re.split("[.:]", key)[0] or line, [])
-        at += [int(number)] if number.isdecimal() else []
-    return ", ".join(f"{block}{_spans(at)}" for block, at in blocks.items())
-
-
-def _spans(numbers: Sequence[int]) -> str:
-    """Numbers in brackets, those that follow each other as one span."""
-    spans: list[list[int]] = []
-    for number in numbers:
-        if spans and spans[-1][-1] == number - 1:
-            spans[-1][1:] = [number]
-        else:
-            spans.append([number])
-    said = ", ".join("–".join(map(str, span)) for span in spans)
-    return f" (line{'s' * (len(numbers) > 1)} {said})" if said else ""
+def _to_measure(c: Calibration) -> Iterator[str]:
+    """What was taken as exact, where typical errors exceed the headline."""
+    if larger := exceeding(c):
+        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in larger)
+        yield f"State in rig.yaml how well these are known: {keys}."
 
 
 def _to_mend(c: Calibration) -> Iterator[str]:

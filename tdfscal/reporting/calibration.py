@@ -14,9 +14,8 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.assumptions import exact_table
-from tdfscal.reporting.claims import half_widths, headline, within
 from tdfscal.reporting.figures import clock
+from tdfscal.reporting.headline import exact_table, half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import (
     campaign,

@@ -18,7 +18,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.reporting import layout
-from tdfscal.reporting.claims import half_widths, within
+from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import measured_on, report_digest
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 import sys
 import textwrap
@@ -17,6 +18,8 @@ _LISTS = ("Warnings", "What next")
 #: Lines of a terminal; of them those of the files that were written.
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
+#: Where no line ends, and what stands there meanwhile.
+_TOGETHER, _FIXED = re.compile(r"(?<=±) | (?=%|mrad\b)"), "\u00a0"
 _NARROWEST = 8
 #: Columns that facts need beside their names; else they stand below.
 _BESIDE = 32
@@ -60,7 +63,8 @@ def _lines(report: Report, *, whole: bool) -> list[Line]:
     kept, spaced = _fitting(report, room), True
     for caption, items, count in zip(_LISTS, (report.warnings, report.advice), kept, strict=True):
         if count < len(items):
-            caption += f" ({count or 'none'} of {len(items)} here, -v or --html FILE shows all)"
+            first = {0: "", 1: "the first of "}.get(count, f"the first {count} of ")
+            caption += f" ({first}{len(items)}; -v shows all)"
         if items:
             lines += _captioned([caption], _bullets(items[:count]))[not spaced :]
             spaced = count > 0
@@ -157,14 +161,15 @@ def _fit(cell: str, room: int) -> str:
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
-    """Fold a paragraph to the width."""
-    return textwrap.wrap(
-        text,
+    """Fold a paragraph to the width; numbers keep their sign and unit beside them."""
+    lines = textwrap.wrap(
+        _TOGETHER.sub(_FIXED, text),
         width(),
         initial_indent=indent,
         subsequent_indent=indent + hanging,
         break_on_hyphens=False,
     )
+    return [line.replace(_FIXED, " ") for line in lines]
 
 
 def _bullets(items: Iterable[str]) -> list[str]:

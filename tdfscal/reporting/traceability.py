@@ -21,7 +21,6 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
-from tdfscal.reporting.assumptions import exact_names
 from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
 from tdfscal.significance import (
     CERTAIN_SHIFT,
@@ -77,21 +76,23 @@ class Making:
 def provenance(c: Calibration, digest: str) -> Section:
     """What a calibration was made of, with which program, by which rules; see `report_digest`."""
     inputs = tuple(each.record() for each in c.inputs)
-    exact = "; ".join(exact_names(c))
     facts = [
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
         ("Content", f"SHA-256 {digest}"),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
-        ("Taken as exact", exact or "nothing"),
+        ("Taken as exact", exact_names(c)),
         ("Decision rule", decision_rule(c)),
     ]
     if c.conformity is not None:
-        judged = (
-            _contact(c.conformity, exact) if c.accepted else "not judged: the result is rejected"
-        )
+        judged = _contact(c, c.conformity) if c.accepted else "not judged: the result is rejected"
         facts.append(("Contact wrench", judged))
     facts += [("Convention", c.convention), ("Covariance", c.covariance.definition)]
     return Making(c.command, inputs, c.created, c.software.version).section(*facts, page_only=False)
+
+
+def exact_names(c: Calibration) -> str:
+    """What has no uncertainty in the rig file, and so none in the result, as the file lists it."""
+    return "; ".join(q.name for q in c.taken_as_exact) or "nothing"
 
 
 def report_digest(c: Calibration) -> str:
@@ -149,7 +150,7 @@ def _whose(c: Calibration, key: str) -> str:
     return " (set in the rig file)" if key in stated else f" (the tool's default for {key})"
 
 
-def _contact(found: ConformityResult, exact: str) -> str:
+def _contact(c: Calibration, found: ConformityResult) -> str:
     """Expanded uncertainty of force and torque against their limits; what they leave out."""
     said = [
         f"{name} conforms: U = {part.expanded:.3g} {unit}, limit {part.limit:g} {unit}, "
@@ -158,8 +159,8 @@ def _contact(found: ConformityResult, exact: str) -> str:
         if part.limit is not None
     ]
     rpy = ", ".join(f"{angle:g}" for angle in found.rpy)
-    given = f", given that what is taken as exact ({exact}) is exact" if exact else ""
-    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given}"
+    given = f", given that what is taken as exact ({exact_names(c)}) is exact"
+    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given * bool(c.taken_as_exact)}"
 
 
 def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> tuple[Section, ...]:

@@ -17,7 +17,6 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
-from tdfscal.reporting.assumptions import exact_names
 from tdfscal.reporting.claims import (
     change,
     changes,
@@ -34,6 +33,7 @@ from tdfscal.reporting.traceability import (
     calibration_fact,
     campaign,
     day_measured,
+    exact_names,
     measured_on,
     report_digest,
     stated_facts,
@@ -115,7 +115,7 @@ class Origin:
             **self.making.document(),
             "measured": self.measured.model_dump(),
             "rig": {**self.rig.document, "sha256": self.rig.sha256},
-            "calibration": own | {"taken_as_exact": exact_names(c)},
+            "calibration": own | {"taken_as_exact": [q.name for q in c.taken_as_exact]},
         }
 
 
@@ -309,6 +309,6 @@ def _provenance(v: Tested, origin: Origin) -> Section:
         ("χ² test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
         ("Single change", f"the likeliest one, by chance alone: {search_test(v)}"),
         ("Decision rule", _RULE),
-        ("Taken as exact", "; ".join(exact_names(c)) or "nothing"),
+        ("Taken as exact", exact_names(c)),
         ("Convention", c.convention),
     )

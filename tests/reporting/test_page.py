@@ -8,7 +8,7 @@ import pytest
 
 from tdfscal.catalogue.numbers import upwards
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.claims import half_widths
+from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
 from tests.reporting.samples import (
     changed,

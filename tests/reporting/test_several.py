@@ -133,7 +133,7 @@ def test_compare(files: list[Path], cli: Cli) -> None:
     assert document["sensor_p_value"] < document["p_limit"] == 0.005
     said = " ".join(done.out.split())
     assert (
-        "Compatible where neither probability is below 0.005: of sound calibrations 1% at most"
+        "Compatible where neither probability is below 0.005: of sound calibrations 1 % at most"
         in said
     )
     three = cli.json("compare", *files)

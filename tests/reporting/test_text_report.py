@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from tdfscal.catalogue import document
 from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.findings import Finding
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.layout import Facts
@@ -53,10 +55,29 @@ def test_a_summary_fits_a_terminal() -> None:
     loud = changed(sample(n=6).calibration, findings=[found("a word " * 30)] * 9)
     lines = as_text(calibration_report(loud), whole=False).splitlines()
     assert len(lines) <= 22
-    assert "Warnings (none of 9 here, -v or --html FILE shows all)" in lines
+    assert "Warnings (9; -v shows all)" in lines
     quiet = replace(calibration_report(loud), warnings=(), advice=("Look. " * 30, "Then " * 30))
     lines = as_text(quiet, whole=False).splitlines()
-    assert "What next (1 of 2 here, -v or --html FILE shows all)" in lines
+    assert "What next (the first of 2; -v shows all)" in lines
+
+
+def test_all_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
+    """The whole summary still fits a terminal."""
+    c = sample(n=6).calibration
+    keys = [f"{s.name}.{key}" for s in c.supports for key in ("hinge", "zero", "nominal_rpy")]
+    at = {f"supports.{key}": 23 + k + 2 * (k // 3) for k, key in enumerate(keys)}
+    at = {"gravity": 8, "terminal.mass": 11, **at, "log.time": 70, "log.delay": 71}
+    at["log.supports.support_1"] = 75
+    lines = [f"{key}: {{value: 1}} (line {number})" for key, number in at.items()]
+    draft = document(Finding("draft-unconfirmed", tuple(lines), len(lines)))
+    open_ = changed(c, status="provisional", findings=(draft,))
+    text = as_text(calibration_report(open_), whole=False)
+    assert len(text.splitlines()) <= 22
+    first = " ".join(text.split("\n\n")[0].split())
+    assert f"{len(lines)} unconfirmed lines" in first
+    assert "gravity (line 8); terminal: mass (line 11); supports: hinge, zero, nominal_rpy" in first
+    assert "(lines 23–25, 28–30, 33–35, 38–40, 43–45, 48–50); log: time, delay, supports" in first
+    assert "(lines 70–71, 75)" in first
 
 
 def test_what_is_taken_as_exact_and_outweighs_the_claim_is_measured_first() -> None:

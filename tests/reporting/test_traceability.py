@@ -12,9 +12,9 @@ from tdfscal import calibrate
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.model import Sensor
-from tdfscal.reporting.assumptions import exceeding
+from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.claims import headline
+from tdfscal.reporting.headline import exceeding, half_widths, headline
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import campaign_facts
@@ -48,8 +48,9 @@ def test_a_certificate_that_had_ended_is_a_warning() -> None:
 def test_what_is_exact_adds_up_in_each_angle(
     size: tuple[float, float], apart: int, named: int
 ) -> None:
-    """In quadrature, in units of the claim: 0.8 and 0.7 of one angle exceed it, of two do not."""
-    c, half = sample().calibration, 1e-3
+    """In quadrature, in units of the claim at k = 1: 0.8 and 0.7 of one angle exceed it."""
+    c = sample().calibration
+    half = half_widths(c).max() / coverage_factor(0.95)
     names = [support.name for support in c.supports]
     quantities = [
         {
@@ -62,7 +63,13 @@ def test_what_is_exact_adds_up_in_each_angle(
         }
         for k, part in enumerate(size)
     ]  # fmt: skip
-    assert len(exceeding(changed(c, taken_as_exact=quantities), half)) == named
+    c = changed(c, taken_as_exact=quantities)
+    assert len(exceeding(c)) == named
+    sizes = np.diag(size) if apart else np.diag([np.hypot(*size), 0.0])
+    total = np.hypot(half_widths(c), half_widths(c).max() * np.pad(sizes.sum(0), (0, 1))).max()
+    told = re.search(r"errors of that size would make it ± ([\d.]+) mrad", headline(c))
+    assert told
+    assert 1e3 * total <= float(told[1]) < 1.1e3 * total
 
 
 def test_conformity_stands_beside_the_rule() -> None:
@@ -87,7 +94,9 @@ def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
 ) -> None:
     """One component of the zeros that is off by 1 N does no more than all of them in squares."""
     right = request.getfixturevalue("sample")
-    told = re.search(r"in the tare would move an angle by ([\d.]+) mrad", headline(right))
+    told = re.search(
+        r"tare counts .* 1 N off would move an angle by ([\d.]+) mrad", headline(right)
+    )
     assert told
     folder = Path(__file__).parents[2] / "sample_data" / "parquet"
     rig = yaml.safe_load((folder / "rig.yaml").read_text())

@@ -73,7 +73,7 @@ def test_still_valid() -> None:
         *("RH-02", "A. Muster", "Hall 3", "doors closed", "T-2", "D-K-2", "2027-01-31"),
         *(report_digest(own.calibration), own.rig.sha256),
         *(q.name for q in own.calibration.taken_as_exact),
-        "0.5% of calibrations that hold",
+        "0.5 % of calibrations that hold",
     ):
         assert text in said
     written = validation_document(v, (), own)

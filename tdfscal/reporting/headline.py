@@ -1,0 +1,268 @@
+"""What a calibration is good for: one number for all angles, what it counts and what not."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from tdfscal.catalogue.numbers import count, quantity, rounded, spans, upwards
+from tdfscal.estimation.uncertainty import EARLIER
+from tdfscal.files.calibration.consistency import UNCONFIRMED
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
+from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.records import FloatArray
+from tdfscal.reporting.layout import Table
+from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
+
+#: Postures, and quantities taken as exact, named at most; the share of the half width from which on
+#: these are.
+_POSTURES, _QUANTITIES, _NOTABLE = 8, 2, 0.1
+#: Why a sensor itself spoils a posture, and does not show that something touched.
+SPOILT = {
+    **dict.fromkeys(("posture-over-capacity", "posture-saturated"), "a saturated axis"),
+    "posture-frozen": "a frozen axis",
+}
+_LEFT_OUT = SPOILT | {
+    "stretch-frozen": "a frozen channel",
+    "stretch-standing": "a frozen position",
+    "stretch-over-capacity": "a sensor at its capacity",
+    "stretch-touched": "contact",
+}
+#: Sources of the budget in words, and what would lower them.
+SOURCES = {
+    "noise": ("noise", "more postures, or a harder squeeze if the sensors bear it,"),
+    "zero": ("the zeros", "a tare just before the campaign"),
+    "positioner": ("the repeatability of the NCPs", "a harder squeeze"),
+    "mass": ("the mass", "weighing the terminal"),
+    "barycentre": ("the barycentre", "more tilt, or a better known barycentre,"),
+    "hinge": ("the places of the hinges", "measuring the hinge centres"),
+    "datum": ("the servo datums", "measuring the servo datums"),
+    "gravity": ("the level of the base", "levelling the BCS"),
+    "sensitivity": ("the gain of the sensors", "calibrated gains"),
+    "instrument angles": ("the angles of the tracker", "a tracker nearer to the rig"),
+    "instrument range": ("the range of the tracker", ""),
+    "noise spectrum": ("the spectrum of the noise", "a longer motion"),
+    EARLIER: ("the calibration that was updated", ""),
+    "walk": ("the walk of the angles", "calibrating more often"),
+    "undeclared error": (
+        "an undeclared error that the residuals suspect",
+        "declaring or mending what the residuals suspect",
+    ),
+    "motion": (
+        "what the motion adds",
+        "a slower motion, or an inertia, a friction and a delay that are stated,",
+    ),
+}
+_EXACT = {
+    "gain, crosstalk": "gain and crosstalk",
+    "body against axes": "how a sensor's body lies to its axes",
+}
+_Part = TypeVar("_Part", RejectedPosture, LeftOutStretch)
+_UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
+          "of it": (100.0, "%")}  # fmt: skip
+_CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
+
+
+def half_widths(c: Calibration) -> FloatArray:
+    """Return half (m, 3) of each mounted sensor's 95 % intervals, rad, by the farther end.
+
+    Where roll and yaw are not separable: the expanded uncertainty of the turns.
+    """
+    return np.array([mounting.half_widths for mounting in c.mounted])
+
+
+def within(c: Calibration) -> str:
+    """What holds for all angles, each by itself, mrad: never less than any of them."""
+    return _bounds(half_widths(c))
+
+
+def _bounds(half: FloatArray) -> str:
+    return f"± {upwards(1e3 * half.max(), 2)} mrad"
+
+
+def headline(c: Calibration) -> str:
+    """One number for all angles, what it counts, what it does not, and what it rests on."""
+    said = f"each {'' if c.determined.all() else 'that is determined '}is known to within "
+    said += f"{within(c)} (95 %)"
+    if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
+        said += ", the gain's tolerance included"
+    first = f"You may load these angles: {said}."
+    if lines := draft_lines(c):
+        first = (
+            f"Do not load these angles yet: they rest on {count(len(lines), 'unconfirmed line')} "
+            f"of the drafted rig file: {_by_key(c, lines)}. If these are right, {said}."
+        )
+    trusted, limited = ("", "") if lines else (_trusted(c), _limited_by(c))
+    beside = (_not_counted(c), trusted, expired_sentence(c), not_whole_sentence(c))
+    return " ".join(filter(None, (first, *beside, _rests_on(c), limited)))
+
+
+def draft_lines(c: Calibration) -> list[str]:
+    """Return lines of a draft that are still to be confirmed, each as `key: value (line N)`."""
+    return [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
+
+
+def _by_key(c: Calibration, lines: Iterable[str]) -> str:
+    """Lines of a draft by the blocks of the rig file: keys, once for all supports, and numbers."""
+    blocks: dict[str, tuple[dict[str, None], list[int]]] = {}
+    for line in lines:
+        said, _, number = line.removesuffix(")").rpartition(" (line ")
+        key = re.split(": ", said or line)[0]
+        for support in c.supports:
+            key = key.replace(f".{support.name}", "")
+        block, _, leaf = key.partition(".")
+        keys, numbers = blocks.setdefault(block, ({}, []))
+        keys |= {leaf: None} if leaf else {}
+        numbers += [int(number)] if number.isdecimal() else []
+    return "; ".join(
+        f"{block}{': ' * bool(keys)}{', '.join(keys)}"
+        + (f" (line{'s' * (len(numbers) > 1)} {spans(numbers)})" if numbers else "")
+        for block, (keys, numbers) in blocks.items()
+    )
+
+
+def _not_counted(c: Calibration) -> str:
+    """What is taken as exact, with what a typical error of it does, and what all make of ±.
+
+    What is small against the half widths is not named.
+    """
+    half = half_widths(c)
+    each = [q for q in _by_effect(c) if _effects(q).max() > _NOTABLE * half.max()][:_QUANTITIES]
+    if not each:
+        return ""
+    said, counted = list[str](), _bounds(np.hypot(half, INTERVAL_FACTOR * _together(_by_effect(c))))
+    for q in each:
+        off = ":" if said else " off would move an angle by"
+        move = rounded(1e3 * _effects(q).max())
+        said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
+    size = "" if counted == within(c) else f"; errors of that size would make it {counted}"
+    return f"Not counted, exact in the rig file: {', '.join(said)}{size}."
+
+
+def _trusted(c: Calibration) -> str:
+    """What an error of typical size does of what is stated to be better, as a tare that is none.
+
+    Linear, and so by the budget: errors of all components of a group add in squares.
+    """
+    if c.budget is None or c.method == "tracker":
+        return ""
+    terminal, parts = c.rig.terminal, []
+    stated = {
+        "zero": ("tare", 1.0, "N", [std for s in c.rig.supports for std in s.zero.std]),
+        "barycentre": ("barycentre", 1e-3, "m", list(terminal.barycenter.std)),
+        "mass": ("mass", 1e-3 * terminal.mass.value, "kg", [terminal.mass.std]),
+    }
+    for source, (name, error, unit, std) in stated.items():
+        variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
+        move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
+        if min(std) == max(std) and move > _NOTABLE * half_widths(c).max():
+            parts.append(
+                f"The {name} counts as stated, to {quantity(std[0], unit)}: "
+                f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."
+            )
+    return " ".join(parts)
+
+
+def exceeding(c: Calibration) -> list[ExactQuantityResult]:
+    """Quantities taken as exact of which typical errors move an angle by more than its interval.
+
+    All together, at the interval's coverage. The worst first; the others together do not.
+    """
+    each, half = _by_effect(c), half_widths(c).max() / INTERVAL_FACTOR
+    sizes = [(_largest(each[:k]), _largest(each[k:])) for k in range(len(each) + 1)]
+    if sizes[-1][0] <= half:
+        return []
+    return each[: next(k for k, (these, others) in enumerate(sizes) if others <= half < these)]
+
+
+def _largest(quantities: Sequence[ExactQuantityResult]) -> float:
+    return float(np.max(_together(quantities), initial=0.0))
+
+
+def _together(quantities: Sequence[ExactQuantityResult]) -> FloatArray:
+    """Moves (m, 3), rad, of the angles by typical errors of all, which are independent."""
+    return np.asarray(np.sqrt(np.sum([_effects(q) ** 2 for q in quantities], axis=0)))
+
+
+def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
+    """Quantities taken as exact, the one whose typical error moves an angle most first."""
+    return sorted(c.taken_as_exact, key=lambda q: -float(_effects(q).max()))
+
+
+def exact_table(c: Calibration) -> tuple[Table, ...]:
+    """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
+    names = [support.name for q in c.taken_as_exact[:1] for support in q.supports]
+    rows = tuple(
+        (
+            f"{quantity.name}, {_typical_error(quantity)}",
+            *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)),
+        )
+        for quantity in _by_effect(c)
+    )
+    return (Table(_CAPTION, ("", *names), rows),) if rows else ()
+
+
+def _effects(quantity: ExactQuantityResult) -> FloatArray:
+    """Effects (n, 3), rad, on roll, pitch, yaw; of the turns where these are not separable."""
+    return np.array([s.turn if s.rpy is None else s.rpy for s in quantity.supports])
+
+
+def _typical_error(of: ExactQuantityResult) -> str:
+    """The error of each component, in a unit that reads well."""
+    scale, unit = _UNITS.get(of.unit, (1.0, of.unit))
+    return f"{scale * of.error:g} {unit}"
+
+
+def _rests_on(c: Calibration) -> str:
+    """How much went in, and how it fits."""
+    parts = []
+    if c.motion is not None:
+        parts.append(f"{c.motion.seconds:.0f} s of motion{_without(c.motion.rejected, _seconds)}")
+    if c.fit is not None and (c.motion is None or c.fit.postures):
+        parts.append(f"{count(c.fit.postures, 'posture')}{_without(c.fit.rejected, numbers)}")
+    contact = bool(parts)
+    if c.tracker is not None:
+        alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
+        parts.append(f"{c.tracker.points} points of the tracker{alone}")
+    parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]
+    said = f"Used: {', '.join(parts)}"
+    if c.fit is not None and c.fit.dof:
+        said += f"; residuals {c.fit.birge:.2f} times as large as stated"
+    return f"{said} (a constant contact would not show)." if contact else f"{said}."
+
+
+def _without(left_out: Sequence[_Part], told: Callable[[Sequence[_Part]], str]) -> str:
+    """What was left out, by reasons, in brackets."""
+    by: dict[str, list[_Part]] = {}
+    for each in left_out:
+        by.setdefault(_LEFT_OUT.get(each.code or "", "contact or a jolt"), []).append(each)
+    said = "; ".join(f"{told(some)} left out: {why}" for why, some in by.items())
+    return f" ({said})" if said else ""
+
+
+def _seconds(stretches: Sequence[LeftOutStretch]) -> str:
+    return f"{sum(s.end - s.begin for s in stretches):.1f} s"
+
+
+def numbers(rejected: Sequence[RejectedPosture]) -> str:
+    """Return numbers of postures, the first of many, by which to find them in the log."""
+    more = ", …" if len(rejected) > _POSTURES else ""
+    return ", ".join(str(r.index + 1) for r in rejected[:_POSTURES]) + more
+
+
+def _limited_by(c: Calibration) -> str:
+    """The largest source of the least known angle's variance."""
+    if c.budget is None or len(c.budget.sources) < 2:
+        return ""
+    share = c.budget.shares[int(np.argmax(c.rpy_std[c.determined].ravel()))]
+    name = c.budget.sources[int(share.argmax())]
+    if name == EARLIER and not c.history:  # given at once: of no campaign in particular
+        return ""
+    source, _ = SOURCES.get(name, (name, ""))
+    return f"Largest uncertainty: {source} ({share.max():.0%})."
