@@ -131,7 +131,7 @@ import json, resource, sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[3])
 from benchmarks.logs import work
-import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.logs.text.reader
+import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.logs.text
 import tdfscal.logs.parquet, tdfscal.logs.messages.mcap
 start, cpu = time.perf_counter(), time.process_time()
 count = work(sys.argv[1], Path(sys.argv[2]))

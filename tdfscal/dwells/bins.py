@@ -202,7 +202,8 @@ class _Binner:
         count, mean = np.zeros((shape[0], shape[2]), np.int32), np.full(shape, np.nan)
         scatter, low, high = (np.zeros(shape, np.float32) for _ in range(3))
         for k, own in enumerate(streams):
-            here = np.searchsorted(number, own.number)
+            every = len(own.number) == len(number)
+            here = slice(None) if every else np.searchsorted(number, own.number)
             count[k, here] = own.count
             for into, values in (
                 (mean, own.mean),

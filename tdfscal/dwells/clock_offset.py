@@ -98,7 +98,7 @@ def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
     if len(whole) < _LEAST:
         return None
-    mean = bins.mean[whole].reshape(-1, 2 * n, 3)
+    mean = bins.mean if len(whole) == len(bins) else bins.mean[whole]
     found = forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
     if found is None or found.size is None:
         return found

@@ -43,8 +43,8 @@ def looks_recorded(path: Path) -> bool:
     """
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
-    from tdfscal.logs.text.header import table_of_numbers
-    from tdfscal.logs.text.reader import lines_of
+    from tdfscal.logs.text_file import lines_of
+    from tdfscal.logs.text_table import table_of_numbers
 
     try:
         with path.open("rb") as file:
@@ -79,7 +79,7 @@ def open_log(path: Path, bag: Bag | None = None) -> LogFile:
 
             return Ros1Bag(path, bag)
         case suffix if suffix in _TEXT:
-            from tdfscal.logs.text.reader import TextLog
+            from tdfscal.logs.text import TextLog
 
             return TextLog(path)
         case suffix if suffix in _ARCHIVES:

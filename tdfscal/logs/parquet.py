@@ -61,7 +61,6 @@ class ParquetLog(LogFile):
 
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""
-        factors = [signal.factors for signal in request.signals]
         with _opened(self.path) as file:
             names = _wanted(file, request)
             timed = request.mapping.time_field in names
@@ -74,7 +73,7 @@ class ParquetLog(LogFile):
                         zoned = date is not None and has_zone(date)
                     time = _time(table, request, row, zoned=zoned) if timed else None
                     vectors = _vectors(table, request, row, sparse=sparse)
-                    yield table_piece(request, vectors, factors, time, row, sparse=sparse)
+                    yield table_piece(request, vectors, time, row, sparse=sparse)
                     row += table.num_rows
             groups = map(file.metadata.row_group, range(file.num_row_groups))
             lacking = sum(group.num_rows for group in groups) - row
@@ -191,15 +190,16 @@ def _takes_turns(opening: pa.Table, request: Request) -> bool:
 
 
 def _vectors(table: pa.Table, request: Request, row: int, *, sparse: bool) -> FloatArray:
-    """The signals (signals, 3, N); NaN where a row of a sparse table leaves one out."""
+    """The signals (signals, 3, N), SI; NaN where a row of a sparse table leaves one out."""
     vectors = np.empty((len(request.signals), 3, table.num_rows))
     for vector, signal in zip(vectors, request.signals, strict=True):
         columns = [table.column(name) for name in signal.components]
         absent = np.zeros(table.num_rows, dtype=np.bool_)
         if sparse:
             absent = np.logical_and.reduce([holes(column) for column in columns])
-        for axis, name, column in zip(vector, signal.components, columns, strict=True):
-            axis[:] = _numbers(column, name, row, absent)
+        each = zip(vector, signal.components, columns, signal.factors, strict=True)
+        for axis, name, column, factor in each:
+            np.multiply(_numbers(column, name, row, absent), factor, out=axis)
         if sparse:
             vector[:, absent] = np.nan
     return vectors
@@ -236,7 +236,7 @@ def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) 
     if column.null_count:
         empty = holes(column) if absent is None else holes(column) & ~absent
         if empty.any():
-            raise _empty(name, row + int(np.argmax(empty)))
+            raise _empty(name, row + int(np.argmax(empty)), never=bool(empty.all()) and not row)
         column = column.fill_null(0)
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
@@ -245,18 +245,19 @@ def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) 
         raise DataError(
             f"{values[k]} is not a finite number",
             where=f"column {name}, row {row + k}",
-            hint="each cell must be a finite number; rows count from 0",
-            fields=(name,),
+            hint="correct that cell, or leave its row out; rows count from 0",
+            fields=(name,) if np.isnan(values).all() and not row else (),
         )
     return values
 
 
-def _empty(name: str, row: int) -> DataError:
+def _empty(name: str, row: int, *, never: bool = False) -> DataError:
+    """The error for an empty cell; never : so is every other of the column."""
     return DataError(
-        "the cell is empty",
+        "no cell of the column holds a number" if never else "the cell is empty",
         where=f"column {name}, row {row}",
-        hint="a log has no holes; rows count from 0",
-        fields=(name,),
+        hint="correct that cell, or leave its row out; rows count from 0",
+        fields=(name,) if never else (),
     )
 
 

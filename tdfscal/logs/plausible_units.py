@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.files.rig.recorders import UNITS, canonical, unit_factor
 from tdfscal.frozen import record
 from tdfscal.logs.contents import Column, Contents, Vector
-from tdfscal.logs.text.header import split_label
+from tdfscal.logs.text_table import split_label
 from tdfscal.records import FloatArray, LogMapping, Rig
 
 _LONGEST: Final = 20.0  # m; hinges further apart are in a smaller unit

@@ -146,7 +146,6 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
 def table_piece(
     request: Request,
     vectors: FloatArray,
-    factors: Sequence[tuple[float, float, float]],
     time: FloatArray | None,
     row: int,
     *,
@@ -154,11 +153,9 @@ def table_piece(
 ) -> Piece:
     """The next rows of a table.
 
-    vectors : (signals, 3, N), as recorded; scaled in place. factors : of each signal, to SI.
-    time : (N,), s; None where rows are counted, from `row` on. sparse : streams have times of their
-    own, and NaN stands where a signal has no values.
+    vectors : (signals, 3, N), SI. time : (N,), s; None where rows are counted, from `row` on.
+    sparse : streams have times of their own, and NaN stands where a signal has no values.
     """
-    vectors *= np.array(factors)[:, :, None]
     value = {number: vector.T for number, vector in enumerate(vectors)}
     if time is None:
         return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)

@@ -142,10 +142,12 @@ class Topics:
             what = f"a message of {topic} cannot be read: at {when(time[k])} it holds a number "
             what, fields = f"{what}that is not finite", list[str]()
             if np.isfinite(time[k]):
-                number, axis = divmod(int(np.argmin(np.isfinite(value[k]))), 3)
-                signal = self._request.signals[self._signals[topic][number]]
-                fields = [signal.components[axis]]
-                what += f" ({fields[0]})"
+                column = int(np.argmin(np.isfinite(value[k])))
+                signal = self._request.signals[self._signals[topic][column // 3]]
+                name = signal.components[column % 3]
+                what += f" ({name})"
+                # An axis that nobody measures has no number anywhere.
+                fields = [name] if np.isnan(value[:, column]).all() else []
             raise DataError(what, hint="record that topic again", fields=fields)
         return time, value
 

@@ -73,8 +73,9 @@ def test_one_hole_is_no_axis_that_nobody_measures(
     cells = lines[7].split(",")
     cells[lines[0].split(",").index("TDFS3_Fy")] = cell
     path.write_text("\n".join([*lines[:7], ",".join(cells), *lines[8:]]) + "\n")
-    with pytest.raises(DataError, match="line 8, column TDFS3_Fy"):
+    with pytest.raises(DataError, match="line 8, column TDFS3_Fy") as refused:
         read(path, folder)
+    assert "axes" not in str(refused.value)
     path.write_text("\n".join(lines[:7] + lines[8:]) + "\n")
     whole = read(folder / "log.csv", folder).force[2].value
     assert np.array_equal(read(path, folder).force[2].value, np.delete(whole, 6, axis=0))
@@ -87,6 +88,11 @@ def test_messages_with_nan(tmp_path: Path) -> None:
     said = r"not finite \(/ncp3/wrench.wrench.force.y.*write `axes: \[x, z\]` for ncp3"
     with pytest.raises(DataError, match=said):
         read_log([path], LOG_TIME, LOG_TIME.supports)
+    truth.force[2][:-1, 1] = 1.0  # one message alone
+    write(path, mcap_bytes(truth))
+    with pytest.raises(DataError, match=r"not finite \(/ncp3/wrench.wrench.force.y") as refused:
+        read_log([path], LOG_TIME, LOG_TIME.supports)
+    assert "axes" not in str(refused.value)
 
 
 def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:

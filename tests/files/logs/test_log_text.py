@@ -162,8 +162,8 @@ def test_quotation_marks_swallow_no_rows(tmp_path: Path) -> None:
 
 
 def test_fault_far_down_has_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tdfscal.logs.text.reader._HEAD", 1 << 12)
-    monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.text_file._HEAD", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.text_file._BLOCK", 1 << 12)
     lines = [f"{k * 1e-3:.3f},1,2,3,4,5,6" for k in range(2000)]
     lines[1900] = "1.900,1,2,3,4,5,6x"
     with pytest.raises(DataError, match="line 1902, column FZ: '6x'"):

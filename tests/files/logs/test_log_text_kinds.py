@@ -145,7 +145,7 @@ def test_streams_that_take_turns(
     tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each signal has the samples of its own rows, at their times, over blocks of any size."""
-    monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", block)
+    monkeypatch.setattr("tdfscal.logs.text_file._BLOCK", block)
     turns(tmp_path / "log.csv")
     log = read_log([tmp_path / "log.csv"], None, SUPPORTS)
     for i, name in enumerate(SUPPORTS):

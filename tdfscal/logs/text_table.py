@@ -1,4 +1,4 @@
-"""Where the table of a text begins: what parts its cells, its names, units, and first row.
+"""Where the table of a text begins, what parts its cells, and its wanted columns with their units.
 
 The header is the line above the widest rows of numbers, whatever stands before it; where wanted
 names are known, the one that holds most of them. Columns without a header are named 1, 2, ….
@@ -7,18 +7,23 @@ names are known, the one that holds most of them. Columns without a header are n
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Collection, Sequence
 from itertools import takewhile
 from typing import Final
 
+import numpy as np
+
 from tdfscal.errors import DataError
-from tdfscal.files.rig.recorders import is_unit
+from tdfscal.files.rig.recorders import UNITS, Dimension, by_scale, canonical, is_unit, unit_factor
 from tdfscal.frozen import record
-from tdfscal.logs.table import is_date_time
+from tdfscal.logs.log_file import Request, Signal, placed
+from tdfscal.logs.table import columns_of, has_zone, is_date_time, takes_turns
 
 SEARCHED: Final = 64
 """Lines among which a header is looked for."""
+_SEARCHED_ROWS: Final = 256
 _SEPARATORS: Final = (",", ";", "\t", "|", " ")
 """What may part cells; a space stands for any run of spaces."""
 _REMARK: Final = "#%/"
@@ -196,3 +201,88 @@ def ragged(cells: int, expected: int, above: str = "the header") -> DataError:
         f"the line has {cells} cells, {above} {expected}",
         hint="the file may be cut short or damaged there; record or export it again",
     )
+
+
+@record
+class Columns:
+    """The wanted columns of a table.
+
+    wanted : x, y, z of each signal in turn, then the time; a table of postures may have none.
+    scale : of each of them, to SI and tdfscal's sign. time : its column, if any. zoned : whether
+    the time is a date and time of day with a zone, or without; None where it is a number.
+    sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
+    """
+
+    table: Table
+    wanted: tuple[int, ...]
+    scale: tuple[float, ...]
+    time: int | None
+    zoned: bool | None
+    sparse: bool
+
+
+def find_columns(lines: Sequence[str], request: Request) -> Columns:
+    """Find the table among the file's first lines, and in it the wanted fields.
+
+    Raises DataError where columns are missing or repeated, or a unit contradicts the mapping.
+    """
+    mapping = request.mapping
+    names = {name for signal in request.signals for name in signal.components}
+    table = find_table(lines, names | {mapping.time_field})
+    rows = [line for line in lines[table.lines :] if line.strip()][:_SEARCHED_ROWS]
+    cells = [split_cells(row, table.separator) for row in rows]
+    zoned, wanted, scale = None, list[int](), list[float]()
+    with placed(f"line {max(table.lines - bool(table.below), 1)}"):
+        labels = table.labels(names | {mapping.time_field})
+        column_of = columns_of(request, [name for name, _ in labels])
+        for signal in request.signals:
+            three = [column_of[name] for name in signal.components]
+            wanted += three
+            scale += _factors(signal, [(labels[c][1], table.names[c]) for c in three], request)
+        time = column_of.get(mapping.time_field)
+        if time is not None:
+            wanted.append(time)
+            first = cells[0][time] if cells and time < len(cells[0]) else ""
+            zoned = has_zone(first) if is_date_time(first) else None
+            stated = None if is_date_time(first) else labels[time][1]
+            unit = _unit("time", mapping.time_unit, stated, request, table.names[time])
+            scale.append(1.0 if is_date_time(first) else unit)
+    turns = False
+    if time is not None and table.separator != " " and cells:
+        there = [[c < len(row) and row[c] != "" for c in wanted[:-1]] for row in cells]
+        turns = takes_turns(np.array(there).reshape(len(cells), -1, 3).sum(axis=2).T)
+    return Columns(table, tuple(wanted), tuple(scale), time, zoned, turns)
+
+
+def _factors(
+    signal: Signal, columns: Sequence[tuple[str | None, str]], request: Request
+) -> tuple[float, float, float]:
+    """Factors of a signal's x, y, z; columns : the unit that the header states, and its cell."""
+    if signal.unit is None or signal.quantity == "temperature":
+        return signal.factors
+    one = {_unit(signal.quantity, signal.unit, unit, request, cell) for unit, cell in columns}
+    if len(one) > 1:
+        raise DataError(
+            f"the {signal.quantity} of {signal.support} is in different units",
+            hint="record x, y and z in one unit",
+        )
+    factor = math.copysign(one.pop(), signal.factors[0])
+    return factor, factor, factor
+
+
+def _unit(
+    quantity: Dimension, declared: str, stated: str | None, request: Request, cell: str
+) -> float:
+    """Return the factor to SI of a column whose header states a unit, or states none."""
+    if stated is None or canonical(stated) == canonical(declared):
+        return UNITS[quantity][canonical(declared)]
+    factor = unit_factor(quantity, stated)
+    if request.declared or factor is None:
+        raise DataError(
+            f"column {cell!r} is in {stated}, the mapping says {declared}",
+            hint=f"state the unit of the {quantity} in the log block of rig.yaml"
+            if factor is not None
+            else by_scale(quantity, stated)
+            or f"record the {quantity} in one of {', '.join(UNITS[quantity])}",
+        )
+    return factor

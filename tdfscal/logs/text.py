@@ -1,0 +1,319 @@
+"""Logs as text: CSV, TSV and what recorders make of them, plain or compressed, block by block.
+
+A block is parsed at once; line by line where something in it might be wrong.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import zstandard
+
+from tdfscal.errors import DataError
+from tdfscal.files.arrow import as_numpy
+from tdfscal.files.yaml import shorten
+from tdfscal.logs.log_file import EMPTY, LogFile, Piece, Request, mapped, placed
+from tdfscal.logs.table import DATES, seconds_of, seconds_of_all, table_piece
+from tdfscal.logs.text_file import TextFile
+from tdfscal.logs.text_table import (
+    SEARCHED,
+    Columns,
+    find_columns,
+    find_table,
+    is_number,
+    ragged,
+    split_cells,
+    split_label,
+)
+from tdfscal.records import FloatArray
+
+if TYPE_CHECKING:
+    from tdfscal.logs.contents import Contents
+
+Decimal = Literal[".", ","]
+
+_THREADS: Final = 2
+_GLANCE: Final = 1 << 16
+_PARSER_BLOCK: Final = 1 << 20  # stays in the cache
+_WITH_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
+_OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_SWAPPED: Final = str.maketrans(".,", ",.")
+_UNREAD: Final = ("", "nan")
+"""What is written where there was no reading."""
+
+
+class TextLog(LogFile):
+    """One text file, plain or compressed."""
+
+    faults = (pa.ArrowException, zlib.error, zstandard.ZstdError)
+
+    def read(self, request: Request) -> Iterator[Piece]:
+        """Yield the rows of the wanted columns."""
+        with self.path.open("rb") as raw:
+            file = TextFile(raw)
+            columns = find_columns(file.lines, request)
+            parser = RowParser(columns, file.newline, request.mapping.decimal)
+            line, row, series = columns.table.lines + 1, 0, request.mapping.rows == "timeseries"
+            above, ended, n, timed = b"", True, len(request.signals), columns.time is not None
+
+            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, int, FloatArray | None]:
+                count = parser.count(given[0])
+                return (*given, count, parser.fast(given[0], count))
+
+            blocks = file.blocks(columns.table.lines)
+            with closing(mapped(parsed, blocks, _THREADS)) as results:
+                for block, whole, count, value in results:
+                    if not (whole or parser.ends_alike(block, above, series)):
+                        continue
+                    above, ended = block, whole
+                    value = parser.slow(block, line) if value is None else value
+                    vectors = value[: 3 * n].reshape(n, 3, value.shape[1])
+                    time = value[-1] if timed else None
+                    yield table_piece(request, vectors, time, row, sparse=columns.sparse)
+                    row += value.shape[1]
+                    line += count
+        if row == 0 and file.cut_at is not None:
+            raise DataError(
+                "the only row below the header has no end and may be cut short",
+                hint="record the log again, or end the line if the row is whole",
+            )
+        if row == 0:
+            raise DataError("the file has a header and no rows", hint=EMPTY)
+        self.cut_at = file.cut_at if ended else None
+        self.integrity = file.integrity
+
+    def look(self) -> Contents:
+        """Its columns, and some rows of each block."""
+        from tdfscal.logs.contents import SAMPLES, TableLook  # not needed to read it
+
+        with self.path.open("rb") as raw:
+            file = TextFile(raw)
+            lines = file.lines[: 2 * SEARCHED]
+            table = find_table(lines)
+            labels = table.labels()[: table.width]
+            cells = (c for line in lines[table.lines :] for c in split_cells(line, table.separator))
+            comma = table.separator != "," and any(map(_WITH_COMMA.fullmatch, cells))
+            decimal: Decimal = "," if comma else "."
+            look, count = TableLook(SAMPLES), 0
+            for block, _ in file.blocks(table.lines):
+                end = block.find(file.newline, _GLANCE) + 1 if count else 0
+                part = block[: end or None]
+                look.add(count, _looked_at(part, table.separator, table.width, decimal))
+                count += block.count(file.newline) + (not block.endswith(file.newline))
+        columns = [(str(k), name, look.kind(str(k)), unit) for k, (name, unit) in enumerate(labels)]
+        return look.contents(self.path, "csv", count, columns, decimal)
+
+
+def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa.Table:
+    """Some whole lines without knowing what is wanted; those with other cells are left out."""
+    table = pa_csv.read_csv(
+        pa.BufferReader(_single_spaces(block) if separator == " " else block),
+        pa_csv.ReadOptions(
+            column_names=[str(k) for k in range(width)],
+            # At once, so that no line is longer than what is parsed at a time.
+            block_size=len(block) + 1,
+            # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
+            encoding="utf8" if block.isascii() else "latin1",
+            # Its threads would call the handler, and have ended the process over long lines.
+            use_threads=False,
+        ),
+        pa_csv.ParseOptions(delimiter=separator, invalid_row_handler=lambda row: "skip"),
+        # Dates as text: one reader of them, for all notations.
+        pa_csv.ConvertOptions(decimal_point=decimal, timestamp_parsers=["never"]),
+    )
+    for k, column in enumerate(table.columns):
+        first = column[0].as_py() if pa.types.is_string(column.type) and len(column) else ""
+        if is_number(first):  # a spoilt cell is a hole; the reading names it
+            # With the other decimal too: reading the column says what is wrong.
+            both = ([_number(cell, d) for d in (decimal, ".")] for cell in column.to_pylist())
+            numbers = [other if own is None else own for own, other in both]
+            table = table.set_column(k, str(k), pa.array(numbers, pa.float64()))
+    return table
+
+
+class RowParser:
+    """Parses blocks of whole lines: values (C, N) of the wanted columns in their order, SI.
+
+    NaN stands in the three of a signal that a row of a sparse table leaves out.
+    """
+
+    def __init__(self, columns: Columns, newline: bytes, decimal: str) -> None:
+        self._columns, self._newline, self._decimal = columns, newline, decimal
+        self._width, self._separator = columns.table.width, columns.table.separator
+        names = [str(c) for c in range(self._width)]
+        wanted = [str(c) for c in columns.wanted]
+        self._read = pa_csv.ReadOptions(
+            column_names=names, block_size=_PARSER_BLOCK, use_threads=False
+        )
+        self._parse = pa_csv.ParseOptions(delimiter=self._separator)
+        # Cells without a name are read too, as nothing but empty ones.
+        nameless = names[len(columns.table.names) :]
+        types = dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null())
+        if columns.zoned is not None:
+            types[str(columns.time)] = pa.string()
+        self._convert = pa_csv.ConvertOptions(
+            column_types=types,
+            include_columns=[*wanted, *nameless],
+            null_values=[""] if nameless or columns.sparse else [],
+            decimal_point=decimal,
+        )
+
+    def count(self, block: bytes) -> int:
+        """Ends of lines in a block."""
+        return int(np.count_nonzero(np.frombuffer(block, np.uint8) == self._newline[0]))
+
+    def fast(self, block: bytes, lines: int) -> FloatArray | None:
+        """Parse a block with pyarrow; None where something might be wrong. lines : its ends."""
+        columns = self._columns
+        if block.isspace():
+            return np.empty((len(columns.wanted), 0))
+        source = _single_spaces(block) if self._separator == " " else block
+        try:
+            table = pa_csv.read_csv(pa.BufferReader(source), self._read, self._parse, self._convert)
+        except pa.ArrowInvalid:
+            return None
+        # A quotation mark that is never closed can swallow lines whole.
+        whole = lines + (not block.endswith(self._newline))
+        if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
+            return None
+        value = np.empty((len(columns.wanted), table.num_rows))
+        each = zip(table.columns, columns.wanted, columns.scale, value, strict=False)
+        for column, number, scale, into in each:
+            if column.null_count and not (columns.sparse and number != columns.time):
+                return None
+            if pa.types.is_string(column.type):
+                into[:] = seconds_of_all(column, zoned=bool(columns.zoned))
+                if np.isnan(into).any():
+                    return None
+                continue
+            begin = 0
+            for chunk in column.chunks:
+                np.multiply(as_numpy(chunk), scale, out=into[begin : begin + len(chunk)])
+                begin += len(chunk)
+            # The sum is finite where all are, but for magnitudes that no log has.
+            if not np.isfinite(into.sum()) and (
+                np.isfinite(into).sum() + column.null_count != into.size
+            ):
+                return None
+        return value if not columns.sparse or _whole_signals(value) else None
+
+    def slow(self, block: bytes, first_line: int) -> FloatArray:
+        """Parse a block line by line.
+
+        first_line : the number of its first line, from 1. Raises DataError for the first line that
+        is wrong.
+        """
+        kept: list[list[float]] = []
+        rows = [(number, self._cells(line)) for number, line in self._lines(block, first_line)]
+        begins = first_line == self._columns.table.lines + 1
+
+        def never(c: int) -> bool:
+            return begins and all(row[c].lower() in _UNREAD for _, row in rows if c < len(row))
+
+        for number, cells in rows:
+            with placed(f"line {number}"):
+                kept.append(self._row(cells, never))
+        table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._columns.wanted))
+        return np.asarray(table.T * np.array(self._columns.scale)[:, None])
+
+    def ends_alike(self, line: bytes, above: bytes, series: bool) -> bool:
+        """Whether a last line without an end is whole: in decimals its last number lacks none.
+
+        above : the whole lines before it. A posture may have any number that one of them has.
+        """
+        before = above.rstrip().split(self._newline)[-1 if series else 0 :]
+        cells = [self._cells(one.strip()) for one in (line, *before) if one.strip()]
+        last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
+        if len(cells[0]) != self._width or cells[0][-1].endswith(self._decimal):
+            return False
+        return [last] == others > [0] if series else last >= min(others, default=0)
+
+    def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
+        """Lines that are not blank, with their numbers."""
+        for k, line in enumerate(block.split(self._newline)):
+            if bare := line.strip(b"\r\n"):
+                yield first_line + k, bare
+
+    def _cells(self, line: bytes) -> list[str]:
+        return split_cells(line.decode("utf-8", errors="replace"), self._separator)
+
+    def _row(self, cells: list[str], never: Callable[[int], bool]) -> list[float]:
+        """The wanted numbers of a row; never : whether no row has one in a column."""
+        columns, names = self._columns, self._columns.table.names
+        if len(cells) != self._width:
+            above = "the header" if self._width == len(names) else "the first row"
+            raise ragged(len(cells), self._width, above)
+        if any(cells[len(names) :]):
+            raise DataError(
+                f"{shorten(cells[-1])!r} stands in a column that has no name in the header",
+                hint="the other rows end with a separator; record or export the file again",
+            )
+        numbers = [np.nan] * len(columns.wanted)
+        for c, k in sorted((c, k) for k, c in enumerate(columns.wanted)):
+            three = columns.wanted[k - k % 3 : k - k % 3 + 3]
+            if columns.sparse and c != columns.time and not any(cells[own] for own in three):
+                continue
+            if columns.zoned is not None and c == columns.time:
+                value = seconds_of(cells[c], zoned=columns.zoned)
+            else:
+                value = _number(cells[c], self._decimal)
+            if value is None:
+                raise self._fault(cells[c], c, never=never(c))
+            numbers[k] = value
+        return numbers
+
+    def _fault(self, cell: str, column: int, *, never: bool) -> DataError:
+        """The error for a cell that holds no number; never : nor does one of that column."""
+        name = self._columns.table.names[column]
+        bare, _ = split_label(name)
+        what, hint = f"{shorten(cell)!r} is not a finite number", _advice(cell, self._decimal)
+        if bare and cell.strip() in (name, bare):
+            what = "the header stands there again: the recorder was started anew"
+            hint = "split the file there; where its clock began anew, that is another campaign"
+        elif self._columns.zoned is not None and column == self._columns.time:
+            what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
+        elif never:  # it may be an axis that nobody measures
+            what, hint = "no cell of the column holds a number", "record it, or name another"
+        elif not cell:
+            what, hint = "the cell is empty", "correct that cell, or leave its row out"
+        fields = (name, bare) if never else ()
+        return DataError(what, where=f"column {name}", hint=hint, fields=fields)
+
+
+def _number(cell: str, decimal: str) -> float | None:
+    """Return the finite number that a cell holds; None where it holds none."""
+    plain = cell.translate(_SWAPPED) if decimal == "," else cell
+    if _NUMBER.fullmatch(plain) and math.isfinite(value := float(plain)):
+        return value
+    return None
+
+
+def _advice(cell: str, decimal: str) -> str:
+    """Say what to do about a cell that holds no finite number."""
+    swapped = cell.replace(",", ".") if decimal == "." else cell
+    if swapped != cell and _NUMBER.fullmatch(swapped):
+        return 'state `decimal: ","` in the log block of rig.yaml if the comma is the decimal'
+    if decimal == "," and _NUMBER.fullmatch(cell):
+        return 'the mapping says `decimal: ","`; take it out if the point is the decimal'
+    return "each cell must be a finite number: correct it, or leave its row out"
+
+
+def _whole_signals(value: FloatArray) -> bool:
+    """Whether each row has all three cells of a signal, or none of them."""
+    missing = np.isnan(value[:-1]).reshape(-1, 3, value.shape[1])
+    return bool(np.all(missing[:, 0] == missing[:, 1]) and np.all(missing[:, 0] == missing[:, 2]))
+
+
+def _single_spaces(block: bytes) -> bytes:
+    """Lines whose cells are apart by single spaces, with none at the ends."""
+    return _OUTER.sub(b"", _RUN.sub(b" ", block)) if _RUN.search(block) else block
