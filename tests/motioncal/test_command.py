@@ -41,7 +41,7 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert result.monte_carlo is not None
     assert result.monte_carlo.linear_interval_validated
     assert {quantity.name for quantity in result.taken_as_exact} >= {"base level"}
-    moved = truth["motion"]
+    moved = truth["scenario"]["options"]
     assert abs(result.motion.delay.value - moved["delay"]) < 4 * result.motion.delay.std
     assert abs(result.motion.friction.value - moved["friction"]) < 4 * result.motion.friction.std
     assert result.motion.seconds == pytest.approx(60.0, abs=0.5)

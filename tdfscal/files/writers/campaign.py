@@ -35,7 +35,8 @@ from tdfscal.simulation import (
     reference_rig,
     run,
 )
-from tdfscal.simulation.scenarios import Months, simulate_months
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.scenarios import simulate_months
 
 LogFormat = Literal["csv", "parquet", "mcap"]
 
@@ -138,14 +139,13 @@ def tracker_block(survey: Survey) -> dict[str, Any]:
 
 
 def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[str, Any]:
-    """truth.yaml: what an estimate is to be judged by, and how the campaign was made.
-
-    Of postures: dwells (s), forces (N, BCS), commanded rotations.
-    """
-    truth, campaign, moving = played.truth, played.campaign, played.moving
-    recorded = campaign or moving
+    """truth.yaml: what an estimate is to be judged by, and how the campaign was made."""
+    truth, recorded = played.truth, played.campaign or played.moving
     options = {} if recorded is None else {"options": recorded.options}
-    document: dict[str, Any] = {
+    terminal = {"mass": float(truth.mass), "barycenter": truth.barycentre}
+    if played.moving is not None:
+        terminal["inertia"] = played.moving.inertia
+    return {
         "format": "tdfscal-truth/1",
         "convention": "F_bcs = rotation · (I + sensitivity)⁻¹ (F_sensor − zero); "
         "rotation = Rz(yaw)·Ry(pitch)·Rx(roll); hinge centre = servo + datum + deflection",
@@ -154,48 +154,8 @@ def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[s
             {"name": name, **{key: getattr(truth, key)[i] for key in _OF_A_SUPPORT}}
             for i, name in enumerate(rig.supports)
         ],
-        "terminal": {"mass": float(truth.mass), "barycenter": truth.barycentre},
+        "terminal": terminal,
         "gravity": truth.gravity,
-    }
-    if played.survey is not None:
-        keys = ("rotation", "translation", "body", "offset")
-        document["tracker"] = {key: getattr(played.survey, key) for key in keys}
-    if campaign is not None:
-        rotation = campaign.postures.pose.rotation
-        columns = (campaign.start, campaign.end, campaign.force, rotation)
-        document["postures"] = [
-            dict(zip(("start", "end", "force", "rotation"), row, strict=True))
-            for row in zip(*columns, strict=True)
-        ]
-    if moving is not None:
-        document["terminal"]["inertia"] = moving.inertia
-        document["motion"] = {
-            "delay": moving.options.delay,
-            "friction": moving.options.friction,
-            "contacts": [
-                {"begin": touch.begin, "end": touch.end, "force": touch.force}
-                for touch in moving.options.touches
-            ],
-        }
-    return document
-
-
-def months_document(played: Months, story: Mapping[str, Any]) -> dict[str, Any]:
-    """truth.yaml of several campaigns: what happened between them."""
-    rig = played.campaigns[0].rig
-    return {
-        "format": "tdfscal-truth/1",
-        "scenario": dict(story),
-        "walk": rig.drift.angle,
-        "campaigns": [date[:7] for date in played.dates],
-        "steps": [
-            {
-                "campaign": played.dates[step.month][:7],
-                "support": rig.supports[step.sensor],
-                "turn": step.turn,
-            }
-            for step in played.steps
-        ],
     }
 
 
@@ -254,36 +214,25 @@ def simulate_to_folder(
         rows=rows,
         recorder=recorder or Recorder(),
     )
-    rng, drawn = np.random.default_rng(seed), rig or sample_rig()
+    rng = np.random.default_rng(seed)
     if scenario == "months":  # the same gains every month: a turn shows against them
-        drawn = rig or reference_rig()
-        return _months(drawn, options, folder, format, months, seed)
+        played = simulate_months(rig or reference_rig(), options, rng, months)
+        runs = [Run(scenario, c.rig, c.truth, c, None) for c in played.campaigns]
+        with together():
+            make_folder(folder)
+            for date, of_month in zip(played.dates, runs, strict=True):
+                write_run(of_month, folder / date[:7], format=format, seed=seed)
+            story = {"scenario": {"name": scenario, "seed": seed}, "steps": played.steps}
+            write_text(folder / TRUTH, to_yaml({"format": "tdfscal-truth/1", **story}))
+        return runs[-1]
+    driven: Options | MovingOptions = options
     if scenario in MOVING:
-        rate = options.recorder.force_rate
-        moving = MOVING[scenario]
+        driven = replace(MOVING[scenario], rate=options.recorder.force_rate)
         if scenario in ("motion", "stops"):
-            moving = replace(moving, tilt=options.tilt, squeeze=squeeze)
-        played = run(drawn, scenario, replace(moving, rate=rate), rng, survey)
-    else:
-        played = run(drawn, scenario, options, rng, survey)
-    write_run(played, folder, format=format, seed=seed)
-    return played
-
-
-def _months(
-    rig: Rig, options: Options, folder: Path, format: LogFormat, months: int, seed: int
-) -> Run:
-    """Write `<date>/` with rig.yaml, log and truth.yaml per campaign, and truth.yaml of all."""
-    played = simulate_months(rig, options, np.random.default_rng(seed), months)
-    runs = [Run("months", rig, c.truth, c, None) for c in played.campaigns]
-    with together():
-        make_folder(folder)
-        for date, of_month in zip(played.dates, runs, strict=True):
-            place = folder / date[:7]
-            write_run(of_month, place, format=format, seed=seed)
-        story = {"name": "months", "seed": seed}
-        _write(folder / TRUTH, months_document(played, story))
-    return runs[-1]
+            driven = replace(driven, tilt=options.tilt, squeeze=squeeze)
+    of = run(rig or sample_rig(), scenario, driven, rng, survey)
+    write_run(of, folder, format=format, seed=seed)
+    return of
 
 
 def write_campaign(campaign: Campaign, folder: Path, *, format: LogFormat) -> None:
@@ -317,12 +266,8 @@ def write_run(played: Run, folder: Path, *, format: LogFormat, seed: int | None 
             write_session(folder / "tracker", survey.session)
             tracker = tracker_block(survey)
         rig_file = rig_document(rig, block or None, tracker)
-        _write(folder / "rig.yaml", rig_file)
-        _write(folder / TRUTH, truth_document(played, rig, story))
-
-
-def _write(path: Path, document: Mapping[str, Any]) -> None:
-    write_text(path, to_yaml(document))
+        write_text(folder / "rig.yaml", to_yaml(rig_file))
+        write_text(folder / TRUTH, to_yaml(truth_document(played, rig, story)))
 
 
 def check_folder(folder: Path) -> None:
