@@ -18,7 +18,7 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from benchmarks.frame import declaring, errors, heads, inside, numbers, rms, row, scratch
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.read_campaigns import read_campaigns
+from tdfscal.commands.recordings import read_campaigns
 from tdfscal.commands.several_campaigns import judged
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Pool, Recorded, pool

@@ -3,30 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 
 from tdfscal.acceptance import assess_stated, judge
+from tdfscal.catalogue import sentence
 from tdfscal.commands import options
-from tdfscal.commands.campaign import Campaign, PathLike, campaign_folders, listed, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
+from tdfscal.commands.campaign import PathLike, campaign_folders, listed, resolve
+from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of, neither, with_delay
 from tdfscal.commands.options import Option, silent, window
+from tdfscal.commands.recordings import measured, misdated, surveyed
 from tdfscal.commands.result import Calibration
-from tdfscal.commands.samples import Samples, calibrate_samples
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
+from tdfscal.errors import (
+    NotConvergedError,
+    NotIdentifiableError,
+    TdfscalError,
+    UsageError,
+)
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.parts import Method
 from tdfscal.files.rig.reading import unconfirmed_in
 from tdfscal.findings import Finding
-from tdfscal.records import InputFile, Measured, Rig
+from tdfscal.motioncal.preparation import with_moves
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import Dwells, InputFile, Measured, Rig
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 
 if TYPE_CHECKING:
+    from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
+
+
+Samples = Literal["static", "moving", "all"]
+Own: TypeAlias = "SelfCalibration | MotionCalibration"
+
+#: Dwells from which a log is taken for a campaign of dwells: five determine the angles at all.
+_ENOUGH = 5
 
 
 @options.command("calibrate campaign -o calibration.yaml --html report.html", output="content")
@@ -144,46 +162,129 @@ def _calibrated(
     return _with_survey(log.rig, own, tracker, origin_of(log, inputs), [*notes, *remarks])
 
 
+def calibrate_samples(
+    log: LogPass, samples: Samples | None, estimator: Estimator, rng: np.random.Generator
+) -> Own:
+    """Calibrate from the samples that are asked for, or from those that serve.
+
+    samples : None takes the dwells where there are enough, else the motion.
+    rng : of the Monte Carlo.
+
+    Raises DataError, NotIdentifiableError, NotConvergedError, UsageError.
+    """
+    if samples == "all":
+        return _all(log, estimator, rng)
+
+    def still(dwells: Dwells, slow: Slow | None) -> Own:
+        own = _static(log, dwells, estimator, rng)
+        if slow is None or own.reasons or estimator == "linear":
+            return own
+        expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
+        return replace(own, with_moves=expected)
+
+    def moving(slow: Slow, dwells: int) -> Own:
+        return _moving(log, slow, instead_of=dwells, rng=rng)
+
+    return by_samples(log, samples, _ENOUGH, still, moving, NotIdentifiableError)
+
+
+def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibration | None:
+    """Calibrate from a log's motion, by what a rig states; None where its dwells are to be taken.
+
+    dwells : of the log, which is read once more where they are too few to calibrate from.
+    Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
+    """
+    if len(dwells) >= _ENOUGH:
+        return None
+    again = LogPass(log.campaign, log.settings)
+    try:
+        return _moving(again, again.moving(), rig=rig, instead_of=len(dwells))
+    except TdfscalError as error:
+        if len(dwells):
+            return None
+        raise neither(dwells, error) from error
+
+
+def _static(
+    log: LogPass, dwells: Dwells, estimator: Estimator, rng: np.random.Generator
+) -> SelfCalibration:
+    """Calibrate from dwells."""
+    stage, trials = log.progress, log.settings.trials
+    stage(f"calibrating from {len(dwells)} dwells")
+    return self_calibrate(
+        log.rig, dwells, rng=rng, estimator=estimator, max_trials=trials, progress=stage
+    )
+
+
+def _moving(
+    log: LogPass,
+    slow: Slow,
+    dwells: int = 0,
+    *,
+    rig: Rig | None = None,
+    rng: np.random.Generator | None = None,
+    instead_of: int = 0,
+) -> MotionCalibration:
+    """Calibrate from the motion; rng : of the Monte Carlo, None for none.
+
+    dwells : that it takes in. instead_of : those that are too few; one dwell begins any motion.
+    """
+    from tdfscal.motioncal.pipeline import calibrate_moving
+
+    log.progress("calibrating from the motion")
+    found = calibrate_moving(
+        rig or log.rig,
+        slow,
+        delay_of(log.campaign.rig),
+        dwells=dwells,
+        rng=rng,
+        max_trials=log.settings.trials,
+        progress=log.progress,
+    )
+    middle = 0.5 * float(slow.time[0] + slow.time[-1])
+    log.clocks = with_delay(log, found.fit.state.moving, found.estimate.moving_std, middle)
+    # At rest the dwells bring along what the log says of itself.
+    told = [finding for finding in log.messages if finding not in found.findings]
+    few = [Finding("dwells-few", size=instead_of)] if instead_of > 1 else []
+    return replace(found, findings=(*found.findings, *told, *few))
+
+
+def _all(log: LogPass, estimator: Estimator, rng: np.random.Generator) -> Own:
+    """The whole log, its rests and its moves, in one estimate with one spectrum of the noise.
+
+    A dwell is a motion at rest (theory, section 8). Where the moves hold what the model does not
+    know, or make an angle less certain, the dwells' own result stands, with a word about it.
+    """
+    dwells, slow = log.samples()
+    if slow is None:
+        return _static(log, dwells, estimator, rng)
+    own = None
+    with suppress(NotIdentifiableError):
+        if len(dwells):
+            own = _static(log, dwells, estimator, rng)
+    if own is None:
+        return _moving(log, slow, len(dwells), rng=rng)
+    try:
+        both = _moving(log, slow, len(dwells), rng=rng)
+    except TdfscalError as error:
+        why = error.what
+    else:
+        if both.reasons and not own.reasons:
+            why = sentence(both.reasons[0])
+        elif np.any(both.uncertainty.rpy_std > own.uncertainty.rpy_std):
+            why = "they are no more certain"
+        else:
+            return both
+    nothing = Finding("moves-add-nothing", values={"why": why})
+    return replace(own, findings=(*own.findings, nothing))
+
+
 def origin_of(
     log: LogPass, inputs: Iterable[InputFile], when: Measured | None = None, **more: Any
 ) -> Provenance:
     """Where a calibration comes from, by its campaign; when it was measured, if that is not it."""
     rig, line, when = log.campaign.rig, log.settings.command, when or measured(log)
     return Provenance(rig, tuple(inputs), line, 0, when, clocks=log.clocks, **more)
-
-
-def surveyed(
-    campaign: Campaign, trials: int | None, rng: np.random.Generator
-) -> tuple[TrackerCalibration, list[InputFile], tuple[Finding, ...]]:
-    """Calibrate from a survey; also return its files, and what is found of them.
-
-    Raises UsageError where the rig file declares none, DataError where its files are unusable.
-    """
-    from tdfscal.files.points.reading import read_tracker_session
-    from tdfscal.files.saving import input_file
-    from tdfscal.trackercal import calibrate_tracker
-
-    files, rig = campaign.rig.tracker, campaign.rig.path
-    if files is None:
-        raise UsageError(
-            "the rig file declares no tracker survey",
-            where=str(rig),
-            hint="add its tracker block, or use --method self",
-        )
-    missing = next((path for path in files.paths if not path.is_file()), None)
-    if missing is not None:
-        raise DataError(
-            "the point file is not there",
-            where=str(missing),
-            hint="correct the paths of the tracker block in rig.yaml",
-        )
-    session, found = read_tracker_session(files)
-    options = {} if trials is None else {"trials": trials}
-    result = calibrate_tracker(
-        campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
-    )
-    inputs = [input_file(path, "unverified") for path in files.paths]
-    return result, inputs, found
 
 
 #: What is said of the contact wrench, which both methods together judge anew.

@@ -1,29 +1,48 @@
-"""A campaign's log as it passes: what it says of itself and of its files, when it was recorded."""
+"""A campaign's log as it passes: its samples at rest and in motion, and what it says of itself."""
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.commands.campaign import Campaign
 from tdfscal.commands.options import Progress, silent
 from tdfscal.comparison.shared_data import readings, repeated
 from tdfscal.dwells import find_dwells
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, RigError, UsageError
+from tdfscal.dwells.clock_offset import forces_behind
+from tdfscal.dwells.dwell_means import Thermometer
+from tdfscal.errors import (
+    DataError,
+    NotConvergedError,
+    NotIdentifiableError,
+    TdfscalError,
+    UsageError,
+)
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.records import Dwells, FloatArray, InputFile, Log, Measured, RecorderClock, Rig
+from tdfscal.model.dynamics import DELAY, RATE, Moving
+from tdfscal.motioncal.streams import Decimator, Slow
+from tdfscal.records import (
+    Dwells,
+    FloatArray,
+    InputFile,
+    Log,
+    RecorderClock,
+    Rig,
+    UncertainValue,
+)
+
+Found = TypeVar("Found")
 
 #: Warnings of a log that an error repeats at most.
 _REPEATED = 3
@@ -31,7 +50,6 @@ _REPEATED = 3
 _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
-_DAY = 86400.0
 
 
 @record
@@ -107,6 +125,27 @@ class LogPass:
         self.progress("reading the log and finding the dwells")
         return self.noted(find_dwells(self.pieces()))
 
+    def samples(self) -> tuple[Dwells, Slow | None]:
+        """Read the logs once, for dwells and for slow streams, None where there are none."""
+        streams = _Streams(self)
+        dwells = self.noted(find_dwells(streams.pieces()))
+        with suppress(DataError):
+            return dwells, streams.slow()
+        return dwells, None
+
+    def moving(self) -> Slow:
+        """Read the logs once, for the slow streams alone.
+
+        Raises DataError where there are none, or their forces are seconds behind the positions.
+        """
+        streams = _Streams(self)
+        for _ in streams.pieces():
+            pass
+        slow = streams.slow()
+        if late := forces_behind(slow.time, slow.position, slow.force):
+            raise DataError(late)
+        return slow
+
     def noted(self, dwells: Dwells) -> Dwells:
         """Keep what the dwells say of the log.
 
@@ -173,60 +212,94 @@ def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:
     return Finding("stops-left-out", size=lost, values=values)
 
 
-def measured(log: LogPass) -> Measured:
-    """Tell when a campaign was recorded: by the log's clock, the rig file, or the file's date.
+class _Streams:
+    """The slow streams of a log while it passes, with its temperatures where it has any."""
 
-    Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
-    """
-    if by_wall_clock(log.begin, log.end):
-        found = Measured(log.begin, log.end, "log")
-        if found.end > time.time() + _DAY:
+    def __init__(self, log: LogPass) -> None:
+        log.progress("reading the log")
+        # An axis that is not measured has no full scale.
+        self._decimator = Decimator(np.where(log.rig.axes, log.rig.capacity, np.inf))
+        self._log, self._averaged, self._thermometer = log, False, Thermometer()
+
+    def pieces(self) -> Iterator[Log]:
+        for piece in self._thermometer.passing(self._log.pieces()):
+            self._averaged |= piece.rows == "postures"
+            if not self._averaged:
+                self._decimator.add(piece)
+            yield piece
+
+    def slow(self) -> Slow:
+        if self._averaged:
             raise DataError(
-                f"the log's clock says {day(found.end)}, which is in the future",
-                where=", ".join(map(str, log.campaign.logs)),
-                hint="set the recorder's clock; or let its time count from 0, and state "
-                "campaign.date in rig.yaml",
+                "the log holds averaged postures and no motion",
+                where="log",
+                hint="use --samples static, or give the recording itself",
             )
-        return found
-    for clock in log.clocks:  # where the first recorder's is none
-        begin, end = log.begin + clock.offset, log.end + clock.offset
-        if by_wall_clock(begin, end) and end < time.time() + _DAY:
-            return Measured(begin, end, "log")
-    rig, date = log.campaign.rig, log.rig.campaign.date
-    if date is not None:
-        found = stated_date(date)
-        if found.begin > time.time() + _DAY:
-            raise RigError(
-                f"the campaign's date, {date}, is in the future",
-                where=f"{rig.path}: campaign.date",
-                hint="write the day on which the log was recorded",
-            )
-        return found
-    surveyed = () if log.inputs or rig.tracker is None else rig.tracker.paths[1::2]
-    times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
-    return Measured(min(times), max(times), "file")
+        slow = self._decimator.finish()
+        return replace(
+            slow, temperature=self._thermometer.at(slow.time, slow.time, len(slow.supports))
+        )
 
 
-def misdated(log: LogPass) -> list[Finding]:
-    """Say so where rig file and log's clock are of other days."""
-    date, found = log.rig.campaign.date, measured(log)
-    if date is None or found.source != "log":
-        return []
-    stated = stated_date(date)
-    if max(stated.begin - found.end, found.begin - stated.end) <= _DAY:
-        return []
-    values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
-    return [Finding("campaign-misdated", (str(log.campaign.rig.path),), values=values)]
+def by_samples(
+    log: LogPass,
+    samples: str | None,
+    enough: int,
+    still: Callable[[Dwells, Slow | None], Found],
+    moving: Callable[[Slow, int], Found],
+    final: type[TdfscalError] | tuple[()] = (),
+) -> Found:
+    """Work on the `static` dwells or the `moving` samples; unless told on dwells that are enough.
+
+    still, moving : make the result, of the dwells, with the motion between them if that was read,
+    or of a motion that stands for so many dwells. final : faults of a motion that few dwells cannot
+    mend. Raises TdfscalError by cause.
+    """
+    if samples == "static":
+        return still(log.dwells(), None)
+    if samples == "moving":
+        return moving(log.moving(), 0)
+    dwells, slow = log.samples()
+    if slow is None or len(dwells) >= enough:
+        return still(dwells, slow)
+    try:
+        return moving(slow, len(dwells))
+    except TdfscalError as error:
+        if len(dwells) and not isinstance(error, final):
+            return still(dwells, None)
+        raise neither(dwells, error) from error
 
 
-def stated_date(date: str) -> Measured:
-    """Tell when a campaign was recorded by the date in its rig file."""
-    begin = datetime.fromisoformat(date)
-    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
-    end = begin + timedelta(days=1, seconds=-1) if len(date) == len("2026-01-01") else begin
-    return Measured(begin.timestamp(), end.timestamp(), "rig")
+def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
+    """The error of a log that serves neither at rest nor in motion."""
+    few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
+    return error.restated(what=f"{few}, and in motion: {error.what}")
 
 
-def day(moment: float) -> str:
-    """Return the date of a moment in s since 1970."""
-    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
+def delay_of(rig: LoadedRig) -> UncertainValue:
+    """Delay of the force stamps, s, as a rig file states it; unknown where it does not."""
+    if len(rig.log) > 1:  # their clocks are apart by as much as the moves leave open
+        rate_std = max(recorder.clock.rate_std for recorder in rig.log[1:])
+        return UncertainValue(np.zeros(2), np.array([np.inf, rate_std]))
+    stated = rig.log[0].delay if rig.log else None
+    return stated or UncertainValue(np.array(0.0), np.array(np.inf))
+
+
+def with_delay(
+    log: LogPass, moving: Moving, std: FloatArray, middle: float
+) -> tuple[RecorderClock, ...]:
+    """The second recorder's clock with the delay and rate that a motion shows, at its middle, s.
+
+    std : standard uncertainties of what it shows. Of more than two recorders nothing says whose
+    delay it is.
+    """
+    if len(log.clocks) != 1:
+        return log.clocks
+    clock = log.clocks[0]
+    late = any(log.campaign.rig.log[1].force)  # the forces are the second recorder's
+    delay, rate = (moving.delay, moving.rate) if late else (-moving.delay, -moving.rate)
+    since = middle - clock.reference
+    offset_std = float(np.hypot(std[DELAY], since * std[RATE]))
+    offset = clock.offset + delay - since * rate
+    return (replace(clock, offset=offset, offset_std=offset_std, rate=clock.rate + rate,
+                    rate_std=float(std[RATE])),)  # fmt: skip

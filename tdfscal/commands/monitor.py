@@ -11,7 +11,7 @@ from tdfscal.commands import options
 from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent
-from tdfscal.commands.read_campaigns import Read, Unusable, require_one_rig
+from tdfscal.commands.recordings import Read, Unusable, require_one_rig
 from tdfscal.commands.result import CalibrationSource, CommandResult, by_column, sources_of
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier

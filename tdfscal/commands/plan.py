@@ -11,10 +11,9 @@ import numpy as np
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, PathLikes, listed, no_log, one, resolve, rig_named
-from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.options import Numbers, Option, Progress, numbers, silent, triple
 from tdfscal.commands.result import CommandResult
-from tdfscal.commands.samples import delay_of
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig

@@ -14,9 +14,9 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.commands.calibrate import origin_of
+from tdfscal.commands.calibrate import Own, calibrate_motion, origin_of
 from tdfscal.commands.log_pass import Settings
-from tdfscal.commands.read_campaigns import (
+from tdfscal.commands.recordings import (
     Read,
     Recording,
     Unusable,
@@ -25,7 +25,6 @@ from tdfscal.commands.read_campaigns import (
     refuse_repeated,
 )
 from tdfscal.commands.result import Calibration
-from tdfscal.commands.samples import Own, calibrate_motion
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.comparison.rig_history import life_of

@@ -10,13 +10,12 @@ from typing import Annotated
 import numpy as np
 
 from tdfscal.commands import options
-from tdfscal.commands.calibrate import origin_of
+from tdfscal.commands.calibrate import Own, origin_of
 from tdfscal.commands.campaign import PathLike, campaign_folders
-from tdfscal.commands.log_pass import Settings, day
+from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import silent, window
-from tdfscal.commands.read_campaigns import Read, Recording, read_campaigns, refuse_repeated
+from tdfscal.commands.recordings import Read, Recording, day, read_campaigns, refuse_repeated
 from tdfscal.commands.result import Calibration, CalibrationSource, read_source
-from tdfscal.commands.samples import Own
 from tdfscal.commands.several_campaigns import (
     PRECISION,
     calibrate_informed,

@@ -10,12 +10,11 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
-from tdfscal.commands.log_pass import LogPass, Settings, measured
+from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of
 from tdfscal.commands.options import Option, silent, window
+from tdfscal.commands.recordings import measured
 from tdfscal.commands.result import Calibration, CommandResult
-from tdfscal.commands.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
-from tdfscal.errors import TdfscalError
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, Value
@@ -153,19 +152,11 @@ def validate(
 
 def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:
     """Test by the dwells where there are enough, else by the motion."""
-    if samples == "moving":
-        return _by_motion(use, log, moving_samples(log))
-    if samples == "static":
-        return _by_postures(use, log, log.dwells())
-    dwells, slow = read_samples(log)
-    if slow is None or len(dwells) >= ENOUGH:
+
+    def still(dwells: Dwells, _: Slow | None) -> Validation | MovingValidation:
         return _by_postures(use, log, dwells)
-    try:
-        return _by_motion(use, log, slow)
-    except TdfscalError as error:
-        if len(dwells):
-            return _by_postures(use, log, dwells)
-        raise neither(dwells, error) from error
+
+    return by_samples(log, samples, ENOUGH, still, lambda slow, _: _by_motion(use, log, slow))
 
 
 def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:

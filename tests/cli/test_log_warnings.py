@@ -109,7 +109,7 @@ def test_forces_seconds_behind_the_positions_are_named(
     assert "balance far better" in next(
         str(found.text) for found in pooled.findings if found.code == "campaign-unusable"
     )
-    monkeypatch.delattr("tdfscal.commands.samples.self_calibrate")
+    monkeypatch.delattr("tdfscal.commands.calibrate.self_calibrate")
     for asked in (
         lambda: tdfscal.calibrate(campaign, trials=0),
         lambda: tdfscal.calibrate(campaign, samples="moving", trials=0),

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.commands.calibrate import calibrate_samples
 from tdfscal.commands.campaign import resolve
 from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.commands.samples import calibrate_samples
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import MotionCalibration

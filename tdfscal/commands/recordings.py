@@ -1,27 +1,128 @@
-"""Campaigns of one rig as they are read, each in a folder with a rig.yaml of its own.
+"""Campaigns as they are read: when recorded, what was surveyed, several of one rig.
 
 And the same recording in two of them: told by its files, its hours or its mean readings.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
+from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.checks.same_rig import different_constants, other_papers
-from tdfscal.commands.calibrate import surveyed
-from tdfscal.commands.campaign import PathLike, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, measured, misdated
+from tdfscal.commands.campaign import Campaign, PathLike, resolve
+from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.comparison.shared_data import Readings, readings, repeated
-from tdfscal.errors import OutputError, TdfscalError, UsageError
-from tdfscal.findings import Finding
+from tdfscal.errors import DataError, OutputError, RigError, TdfscalError, UsageError
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
+
+if TYPE_CHECKING:
+    from tdfscal.trackercal import TrackerCalibration
+
+_DAY = 86400.0
+
+
+def measured(log: LogPass) -> Measured:
+    """Tell when a campaign was recorded: by the log's clock, the rig file, or the file's date.
+
+    Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
+    """
+    if by_wall_clock(log.begin, log.end):
+        found = Measured(log.begin, log.end, "log")
+        if found.end > time.time() + _DAY:
+            raise DataError(
+                f"the log's clock says {day(found.end)}, which is in the future",
+                where=", ".join(map(str, log.campaign.logs)),
+                hint="set the recorder's clock; or let its time count from 0, and state "
+                "campaign.date in rig.yaml",
+            )
+        return found
+    for clock in log.clocks:  # where the first recorder's is none
+        begin, end = log.begin + clock.offset, log.end + clock.offset
+        if by_wall_clock(begin, end) and end < time.time() + _DAY:
+            return Measured(begin, end, "log")
+    rig, date = log.campaign.rig, log.rig.campaign.date
+    if date is not None:
+        found = stated_date(date)
+        if found.begin > time.time() + _DAY:
+            raise RigError(
+                f"the campaign's date, {date}, is in the future",
+                where=f"{rig.path}: campaign.date",
+                hint="write the day on which the log was recorded",
+            )
+        return found
+    surveyed = () if log.inputs or rig.tracker is None else rig.tracker.paths[1::2]
+    times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
+    return Measured(min(times), max(times), "file")
+
+
+def misdated(log: LogPass) -> list[Finding]:
+    """Say so where rig file and log's clock are of other days."""
+    date, found = log.rig.campaign.date, measured(log)
+    if date is None or found.source != "log":
+        return []
+    stated = stated_date(date)
+    if max(stated.begin - found.end, found.begin - stated.end) <= _DAY:
+        return []
+    values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
+    return [Finding("campaign-misdated", (str(log.campaign.rig.path),), values=values)]
+
+
+def stated_date(date: str) -> Measured:
+    """Tell when a campaign was recorded by the date in its rig file."""
+    begin = datetime.fromisoformat(date)
+    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
+    end = begin + timedelta(days=1, seconds=-1) if len(date) == len("2026-01-01") else begin
+    return Measured(begin.timestamp(), end.timestamp(), "rig")
+
+
+def day(moment: float) -> str:
+    """Return the date of a moment in s since 1970."""
+    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
+
+
+def surveyed(
+    campaign: Campaign, trials: int | None, rng: np.random.Generator
+) -> tuple[TrackerCalibration, list[InputFile], tuple[Finding, ...]]:
+    """Calibrate from a survey; also return its files, and what is found of them.
+
+    Raises UsageError where the rig file declares none, DataError where its files are unusable.
+    """
+    from tdfscal.files.points.reading import read_tracker_session
+    from tdfscal.files.saving import input_file
+    from tdfscal.trackercal import calibrate_tracker
+
+    files, rig = campaign.rig.tracker, campaign.rig.path
+    if files is None:
+        raise UsageError(
+            "the rig file declares no tracker survey",
+            where=str(rig),
+            hint="add its tracker block, or use --method self",
+        )
+    missing = next((path for path in files.paths if not path.is_file()), None)
+    if missing is not None:
+        raise DataError(
+            "the point file is not there",
+            where=str(missing),
+            hint="correct the paths of the tracker block in rig.yaml",
+        )
+    session, found = read_tracker_session(files)
+    options = {} if trials is None else {"trials": trials}
+    result = calibrate_tracker(
+        campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
+    )
+    inputs = [input_file(path, "unverified") for path in files.paths]
+    return result, inputs, found
 
 
 @record
