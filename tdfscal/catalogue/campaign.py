@@ -85,12 +85,13 @@ sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
   of the BCS{posture: before posture ~|}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    {campaign:~|the campaign} again
+    {campaign:~|the campaign} again{cut:; as it sits since, --from ~ calibrates it|}
 zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
   sensor{posture: before posture ~|}{between:time}
-  -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    {campaign:~|the campaign} again
+  -> look at the cable and amplifier of {subject}, let it settle, and record
+    {campaign:~|the campaign} again{cut:, or write `zero.std: unknown` for {subject} in rig.yaml,
+    calibrate with --to ~ -o before.yaml, and update before.yaml with --from ~|}
 contact-stays warns
   something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of
   the {frame} from posture {posture} to {last}{between:time}

@@ -26,7 +26,8 @@ class Entry:
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
     colon with a unit, with `time` (two moments), or with words for yes|no, where ~ is the value; so
-    have {subjects} for more than one name, {several} for a count above one. clauses : what the
+    have {subjects} for more than one name, {several} for a count above one, {cut} for where to part
+    a log in which something changed between two times, s. clauses : what the
     sentence goes on with where a value holds. where : what of a campaign it is about, where an
     error says it.
     """
@@ -123,6 +124,8 @@ def _fields(finding: Finding) -> dict[str, Any]:
     size = finding.size
     fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
     fields["subjects"] = len(finding.subject) > 1
+    if isinstance(between := finding.values.get("between"), list):
+        fields["cut"] = f"{between[1]:.1f}"
     std = finding.values.get("std")
     beside = [std] if isinstance(std, float) else []
     for name, half in finding.values.items():

@@ -129,13 +129,13 @@ force-rescaled refuses
     faulty axis out of `axes` in rig.yaml
   @ log forces
 zero-tared refuses
-  the zero of {subject} jumped by ({jump}) N between postures {last:.0f} and
-  {first:.0f} ({end:.1f} and {begin:.1f} s){tared:, as a tare makes it|}; without it
-  the residuals fall from {before:.2g} to {after:.2g} times what is stated
-  -> {check:tare and record this check again, or validate one part of it, by --to or
-    --from|give the parts before and after as two campaigns, each in a folder with a
-    rig.yaml, or one of them by --from or --to; the {tared:earlier|later} one needs `zero.std:
-    unknown` for {subject}}
+  the zero of {subject} jumped by ({jump}) N before posture {first:.0f}{between:time}{tared:, as a
+  tare makes it|}; without it the residuals fall from {before:.2g} to {after:.2g} times what is
+  stated
+  -> {check:tare and record this check again{cut:, or validate one part of it, by --to ~ or --from
+    ~|}|write `zero.std: unknown` for {subject} in rig.yaml{cut:, calibrate with --to ~ -o
+    before.yaml, and update before.yaml with --from ~|, and give the rows before and behind as two
+    campaigns, each in a folder with a rig.yaml}}
   @ log forces
 forces-mirrored refuses
   the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the

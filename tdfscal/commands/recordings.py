@@ -259,10 +259,12 @@ def naming(campaign: str) -> Iterator[None]:
 
 
 def refuse_repeated(recordings: Sequence[Recording]) -> None:
-    """Raise UsageError where two campaigns hold the same recording."""
+    """Raise UsageError where two campaigns hold the same recording, or the same part of one."""
     for first, second in combinations(recordings, 2):
         common = {e.sha256 for e in first.inputs} & {e.sha256 for e in second.inputs}
         what = next((e.path for e in second.inputs if e.sha256 in common), None)
+        if what is not None and _told_apart(first.means, second.means):
+            continue
         if what is None and _at_one_time(first.measured, second.measured):
             what = "their clocks say so, for no rig is recorded twice at a time"
         if what is None and _alike(first.means, second.means):
@@ -273,6 +275,12 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
                 where=second.name,
                 hint="name each recording once; twice the same data are no more data",
             )
+
+
+def _told_apart(a: Readings | None, b: Readings | None) -> bool:
+    """Whether the noise of the readings shows that no dwell is in both."""
+    told = all(each is not None and len(each.force) and each.noise.any() for each in (a, b))
+    return told and a is not None and b is not None and not a.meets(b)
 
 
 def _at_one_time(a: Measured | None, b: Measured | None) -> bool:

@@ -247,12 +247,11 @@ def misread(
     last, first = found.between
     values |= {
         "jump": [f"{value:.3g}" for value in found.jump],
-        "last": float(rests.number[last]),
         "first": float(rests.number[first]),
-        "end": float(rests.time[last]),
-        "begin": float(rests.time[first]),
         "tared": found.tared,
         "check": check,
     }
+    if not np.array_equal(rests.time, rests.number - 1):  # a row that is a posture has no other
+        values["between"] = rests.time[[last, first]].tolist()
     size = float(np.linalg.norm(found.jump))
     return DataError(Finding("zero-tared", subject, size, "N", values=values))

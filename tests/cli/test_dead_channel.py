@@ -58,19 +58,23 @@ def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> 
     assert "ncp3" in done.out
 
 
-def test_a_zero_that_jumped_is_given_up_for_the_part_behind(tmp_path: Path, cli: Cli) -> None:
-    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
-    calibrate = ("calibrate", campaign, "--trials", 0, "-o", found, "-q")
+def test_the_parts_before_and_behind_a_jump_are_joined_as_the_cure_says(
+    tmp_path: Path, cli: Cli
+) -> None:
+    campaign, before, found = (tmp_path / name for name in ("campaign", "before.yaml", "f.json"))
     cli("simulate", campaign, "--scenario", "zero-shift", "--seed", 5, "-q")
-    said = " ".join(cli(*calibrate, ends=3).err.split())
-    seen = re.search(r"\(([\d.]+) and ([\d.]+) s\).* the later one needs .* for (\w+)", said)
-    assert seen is not None, said
-    between = (float(seen[1]) + float(seen[2])) / 2
-    cli(*calibrate, "--to", between, ends=0)
-    near_truth(json.loads(found.read_text()), campaign)
+    calibrate = ("calibrate", campaign, "--trials", 0, "-q")
+    said = " ".join(cli(*calibrate, "-o", found, ends=3).err.split())
+    cure = re.search(r"unknown` for (\w+) in .* --to ([\d.]+) -o .* with --from ([\d.]+)\.", said)
+    assert cure is not None, said
     rig = yaml.safe_load((campaign / "rig.yaml").read_text())
-    (support,) = [s for s in rig["supports"] if s["name"] == seen[3]]
+    (support,) = [s for s in rig["supports"] if s["name"] == cure[1]]
     support["zero"]["std"] = "unknown"
     (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
-    cli(*calibrate, "--from", between, ends=0)
+    cli(*calibrate, "--to", cure[2], "-o", before, ends=0)
+    near_truth(yaml.safe_load(before.read_text()), campaign)
+    update = ("update", before, campaign, "--trials", 0, "-o", found, "-q")
+    cli(*update, "--from", cure[3], ends=0)
     near_truth(json.loads(found.read_text()), campaign)
+    # What went in already is not taken twice.
+    assert "holds the same recording" in cli(*update, "--from", float(cure[3]) / 2, ends=2).err

@@ -59,7 +59,7 @@ MISTAKES = {
     "two channels": (exchanged((0, 0), (2, 0)), "Fx of ncp1 and Fx of ncp3 exchanged"),
     "unlike channels": (exchanged((0, 0), (1, 1)), "Fx of ncp1 and Fy of ncp2 exchanged"),
     "a sign": (scaled(-1.0, 0, 1), "the opposite sign of Fy of ncp1"),
-    "a tare": (tared, r"the zero of ncp2 jumped by .* between postures 6 and 7 .* as a tare"),
+    "a tare": (tared, r"the zero of ncp2 jumped by .* before posture 7, .* as a tare"),
 }
 
 
