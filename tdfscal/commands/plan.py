@@ -24,17 +24,15 @@ from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
-from tdfscal.planning.plan import Plan, make_plan, plan_for_contact, plan_for_target
+from tdfscal.planning.plan import Plan, make_plan
 from tdfscal.planning.predicted_information import recorded, scatter_of
 from tdfscal.records import Dwells, FloatArray, Log, Rig
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report
-from tdfscal.selfcal.estimator import Fit
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DEFAULT_POSTURES = 24
 DEFAULT_NOISE = 1.0
 """N per axis and posture, where nothing is recorded yet and the rig file states no force noise."""
 DEFAULT_DENSITY = 0.1
@@ -187,7 +185,15 @@ def plan(
             if before and seen is not None
             else None
         )
-        found = _postures(known.rig, request, postures, target, fit, progress)
+        found = make_plan(
+            known.rig,
+            request,
+            postures,
+            np.random.default_rng(0),
+            target=None if target is None else 1e-3 * target,
+            given=fit,
+            progress=progress,
+        )
     return PlanResult(found, one(output), findings)
 
 
@@ -213,22 +219,6 @@ def _noise(rig: Rig, seen: Dwells | None) -> float:
     """Noise of a posture, N per axis, as what is recorded shows it; else what is usual."""
     usual = 0.0 if rig.declared.force_noise else DEFAULT_NOISE
     return (scatter_of(at_rest(rig, seen), rig) or usual) if seen else usual
-
-
-def _postures(
-    rig: Rig,
-    request: Request,
-    count: int | None,
-    target: float | None,
-    before: Fit | None,
-    progress: Progress,
-) -> Plan:
-    """Plan so many postures, or as many as bring the angles, or else the contact, to the target."""
-    rng = np.random.default_rng(0)
-    if target is not None:
-        return plan_for_target(rig, request, 1e-3 * target, rng, given=before, progress=progress)
-    make = plan_for_contact if count is None and rig.acceptance.states_contact else make_plan
-    return make(rig, request, count or DEFAULT_POSTURES, rng, given=before)
 
 
 def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:

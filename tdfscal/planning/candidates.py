@@ -108,22 +108,6 @@ def check_limits(rig: Rig, limits: Limits) -> None:
         raise UsageError("home is no point", where="home", hint="give x,y,z in metres")
 
 
-def check_reach(rig: Rig, limits: Limits, rotation: FloatArray, what: str) -> None:
-    """Raise UsageError where a posture (rotation (3, 3), LCS → BCS) lies outside the travel.
-
-    Home is fixed and the middle of the hinges stays there, as in every planned posture.
-    """
-    offset = displacement(rig, limits, rotation)
-    over = np.abs(offset) - limits.travel
-    i, axis = np.unravel_index(int(np.argmax(over)), over.shape)
-    if over[i, axis] > 0.0:
-        raise UsageError(
-            f"{what} takes {rig.supports[i]} {abs(offset[i, axis]):.4g} m along {'xyz'[axis]} from "
-            f"home, beyond its travel of {limits.travel[i, axis]:.4g} m",
-            hint="tilt less, or state the travel that the NCPs really have",
-        )
-
-
 def displacement(rig: Rig, limits: Limits, rotation: FloatArray) -> FloatArray:
     """Way (..., n, 3), m, BCS, of each hinge from home with the middle of the hinges at rest."""
     spoke = rig.hinge - rig.hinge.mean(axis=0)

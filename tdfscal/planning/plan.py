@@ -9,8 +9,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.frozen import record, replace
-from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates, Request, check_limits, check_reach, draw
+from tdfscal.planning.candidates import Candidates, Request, check_limits, draw
 from tdfscal.planning.predicted_information import (
     Forecast,
     Sight,
@@ -24,7 +23,6 @@ from tdfscal.planning.predicted_information import (
 )
 from tdfscal.planning.selection import (
     choose,
-    distances,
     gains,
     information,
     inverse,
@@ -64,10 +62,8 @@ class Plan:
         return self.postures.position(self.request.limits)
 
 
-#: Most postures that a target may ask for.
-MOST = 400
-#: Postures of a usual plan.
-_USUAL = 24
+#: Postures of a usual plan, and most that a target may ask for.
+USUAL, _MOST = 24, 400
 #: An objective that follows the width of ignorance by more than this share is not measured.
 _FOLLOWS = 1e-2
 
@@ -88,6 +84,7 @@ class Planner:
         self.leaning = (self.sight,) if given else leaning(self.sight)
         self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
+        self.most = min(_MOST, len(self.pool))
         self._selected: dict[int, IntArray] = {}
 
     def _held(self, sight: Sight) -> FloatArray:
@@ -169,24 +166,27 @@ class Planner:
             ]
         )
 
-    def expected(self, count: int) -> Forecast:
-        """Uncertainty to expect of the pool's best `count` postures."""
-        return self.forecast(self.pool.take(self.select(count)))
+    def fewest(
+        self, excess: Callable[[Forecast], float], low: int, progress: Callable[[str], None]
+    ) -> int:
+        """Fewest postures, above `low`, whose excess over what is asked is at most 1.
 
-    def floor(self) -> float:
-        """About the largest std, rad, that MOST postures leave, each as in a usual plan."""
-        usual = self.rows[self.select(min(_USUAL, len(self.pool)))]
-        each = information(usual) / len(usual) + self.scatter
-        return float(
-            np.sqrt(variances(inverse(self.held + MOST * each), angle_rows(self.sight)).max())
-        )
+        Variances fall as the inverse of their number. Above `most` where none of them gets there.
+        """
+        count, high = USUAL, self.most + 1
+        while high - low > 1:
+            progress(f"trying {count} postures")
+            reached = excess(self.forecast(self.pool.take(self.select(count))))
+            low, high = (low, count) if reached <= 1.0 else (count, high)
+            count = int(np.clip(np.ceil(count * reached**2), low + 1, high - 1))
+        return high
 
     def plan(self, count: int) -> Plan:
         """Choose, order and judge."""
         if count < 1:
             raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
         chosen = self.pool.take(self.select(count))
-        postures = chosen.take(short_tour(distances(chosen.place), 0))
+        postures = chosen.take(short_tour(chosen.place))
         expected = self.forecast(postures)
         self._refuse_unobservable(postures, expected)
         return Plan(
@@ -236,92 +236,40 @@ class Planner:
 def make_plan(
     rig: Rig,
     request: Request,
-    postures: int,
+    postures: int | None,
     rng: np.random.Generator,
     *,
-    given: Fit | None = None,
-) -> Plan:
-    """Choose postures and squeezes by exchange over a random pool.
-
-    postures : how many to drive. given : the fit of postures recorded
-    already; the plan adds the best next ones.
-
-    Raises
-    ------
-    UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable.
-    """
-    return Planner(rig, request, rng, given).plan(postures)
-
-
-def plan_for_target(
-    rig: Rig,
-    request: Request,
-    target: float,
-    rng: np.random.Generator,
-    *,
+    target: float | None = None,
     given: Fit | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Plan:
-    """Plan with the fewest postures whose every angle is expected within `target`, rad.
+    """Choose postures and squeezes by exchange over a random pool.
 
+    postures : how many to drive; None: as few as bring every angle within `target`, rad, else as
+    many as is usual, or more where the rig file's limits of the contact wrench ask for more.
+    given : the fit of postures recorded already; the plan adds the best next ones.
     progress : told how many postures are tried.
 
     Raises
     ------
-    UsageError : infeasible limits. NotIdentifiableError : no number of postures gets there.
-    """
-    if not 0.0 < target < np.inf:
-        raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")
-    planner = Planner(rig, request, rng, given)
-    floor = planner.floor()
-    if floor > target:
-        raise NotIdentifiableError(
-            f"{MOST} postures leave about ±{1e3 * floor:.3g} mrad on the weakest angle, and "
-            f"{1e3 * target:.3g} mrad is asked for",
-            hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
-        )
-    count = _fewest(planner, lambda found: found.largest / target, 0, _USUAL, progress)
-    progress(f"choosing {count} postures")
-    return planner.plan(count)
-
-
-def plan_for_contact(
-    rig: Rig,
-    request: Request,
-    postures: int,
-    rng: np.random.Generator,
-    *,
-    given: Fit | None = None,
-) -> Plan:
-    """Plan with as many postures as bring the contact wrench within the rig file's limits.
-
-    No fewer than `postures`; so many where no number of them gets there.
-
-    Raises UsageError, NotIdentifiableError as `make_plan`.
+    UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable, or no
+        number of postures gets to the target.
     """
     planner = Planner(rig, request, rng, given)
-    count = _fewest(planner, lambda found: contact_excess(rig, found), postures - 1, postures)
-    return planner.plan(postures if count > MOST else count)
-
-
-def _fewest(
-    planner: Planner,
-    excess: Callable[[Forecast], float],
-    low: int,
-    count: int,
-    progress: Callable[[str], None] = lambda stage: None,
-) -> int:
-    """Fewest postures, above `low`, whose excess over what is asked is at most 1; from `count` on.
-
-    Variances fall as the inverse of their number. Above MOST where none of them gets there.
-    """
-    high = MOST + 1
-    while high - low > 1:
-        progress(f"trying {count} postures")
-        reached = excess(planner.expected(count))
-        low, high = (low, count) if reached <= 1.0 else (count, high)
-        count = int(np.clip(np.ceil(count * reached**2), low + 1, high - 1))
-    return high
+    if postures is None and target is not None:
+        if not 0.0 < target < np.inf:
+            raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")
+        postures = planner.fewest(lambda found: found.largest / target, 0, progress)
+        if postures > planner.most:
+            raise NotIdentifiableError(
+                f"{planner.most} postures do not bring the weakest angle within "
+                f"{1e3 * target:.3g} mrad, which is asked for",
+                hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
+            )
+    elif postures is None and rig.acceptance.states_contact:
+        postures = planner.fewest(lambda found: contact_excess(rig, found), USUAL - 1, progress)
+        postures = USUAL if postures > planner.most else postures
+    return planner.plan(USUAL if postures is None else postures)
 
 
 def _check(rig: Rig, request: Request) -> None:
@@ -333,6 +281,3 @@ def _check(rig: Rig, request: Request) -> None:
             "neither the request nor the rig states a force noise",
             hint="state what a posture's mean force will scatter by",
         )
-    if request.objective == "wrench":
-        rotation = so3.from_rpy(np.array(rig.acceptance.contact_rpy))
-        check_reach(rig, request.limits, rotation, "the assembly posture")

@@ -107,33 +107,14 @@ def choose(
     return np.array(chosen), inverse(base + information(J[chosen]))
 
 
-_ROUNDS = 50
-
-
-def distances(place: FloatArray) -> FloatArray:
-    """Way (K, K), m, between postures with hinges at place (K, n, 3): that of the slowest axis."""
+def short_tour(place: FloatArray) -> IntArray:
+    """Order (K,) in which to drive postures with hinges at place (K, n, 3), m: the first, then
+    always the nearest one that is left, by the way of the slowest axis.
+    """
     flat = place.reshape(len(place), -1)
-    return np.asarray(np.max(np.abs(flat[:, None] - flat), axis=2))
-
-
-def short_tour(distance: FloatArray, start: int) -> IntArray:
-    """Order (K,) of a closed tour from `start`: nearest neighbour, then 2-opt."""
-    K = len(distance)
-    tour, left = [start], set(range(K)) - {start}
+    way = np.max(np.abs(flat[:, None] - flat), axis=2)
+    tour, left = [0], set(range(1, len(place)))
     while left:
-        here = distance[tour[-1]]
-        tour.append(min(left, key=lambda k: (here[k], k)))
+        tour.append(min(left, key=lambda k: (way[tour[-1], k], k)))
         left.remove(tour[-1])
-    order = np.array(tour)
-    for _ in range(_ROUNDS * K):
-        # Turning round order[a + 1 .. b] replaces the ways a → a + 1 and b → b + 1.
-        after = np.roll(order, -1)
-        way = distance[order, after]
-        change = distance[np.ix_(order, order)] + distance[np.ix_(after, after)]
-        change -= way[:, None] + way
-        change[np.tril_indices(K, 1)] = 0.0
-        a, b = np.unravel_index(int(np.argmin(change)), change.shape)
-        if change[a, b] > -1e-12:
-            break
-        order[a + 1 : b + 1] = order[a + 1 : b + 1][::-1]
-    return order
+    return np.array(tour)

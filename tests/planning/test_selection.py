@@ -1,13 +1,12 @@
 """Choice by linear algebra, against brute force; and order."""
 
-from itertools import combinations, permutations
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from tdfscal.planning.selection import (
     choose,
-    distances,
     greedy,
     short_tour,
 )
@@ -36,17 +35,8 @@ def test_exchange_reaches_what_trying_all_sets_finds(seed: int) -> None:
     assert reached <= 1.01 * best
 
 
-def test_tour_is_a_permutation_and_nearly_the_shortest() -> None:
-    place = np.random.default_rng(2).normal(size=(7, 3, 3))
-    distance = distances(place)
-
-    def length(order: list[int]) -> float:
-        return float(
-            sum(distance[a, b] for a, b in zip(order, [*order[1:], order[0]], strict=True))
-        )
-
-    tour = short_tour(distance, 3)
-    assert tour[0] == 3
-    assert sorted(tour) == list(range(7))
-    best = min(length([0, *rest]) for rest in permutations(range(1, 7)))
-    assert length(tour.tolist()) <= 1.1 * best
+def test_the_nearest_posture_comes_next() -> None:
+    """Along a line, from its end: in order; by the slowest axis, whose way it is."""
+    place = np.zeros((7, 3, 3))
+    place[:, 1, 2] = [0.0, 5.0, 1.0, 3.0, 2.0, 6.0, 4.0]
+    assert short_tour(place).tolist() == [0, 2, 4, 3, 6, 1, 5]
