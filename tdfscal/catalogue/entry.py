@@ -9,7 +9,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from tdfscal.catalogue.numbers import UNITS, p_text, quantity, upwards, when, without_exponent
+from tdfscal.catalogue.numbers import (
+    UNITS,
+    p_text,
+    quantity,
+    upwards,
+    when,
+    with_std,
+    without_exponent,
+)
 from tdfscal.errors import visible
 from tdfscal.findings import Finding, Severity
 from tdfscal.frozen import record
@@ -142,6 +150,8 @@ def _fields(finding: Finding) -> dict[str, Any]:
         fields["degrees"] = np.degrees(size)
         if isinstance(std, float):
             fields["spread"] = quantity(std, finding.unit, (size,), 2)
+    if isinstance(half := finding.values.get("expanded"), float):
+        fields["difference"] = with_std(fields["difference"], half, "+")
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields

@@ -140,7 +140,7 @@ calibrations-compatible notes
   chance makes {by_chance:.2g} on average
 calibrations-incompatible rejects
   not compatible: the angles of {support} differ between {first} and {second} by more than the
-  uncertainties of both ({p}), most in {angle}: {difference:+.3g} ± {expanded:.2g} mrad,
+  uncertainties of both ({p}), most in {angle}: {difference} mrad,
   E_n = {en:.2f}
 calibrations-incompatible-together rejects
   not compatible: all angles together differ between {first} and {second} by more than the

@@ -23,6 +23,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import put_side_by_side, several_report
+from tdfscal.reporting.traceability import Making
 
 
 @record(eq=False)
@@ -30,6 +31,7 @@ class ReportResult(CommandResult):
     """Calibrations to look at. named : name and content of each, in the order given."""
 
     named: tuple[tuple[str, Calibration], ...]
+    making: Making
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -48,7 +50,7 @@ class ReportResult(CommandResult):
         from tdfscal.reporting.calibration import calibration_report
 
         if len(self.named) > 1:
-            return several_report(put_side_by_side(self.named), drawings)
+            return several_report(put_side_by_side(self.named), self.making, drawings)
         return replace(calibration_report(self.named[0][1], drawings), summary=())
 
     def document(self) -> dict[str, Any]:
@@ -90,6 +92,7 @@ def report(
         ),
     ] = None,
     progress: options.Telling = silent,
+    command: str = "",
 ) -> ReportResult:
     """Summarise a calibration file, or several side by side and over time.
 
@@ -98,4 +101,5 @@ def report(
     UsageError, DataError
         A file cannot be read, is no calibration, or they are of different supports.
     """
-    return ReportResult(tuple(read_sources(sources_of(*files))))
+    named = tuple(read_sources(sources_of(*files)))
+    return ReportResult(named, Making(command, ()))

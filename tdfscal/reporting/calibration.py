@@ -15,7 +15,7 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
-from tdfscal.reporting.headline import exact_table, half_widths, headline, within
+from tdfscal.reporting.headline import draft_lines, exact_table, half_widths, headline, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import (
     campaign,
@@ -50,7 +50,6 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         ),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
-    digest = report_digest(c)
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
         title=c.rig.name,
@@ -69,14 +68,15 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_table(c)),
             Section("Rotations, gains and budget", (*_matrices(c), *_budget(c)), page_only=True),
+            Section("Lines to confirm", layout.listed("", draft_lines(c))),
             Section("As stated in the rig file", (Facts(_stated(c)),), page_only=True),
-            *campaign(campaign_facts(c), c.rig.record()),
-            provenance(c, digest),
+            campaign(campaign_facts(c), c.rig.record()),
+            provenance(c),
         ),
         warnings=warnings(c),
         advice=advise(c),
         created=layout.utc(c.created),
-        number=digest[:8],
+        number=report_digest(c)[:8],
     )
 
 

@@ -20,7 +20,7 @@ from tdfscal.numerics import so3
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
-from tdfscal.reporting.traceability import measured_on, report_digest
+from tdfscal.reporting.traceability import Making, content_facts, making_of, measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 _K = f"k = {COVERAGE_FACTOR:g}"
@@ -93,20 +93,11 @@ def letter(index: int) -> str:
     return ascii_uppercase[place] + (str(turn + 1) if turn else "")
 
 
-def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
-    """Lay out several calibrations: verdict first, then the files, their angles, E_n, the rule."""
+def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out several calibrations: verdict, files, angles, differences, the rule, each origin."""
     each = list(zip(view.letters, view.names, view.content, strict=True))
     files = tuple((mark, f"{name}: {_described(c)}") for mark, name, c in each)
-    digests = (
-        (mark, f"content SHA-256 {report_digest(c)}, rig file SHA-256 {c.rig.sha256}")
-        for mark, _, c in each
-    )
-    first = view.pairs[0]
-    origin = (
-        ("Command", f"tdfscal report {' '.join(view.names)}"),
-        ("Decision rule", _RULE.format(limit=f"{first.limit:.2g}")),
-        *digests,
-    )
+    rule = ("Decision rule", _RULE.format(limit=f"{view.pairs[0].limit:.2g}"))
     verdict = view.verdict
     keep = (_keep(view),) if verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
     return Report(
@@ -119,9 +110,14 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         sections=(
             Section("Calibrations", (Facts(files),)),
             *layout.illustrated(drawings, {}),
-            Section("Angles and E_n", (_angles(view), *_en(view))),
-            Section("Where this verdict comes from", (Facts(origin),)),
+            Section("Angles and differences", (_angles(view), _differences(view), *_en(view))),
+            making.section(rule, title="Where this verdict comes from", page_only=False),
+            *(
+                making_of(c).section(*content_facts(c), title=f"Where {mark} comes from")
+                for mark, _, c in each
+            ),
         ),
+        created=layout.utc(making.created),
         warnings=_warnings(view),
         advice=keep or _advice(view.pairs),
     )
@@ -170,6 +166,23 @@ def mrad_with(value: Any, std: Any, sign: str = "") -> layout.Cell:
     return lambda i, j: with_std(1e3 * value[i, j], 1e3 * COVERAGE_FACTOR * std[i, j], sign)
 
 
+def _differences(view: Several) -> Table:
+    """Each later one minus the first; of two that are no separate results without uncertainty."""
+    cells = [
+        mrad_with(pair.rpy, pair.rpy_std, "+")
+        if np.isfinite(pair.p_value)
+        else mrad(pair.rpy, "+.2f")
+        for pair in view.pairs
+    ]
+    rows = by_angle(view.pairs[0].supports, *cells)
+    caption = f"Differences in mrad with expanded uncertainty, {_K}"
+    return Table(caption, ("sensor", "angle", *map(_minus, view.pairs)), rows, left=2)
+
+
+def _minus(pair: Comparison) -> str:
+    return " − ".join(pair.names)
+
+
 def _en(view: Several) -> tuple[Table, ...]:
     """E_n of each later one against the first, where the two are separate results."""
     pairs = [pair for pair in view.pairs if np.isfinite(pair.p_value)]
@@ -177,7 +190,7 @@ def _en(view: Several) -> tuple[Table, ...]:
         return ()
     rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
     together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
-    header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
+    header = ("sensor", "angle", *map(_minus, pairs))
     return (Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2),)
 
 

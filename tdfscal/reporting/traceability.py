@@ -21,7 +21,7 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
-from tdfscal.reporting.layout import METHODS, Block, Facts, Section, Table, utc
+from tdfscal.reporting.layout import METHODS, Facts, Section, Table, utc
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
@@ -34,6 +34,7 @@ from tdfscal.significance import (
 
 #: Days of a month.
 _MONTH = 30.4375
+_NOT_STATED = "not stated"
 #: Whose limit it is that no rig file states.
 FIXED = " (fixed in the tool)"
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
@@ -49,7 +50,12 @@ class Making:
     created: str = field(default_factory=lambda: instant(time.time()))
     version: str = __version__
 
-    def section(self, *facts: tuple[str, str], page_only: bool = True) -> Section:
+    def section(
+        self,
+        *facts: tuple[str, str],
+        title: str = "Where this result comes from",
+        page_only: bool = True,
+    ) -> Section:
         """What a result was made of: command, program, facts, and files with their digests."""
         rows = (
             ("Command", self.command),
@@ -61,7 +67,7 @@ class Making:
             ),
         )
         blocks = (Facts(facts), Facts(rows, verbatim=True))
-        return Section("Where this result comes from", blocks, page_only=page_only)
+        return Section(title, blocks, page_only=page_only)
 
     def document(self) -> dict[str, Any]:
         """Return it under the keys of a calibration file, as plain JSON values."""
@@ -73,21 +79,30 @@ class Making:
         }
 
 
-def provenance(c: Calibration, digest: str) -> Section:
-    """What a calibration was made of, with which program, by which rules; see `report_digest`."""
+def making_of(c: Calibration) -> Making:
+    """How a calibration was made."""
     inputs = tuple(each.record() for each in c.inputs)
-    facts = [
+    return Making(c.command, inputs, c.created, c.software.version)
+
+
+def content_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
+    """By which method a calibration was made, what it holds, on what it relies."""
+    return (
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
-        ("Content", f"SHA-256 {digest}"),
+        ("Content", f"SHA-256 {report_digest(c)}"),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
         ("Taken as exact", exact_names(c)),
-        ("Decision rule", decision_rule(c)),
-    ]
+    )
+
+
+def provenance(c: Calibration) -> Section:
+    """What a calibration was made of, with which program, by which rules."""
+    facts = [*content_facts(c), ("Decision rule", decision_rule(c))]
     if c.conformity is not None:
         judged = _contact(c, c.conformity) if c.accepted else "not judged: the result is rejected"
         facts.append(("Contact wrench", judged))
     facts += [("Convention", c.convention), ("Covariance", c.covariance.definition)]
-    return Making(c.command, inputs, c.created, c.software.version).section(*facts, page_only=False)
+    return making_of(c).section(*facts, page_only=False)
 
 
 def exact_names(c: Calibration) -> str:
@@ -163,36 +178,39 @@ def _contact(c: Calibration, found: ConformityResult) -> str:
     return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given * bool(c.taken_as_exact)}"
 
 
-def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> tuple[Section, ...]:
-    """What is told of a campaign; serial numbers and certificates of its rig's sensors."""
-    said = tuple((name, text) for name, text in facts if text)
+def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> Section:
+    """What is told of a campaign, and what is not; serials and certificates of its sensors."""
+    said = [(name, text or _NOT_STATED) for name, text in facts]
+    sensors = rig.sensors or (SensorInfo(),) * rig.n
+    if all(each == SensorInfo() for each in sensors):
+        said.append(("Sensors", f"serial numbers and certificates {_NOT_STATED}"))
+        return Section("Campaign and sensors", (Facts(tuple(said)),))
     papers = tuple(
-        (name, each.serial or "", each.certificate or "", each.due or "")
-        for name, each in zip(rig.supports, rig.sensors, strict=False)
-        if each != SensorInfo()
+        (name, *(text or _NOT_STATED for text in (each.serial, each.certificate, each.due)))
+        for name, each in zip(rig.supports, sensors, strict=True)
     )
     header = ("sensor", "serial number", "certificate", "due")
-    blocks: tuple[Block, ...] = (Facts(said),) if said else ()
-    if papers:
-        blocks += (Table("Sensors", header, papers, left=4),)
-    return (Section("Campaign and sensors", blocks),) if blocks else ()
+    table = Table("Sensors", header, papers, left=4)
+    return Section("Campaign and sensors", (Facts(tuple(said)), table))
 
 
 def stated_facts(rig: Rig, measured: MeasuredResult) -> list[tuple[str, str | None]]:
     """What is told of the rig's serial number, dates, people and place."""
     said, when = rig.campaign, _measured_when(measured)
-    people = ("Operator", said.operator), ("Site", said.site), ("Note", said.note)
-    return [("Serial number", rig.serial), ("Measured", when), *people]
+    people = ("Operator", said.operator), ("Site", said.site)
+    note = [("Note", said.note)] if said.note else []
+    return [("Serial number", rig.serial), ("Measured", when), *people, *note]
 
 
-def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
+def campaign_facts(c: Calibration) -> tuple[tuple[str, str | None], ...]:
     """The same of a calibration, with its conditions, the instruments used, what it stands on."""
     rig = c.rig.record()
-    facts = [*stated_facts(rig, c.measured), ("Next due", _next_due(c))]
+    facts = stated_facts(rig, c.measured)
+    facts += [("Next due", due)] if (due := _next_due(c)) else []
     if any(method != "self" for method in (c.method, *(one.method for one in c.history))):
         facts.append(("Tracker", rig.campaign.tracker))
     if c.method != "tracker" and math.isfinite(rig.mass.std):
-        facts.append(("Scale", rig.campaign.scale))
+        facts.append(("Weighed with", rig.campaign.scale))
     if c.dwells is not None and c.dwells.temperature is not None:
         warm = c.dwells.temperature
         facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
@@ -200,7 +218,7 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
         ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
         for entry in c.history
     ]
-    return tuple((name, text) for name, text in facts if text)
+    return tuple(facts)
 
 
 def measured_on(c: Calibration) -> str:

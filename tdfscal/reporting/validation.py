@@ -284,7 +284,7 @@ def validation_report(
         created=layout.utc(origin.making.created),
         sections=(
             *report.sections,
-            *papers,
+            papers,
             _provenance(v, origin),
         ),
     )

@@ -11,6 +11,7 @@ from tdfscal.reporting.html import render as as_page
 from tdfscal.reporting.layout import Report
 from tdfscal.reporting.several import comparison_report, put_side_by_side, several_report
 from tdfscal.reporting.text import render as as_text
+from tdfscal.reporting.traceability import Making
 from tdfscal.reporting.validation import validation_report
 from tests.reporting.samples import sample, surveyed, with_load_cell
 from tests.reporting.test_figures import KINDS, words
@@ -26,7 +27,7 @@ REPORTS: dict[str, Callable[[], Report]] = {
     "load cell": lambda: calibration_report(with_load_cell()),
     "tracker": lambda: calibration_report(surveyed()[0]),
     "joint": lambda: calibration_report(surveyed()[1]),
-    "several": lambda: several_report(SEVERAL),
+    "several": lambda: several_report(SEVERAL, Making("", ())),
     "compared": lambda: comparison_report(SEVERAL.pairs[1]),
     "valid": lambda: validation_report(validation(0.0), (), origin_of_check()),
     "touched since": lambda: validation_report(validation(60.0), (), origin_of_check()),

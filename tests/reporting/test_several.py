@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.reporting.html import render
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import put_side_by_side, several_report
+from tdfscal.reporting.traceability import Making
 from tests.cli.running import Cli
 from tests.reporting.samples import by_hand, sample, saved
 from tests.words import found
@@ -58,7 +61,7 @@ MARCH = flat(1.5e-3, "2026-03-05T08:00:00Z")
 
 
 def several(calibrations: list[tuple[str, Calibration]]) -> Report:
-    return several_report(put_side_by_side(calibrations))
+    return several_report(put_side_by_side(calibrations), Making("tdfscal report", ()))
 
 
 def test_oldest_first_and_e_n_by_hand() -> None:
@@ -70,12 +73,27 @@ def test_oldest_first_and_e_n_by_hand() -> None:
         assert comparison.chi2 == pytest.approx(change**2 / (2 * STD**2), rel=1e-9)
     assert not view.agrees
     (en,) = (
-        b for b in several_report(view).blocks() if isinstance(b, Table) and "E_n" in b.caption
+        b
+        for b in several_report(view, Making("tdfscal report", ())).blocks()
+        if isinstance(b, Table) and "E_n" in b.caption
     )
     rows = {(row[0], row[1]): row[2:] for row in en.rows}
     assert en.header[2:] == ("B − A", "C − A")
     assert rows["support_2", "yaw"] == ("0.88", "! 2.65")
     assert rows["support_1", "yaw"] == ("0.00", "0.00")
+
+
+def test_an_auditor_finds_differences_files_and_dates() -> None:
+    """Each difference with its sign, each log with its digest, and when each was made."""
+    view = put_side_by_side([("f.yaml", FEBRUARY), ("j.yaml", JANUARY)])
+    making = Making("tdfscal report f.yaml j.yaml", (), "2026-03-01T10:00:00Z")
+    page = render(several_report(view, making))
+    said = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    assert "support_2 yaw +0.50 ± 0.57" in said
+    assert "2026-03-01 10:00:00 UTC; report" in said
+    for c in (JANUARY, FEBRUARY):
+        assert c.inputs[0].sha256 in said
+        assert c.created.replace("T", " ").replace("Z", " UTC") in said
 
 
 def test_other_rigs_are_refused() -> None:

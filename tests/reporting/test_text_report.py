@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from tdfscal.catalogue import document
+from tdfscal.catalogue.numbers import typeset
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding
 from tdfscal.reporting.advice import advise
@@ -99,7 +100,7 @@ def test_a_narrow_terminal_splits_no_word_that_fits(monkeypatch: pytest.MonkeyPa
     report = calibration_report(sample().calibration)
     facts = [block for block in report.blocks(whole=True) if isinstance(block, Facts)]
     said = " ".join(text for each in facts for _, text in each.rows)
-    words = [word for word in said.split() if len(word) <= 36]
+    words = [word for word in typeset(said, "-").split() if len(word) <= 36]
     monkeypatch.setenv("COLUMNS", "40")
     narrow = as_text(report)
     assert max(map(len, narrow.splitlines())) <= 40

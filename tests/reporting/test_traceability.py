@@ -72,6 +72,19 @@ def test_what_is_exact_adds_up_in_each_angle(
     assert 1e3 * total <= float(told[1]) < 1.1e3 * total
 
 
+def test_what_is_not_stated_is_said() -> None:
+    """Operator, site and serials; what is taken as exact, as the file lists it."""
+    bare, known = facts(sample().calibration), facts(stated())
+    for name in ("Serial number", "Operator", "Site"):
+        assert bare[name] == "not stated"
+        assert known[name] != "not stated"
+    assert bare["Sensors"].endswith("not stated")
+    said = render(calibration_report(stated()))
+    assert re.search(r"support_1 +not stated +not stated +not stated", said)
+    assert re.search(r"support_2 +T-7 +D-K-15 +2031-03-01", said)
+    assert bare["Taken as exact"].split("; ") == [q.name for q in stated().taken_as_exact]
+
+
 def test_conformity_stands_beside_the_rule() -> None:
     """Each quantity whose limit is stated."""
     limits = {"angle_std": 2e-3, "contact": {"force": 5.0}}
@@ -109,7 +122,7 @@ def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
 
 
 def _due(c: Calibration) -> str:
-    return dict(campaign_facts(c)).get("Next due", "")
+    return dict(campaign_facts(c)).get("Next due") or ""
 
 
 def test_a_date_before_the_measurement_is_now() -> None:
