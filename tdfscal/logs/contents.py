@@ -50,7 +50,6 @@ class Stream:
 
     kind : message type, empty for a table. count : rows or messages.
     start, end : s, by the file's own clock; None where it has none (a table's is a column).
-    stamped : its messages have a header with a time; unusable : why that cannot be used, if so.
     """
 
     name: str
@@ -59,8 +58,11 @@ class Stream:
     fields: tuple[Field, ...]
     start: float | None = None
     end: float | None = None
-    stamped: bool = False
-    unusable: str | None = None
+
+    @property
+    def stamped(self) -> bool:
+        """Whether its messages have a header with a time."""
+        return any(field.name == "header.stamp.sec" for field in self.fields)
 
 
 @record

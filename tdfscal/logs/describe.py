@@ -30,7 +30,7 @@ from tdfscal.files.saving import printable
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
-from tdfscal.logs.contents import Contents, Field, Stream
+from tdfscal.logs.contents import Contents
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.plausible_units import declared_time
@@ -39,6 +39,7 @@ from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, Reco
 
 Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
+_DEPARTURE = 1.0  # s; header times that leave their usual distance to the log's by more are none
 
 
 @record
@@ -50,7 +51,7 @@ class Signal:
     """
 
     support: str
-    quantity: Literal["position", "force"]
+    quantity: str
     fields: tuple[str, ...]
     count: int
     start: float | None
@@ -122,71 +123,105 @@ def describe_logs(
     if rig is not None and (rig.log or guess.mapping is None):
         recorders, source = rig.log or (LogMapping.default(rig.rig.supports),), "rig"
     info = LogInfo(tuple(contents.values()), guess, recorders, source)
-    problems = [f"{own.path}: {what}" for own in contents.values() for what in own.problems]
-    problems += [f"{next(iter(contents))}: {what}" for what in guess.problems]
+    problems = [f"{own.path}: {what}" for own in info.contents for what in own.problems]
+    problems += [f"{info.contents[0].path}: {what}" for what in guess.problems]
     if source == "rig":
         problems += [
             f"{own.path}: {what}"
-            for own in contents.values()
+            for own in info.contents
             for mapping in recorders
             if owns(mapping, own.path)
             for what in declared_time(own, mapping)
         ]
-    if recorders:
-        supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
-        logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
-        clocks, said = _Clocks(supports), tuple[str, ...]()
-        try:
-            pieces = iter_log(logs, recorders, supports, window=window)
-            dwells, more = _read(clocks.passing(pieces), recorders[0].rows == "postures")
-            info = replace(info, inputs=tuple(clocks.inputs), dwells=dwells, **more)
-            lag = [info.lag] if info.lag else []
-            problems += map(told, [*clocks.findings, *dwells.findings, *lag])
-            if not len(dwells) and not lag:
-                absence = no_dwell(dwells)
-                problems.append(f"{absence.what}; {absence.hint}")
-        except TdfscalError as error:
-            problems += [*map(told, clocks.findings), str(error)]
-            said = error.fields if isinstance(error, DataError) else ()
-        problems += [
-            f"{own.path}: columns are there more than once: {', '.join(twice)}"
-            for own in contents.values()
-            if (twice := [name for name in own.repeated if name not in said])
-        ]
-        info = replace(
-            info, signals=clocks.signals(recorders, supports), clocks=tuple(clocks.of_recorders)
-        )
-    else:
-        problems += guess.notes
+    if not recorders:
+        return _with_problems(info, [*problems, *guess.notes])
+    supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
+    logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
+    used = _Used(info, supports)
+    used.read(logs, window)
+    if source == "guessed" and (why := used.doubted_stamps):
+        alike = tuple(replace(recorder, time_source="log") for recorder in recorders)
+        note = f"time source: log, as header times cannot be used: {why}"
+        by_log = replace(guess, recorders=alike, notes=(*guess.notes, note))
+        other = _Used(replace(info, recorders=alike, guess=by_log), supports)
+        other.read(logs, window)
+        used = used if other.error else other
+    said = used.error.fields if isinstance(used.error, DataError) else ()
+    twice = [
+        f"{own.path}: columns are there more than once: {', '.join(names)}"
+        for own in info.contents
+        if (names := [name for name in own.repeated if name not in said])
+    ]
+    return _with_problems(used.found(), [*problems, *used.problems, *twice])
+
+
+def _with_problems(info: LogInfo, problems: list[str]) -> LogInfo:
     return replace(info, problems=tuple(dict.fromkeys(map(printable, problems))))
 
 
-class _Clocks:
-    """Clocks of the positions, then the forces; and what else a log says while it passes."""
+class _Used:
+    """Logs as they are read with some recorders, and what they say while they pass.
 
-    def __init__(self, supports: Sequence[str]) -> None:
+    error : why they cannot be read to their end. problems : that, and what else wants a look.
+    """
+
+    def __init__(self, info: LogInfo, supports: Sequence[str]) -> None:
+        self._info, self._supports = info, supports
+        # Of the positions, then the forces.
         self._clocks = [Clock(name, "timeseries") for name in (*supports, *supports)]
-        self.inputs: list[InputFile] = []
-        self.findings: list[Finding] = []
-        self.of_recorders: list[RecorderClock] = []
+        self._inputs: list[InputFile] = []
+        self._recorders: list[RecorderClock] = []
+        self._findings: list[Finding] = []
+        self.problems: list[str] = []
+        self.error: TdfscalError | None = None
 
-    def passing(self, pieces: Iterator[Log]) -> Iterator[Log]:
+    def read(self, logs: Sequence[Path], window: TimeWindow | None) -> None:
+        """Read the logs, to their dwells."""
+        recorders = self._info.recorders
+        pieces = self._passing(iter_log(logs, recorders, self._supports, window=window))
+        try:
+            dwells, more = _read(pieces, recorders[0].rows == "postures")
+        except TdfscalError as error:
+            self.problems, self.error = [*map(told, self._findings), str(error)], error
+            return
+        lag = [more["lag"]] if more.get("lag") else []
+        self.problems = list(map(told, [*self._findings, *dwells.findings, *lag]))
+        if not len(dwells) and not lag:
+            absence = no_dwell(dwells)
+            self.problems.append(f"{absence.what}; {absence.hint}")
+        self._info = replace(self._info, inputs=tuple(self._inputs), dwells=dwells, **more)
+
+    @property
+    def doubted_stamps(self) -> str | None:
+        """Why the messages' header times may be none, where they were taken."""
+        if all(recorder.time_source != "header" for recorder in self._info.recorders):
+            return None
+        if isinstance(self.error, DataError):
+            return self.error.what
+        gone = [f for f in self._findings if f.code == "header-clock-departs"]
+        return next((told(f) for f in gone if (f.size or 0.0) > _DEPARTURE), None)
+
+    def found(self) -> LogInfo:
+        """What was seen."""
+        return replace(self._info, signals=self._signals(), clocks=tuple(self._recorders))
+
+    def _passing(self, pieces: Iterator[Log]) -> Iterator[Log]:
         """The pieces, looked at on their way."""
         for piece in pieces:
             for clock, series in zip(self._clocks, (*piece.position, *piece.force), strict=True):
                 clock.ascending(series.time)
-            self.inputs.extend(piece.inputs)
-            self.of_recorders.extend(piece.clocks)
-            self.findings.extend(piece.findings)
+            self._inputs.extend(piece.inputs)
+            self._recorders.extend(piece.clocks)
+            self._findings.extend(piece.findings)
             yield piece
 
-    def signals(
-        self, recorders: Sequence[LogMapping], supports: Sequence[str]
-    ) -> tuple[Signal, ...]:
+    def _signals(self) -> tuple[Signal, ...]:
         """What the clocks have counted; none where none has."""
-        kinds: tuple[Literal["position", "force"], ...] = ("position", "force")
+        recorders, kinds = self._info.recorders, ("position", "force")
         result = []
-        for clock, (quantity, name) in zip(self._clocks, product(kinds, supports), strict=True):
+        for clock, (quantity, name) in zip(
+            self._clocks, product(kinds, self._supports), strict=True
+        ):
             index = recorders[0].supports.index(name)
             named = [(r.position if quantity == "position" else r.force)[index] for r in recorders]
             start, end = clock.span or (None, None)
@@ -281,19 +316,11 @@ def as_document(info: LogInfo) -> dict[str, Any]:
 
 
 def _file(contents: Contents) -> dict[str, Any]:
-    def plain(one: Stream | Field, names: str) -> dict[str, Any]:
-        named = {name: getattr(one, name) for name in names.split()}
-        return {"name": one.name, "type": one.kind or None, **named}
-
     return {
         "path": printable(str(contents.path)),
         "format": contents.format,
         "bytes": contents.bytes,
-        "streams": [
-            plain(stream, "count start end")
-            | {"fields": [plain(field, "unit low high") for field in stream.fields]}
-            for stream in contents.streams
-        ],
+        "streams": [asdict(stream) for stream in contents.streams],
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final, Literal, cast
 
 import numpy as np
@@ -146,8 +146,9 @@ def _with_clock(mapping: LogMapping, contents: Contents) -> tuple[LogMapping | N
     """The mapping with its clock, or None, why, and what is wrong with the clock."""
     used = {name for fields in (*mapping.position, *mapping.force) for name in fields}
     if contents.by_topic:
-        source, why = _time_source(used, contents)
-        return replace(mapping, time_source=source), why, ""
+        topics = {topic_of(name, {stream.name for stream in contents.streams}) for name in used}
+        stamped = all(stream.stamped for stream in contents.streams if stream.name in topics)
+        return replace(mapping, time_source="header" if stamped else "log"), "", ""
     if columns := [c for c in contents.columns if c.name and c.name not in used]:
         best = max(columns, key=lambda column: _is_time(column.name))
         unit = time_unit(best, (words(best.name) or [""])[-1])
@@ -288,18 +289,6 @@ def _force_on(pairs: Sequence[_Pair], rig: Rig | None) -> tuple[Literal["termina
     if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
         note += "; it is far from vertical, so check this"
     return on, note
-
-
-def _time_source(fields: Set[str], contents: Contents) -> tuple[Literal["header", "log"], str]:
-    """The header's time where every topic has one that can be used."""
-    named = {topic_of(name, {s.name for s in contents.streams}) for name in fields}
-    streams = [stream for stream in contents.streams if stream.name in named]
-    unusable = [stream.unusable for stream in streams if stream.unusable]
-    if not all(stream.stamped for stream in streams):
-        return "log", ""
-    if not unusable:
-        return "header", ""
-    return "log", f"time source: log, as header times cannot be used: {unusable[0]}"
 
 
 def _natural(label: str) -> list[tuple[int, int, str]]:

@@ -142,9 +142,9 @@ def restamped(target: Path, topic: str, stamp: Callable[[int, int], int]) -> Pat
 @pytest.mark.parametrize(
     ("stamp", "why"),
     [
-        (lambda k, t: 0, "are all zero"),
+        (lambda k, t: 0, "repeat the time of the sample before"),
         (lambda k, t: t // 10**9 * 10**9, "repeat the time of the sample before"),
-        (lambda k, t: t + 3 * 10**9 * (k > 2500), "leave their usual distance to the recorder's"),
+        (lambda k, t: t + 3 * 10**9 * (k > 2500), "depart"),
     ],
 )
 def test_header_times_that_cannot_be_used(

@@ -15,7 +15,6 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Clock, Skew
 from tdfscal.logs.contents import (
     SAMPLES,
     Contents,
@@ -155,11 +154,8 @@ def _join(pieces: Sequence[Piece]) -> Piece:
     )
 
 
-MAX_DEPARTURE: Final = 1.0
-"""s; header times that leave their usual distance to the recorder's by more are no times."""
 _MAX_LEAVES: Final = 64
 _MOST_SAMPLES: Final = 1 << 14  # of a topic
-_STAMP: Final = ("header", "stamp", "sec")
 _LISTS: Final = ("float64[]", "float32[]")
 _NAMES: Final = Leaf(("name",), "string[]")
 _BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
@@ -177,7 +173,6 @@ class TopicLook:
         self.problem: str | None = None
         self._kind = schema.name if schema is not None else channel.message_encoding
         self._leaves: list[Leaf] = []
-        self._stamps: _Stamps | None = None
         self._read: Read | None = None
         self._time: list[IntArray] = []
         self._value: list[FloatArray] = []
@@ -191,8 +186,6 @@ class TopicLook:
                 self._leaves += _by_name(encoding, first.at(0), self._leaves)
             if paths := [path for leaf in self._leaves for path in leaf.axes]:
                 self._read = encoding.reader(paths, stamped=False)
-            if any(leaf.path == _STAMP for leaf in self._leaves):
-                self._stamps = _Stamps(self.name, encoding.reader([], stamped=True))
         except UNREADABLE as error:
             self.problem = reason(error)
 
@@ -201,8 +194,6 @@ class TopicLook:
         ticks = messages.log_time()
         self._count += ticks.size
         self._ends = [min([*self._ends, int(ticks.min())]), max([*self._ends, int(ticks.max())])]
-        if self._stamps is not None:
-            self._stamps.note(messages)
         if self._read is None:
             return
         step = max(-(-ticks.size // SAMPLES), self._every)
@@ -241,17 +232,7 @@ class TopicLook:
                 vectors.append(vector)
             fields.append(Field(path_text(leaf.path)[1:], leaf.kind, None, low, high))
         start, end = (tick / 1e9 for tick in self._ends)
-        stream = Stream(
-            self.name,
-            self._kind,
-            self._count,
-            tuple(fields),
-            start,
-            end,
-            stamped=self._stamps is not None,
-            unusable=self._stamps.unusable() if self._stamps is not None else None,
-        )
-        return stream, vectors
+        return Stream(self.name, self._kind, self._count, tuple(fields), start, end), vectors
 
 
 def _by_name(encoding: Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
@@ -267,47 +248,3 @@ def _by_name(encoding: Ros, first: Messages, leaves: list[Leaf]) -> list[Leaf]:
                 continue
             found.append(Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
     return found[:_MAX_LEAVES]
-
-
-class _Stamps:
-    """Header times of one topic, followed from chunk to chunk: can they be those of its samples?
-
-    read : (N, 1), s, the header times of N messages.
-    """
-
-    def __init__(self, topic: str, read: Read) -> None:
-        self._topic, self._read = topic, read
-        self._clock = Clock(topic, "timeseries")
-        self._skew = Skew()
-        self._fault: str | None = None
-
-    def note(self, messages: Messages) -> None:
-        """Take in the topic's next messages, in the order of the file."""
-        if self._fault is not None:
-            return
-        try:
-            time = self._read(messages)[:, 0]
-            if np.isnan(time).any():
-                raise ValueError("it has more than 1e9 ns to the second, or is no number")
-            self._skew.note(time, messages.log_time() / 1e9)
-            self._clock.ascending(time)
-        except DataError as error:
-            self._fault = error.what
-        except UNREADABLE as error:
-            self._fault = f"one of {self._topic} cannot be read ({reason(error)})"
-
-    def unusable(self) -> str | None:
-        """Why the header times cannot be used, if so."""
-        if not self._skew.count and self._fault is None:
-            return f"those of {self._topic} are all zero"
-        if self._skew.worst > MAX_DEPARTURE:
-            return (
-                f"those of {self._topic} leave their usual distance to the recorder's "
-                f"by up to {self._skew.worst:.3g} s"
-            )
-        if self._fault is None:
-            try:
-                self._clock.finish()
-            except DataError as error:
-                self._fault = error.what
-        return self._fault
