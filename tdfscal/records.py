@@ -6,7 +6,7 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, Literal, Self
 
 import numpy as np
@@ -378,6 +378,17 @@ class Log:
     findings: tuple[Finding, ...] = ()
     temperature: tuple[Series, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()
+
+    @property
+    def streams(self) -> tuple[Series, ...]:
+        """Positions, forces, temperatures."""
+        return (*self.position, *self.force, *self.temperature)
+
+    def with_streams(self, streams: Iterable[Series]) -> Self:
+        """The log with other streams, as many positions and forces."""
+        every, n = tuple(streams), len(self.supports)
+        move, load, warm = every[:n], every[n : 2 * n], every[2 * n :]
+        return replace(self, position=move, force=load, temperature=warm)
 
 
 @record

@@ -63,14 +63,8 @@ class TimeWindow:
                 self._refuse_date(first, where)
             last = max([last, *(float(time[-1]) for time in times)])
             low, high = _at(self.begin, first, -np.inf), _at(self.end, first, np.inf)
-            part = replace(
-                piece,
-                position=tuple(_between(s, low, high) for s in piece.position),
-                force=tuple(_between(s, low, high) for s in piece.force),
-                temperature=tuple(_between(s, low, high) for s in piece.temperature),
-                findings=(*said, *piece.findings),
-            )
-            said = ()
+            part = piece.with_streams(_between(s, low, high) for s in piece.streams)
+            part, said = replace(part, findings=(*said, *part.findings)), ()
             kept += sum(series.time.size for series in part.force)
             yield part
         if not kept:
@@ -176,10 +170,7 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         return Series(np.concatenate(times), np.concatenate(values))
 
     return replace(
-        parts[0],
-        position=tuple(map(joined, *(p.position for p in parts))),
-        force=tuple(map(joined, *(p.force for p in parts))),
-        temperature=tuple(map(joined, *(p.temperature for p in parts))),
+        parts[0].with_streams(map(joined, *(p.streams for p in parts))),
         inputs=tuple(i for p in parts for i in p.inputs),
         findings=tuple(f for p in parts for f in p.findings),
         clocks=tuple(c for p in parts for c in p.clocks),

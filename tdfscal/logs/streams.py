@@ -320,15 +320,8 @@ def _on_clock(pieces: Iterator[Log], clock: RecorderClock | None) -> Iterator[Lo
         if clock is None:
             yield piece
             continue
-        times = {id(s.time): clock.to_first(s.time) for s in _streams(piece)}
-        streams = [Series(times[id(s.time)], s.value) for s in _streams(piece)]
-        n = len(piece.supports)
-        yield replace(
-            piece,
-            position=tuple(streams[:n]),
-            force=tuple(streams[n : 2 * n]),
-            temperature=tuple(streams[2 * n :]),
-        )
+        times = {id(s.time): clock.to_first(s.time) for s in piece.streams}
+        yield piece.with_streams(Series(times[id(s.time)], s.value) for s in piece.streams)
 
 
 def _in_order(feeds: Sequence[Iterator[Log]]) -> Iterator[Log]:
@@ -340,10 +333,6 @@ def _in_order(feeds: Sequence[Iterator[Log]]) -> Iterator[Log]:
         if piece is None:
             reached[k] = np.inf
             continue
-        ends = [float(s.time[-1]) for s in _streams(piece) if s.time.size]
+        ends = [float(s.time[-1]) for s in piece.streams if s.time.size]
         reached[k] = max([reached[k], *ends])
         yield piece
-
-
-def _streams(piece: Log) -> tuple[Series, ...]:
-    return (*piece.position, *piece.force, *piece.temperature)

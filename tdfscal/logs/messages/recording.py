@@ -28,8 +28,7 @@ from tdfscal.logs.contents import (
 from tdfscal.logs.formats import Bag
 from tdfscal.logs.log_file import Block, LogFile, Piece, Request, reason
 from tdfscal.logs.messages.buffer import Leaf, Messages, Named, Read, path_text
-from tdfscal.logs.messages.encodings import Ros
-from tdfscal.logs.messages.topics import UNREADABLE, Topics, encoding_of
+from tdfscal.logs.messages.topics import UNREADABLE, Ros, Topics, encoding_of
 from tdfscal.records import FloatArray, IntArray
 
 _ENOUGH: Final = 1 << 14  # samples of a piece

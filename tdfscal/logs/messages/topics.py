@@ -1,26 +1,171 @@
-"""Which topic carries which signals, how its messages are decoded, and what else a topic holds."""
+"""Which topic carries which signals, and how its messages are decoded: ROS by definitions, JSON."""
 
 from __future__ import annotations
 
+import functools
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from mcap.records import Channel, Schema
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
 
 from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import Block, Piece, Request, missing_fields, reason
-from tdfscal.logs.messages.buffer import Messages, parse_steps, topic_of
-from tdfscal.logs.messages.buffer import Path as MessagePath
-from tdfscal.logs.messages.encodings import Json, Ros
+from tdfscal.logs.messages.buffer import (
+    MAX_DEPTH,
+    Json,
+    Leaf,
+    Messages,
+    Named,
+    Path,
+    Read,
+    has_axes,
+    parse_steps,
+    path_text,
+    struct_leaf,
+    topic_of,
+)
+from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
 from tdfscal.records import FloatArray, IntArray
+
+_STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))
+_SHOWN: Final = 12
 
 Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
 """Messages of one channel → time (N,) in s, values (N, 3 · signals) as recorded."""
 UNREADABLE = (ValueError, OverflowError, struct.error)
 """What decoding raises on a message that is not what its type says."""
+
+
+class Ros:
+    """Messages of a type by its definition; encoding : cdr or ros1."""
+
+    def __init__(self, schema: Schema, encoding: str) -> None:
+        self._name, self._encoding = full_name(schema.name), encoding
+        self._types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
+        try:
+            self.stamped = all(map(self.checked, _STAMP))
+        except ValueError:
+            self.stamped = False
+
+    def leaves(self, first: bytes) -> Iterator[Leaf]:
+        """What there is in messages of the type."""
+        yield from self._leaves(self._name, (), 0)
+
+    def _leaves(self, name: str, path: Path, depth: int) -> Iterator[Leaf]:
+        members = dict(self._types.get(name, ()))
+        if has_axes(members.keys()):
+            yield struct_leaf(path, name)
+            return
+        if not members or depth == MAX_DEPTH:
+            yield Leaf(path, name)
+            return
+        for member, (kind, detail) in members.items():
+            here = (*path, member)
+            if kind == Nodetype.NAME:
+                yield from self._leaves(detail, here, depth + 1)
+            elif kind == Nodetype.BASE:
+                yield Leaf(here, detail[0])
+            else:
+                (inner, what), _ = detail
+                yield Leaf(here, f"{what[0] if inner == Nodetype.BASE else what}[]")
+
+    def names(self, first: bytes) -> Sequence[str]:
+        """Texts of the list `name`."""
+        return element_names(self._types, self._name, first, self._encoding)
+
+    def checked(self, path: Path) -> Path:
+        """The path as the messages have it: a name that follows a list is that of an element.
+
+        Raises ValueError where it leads nowhere.
+        """
+        node: Any = (Nodetype.NAME, self._name)
+        steps: list[str | int | Named] = []
+        for k, step in enumerate(path):
+            kind, detail = node
+            place = path_text(path[:k]) or self._name
+            if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                steps.append(Named(step) if isinstance(step, str) else step)
+                node = detail[0]
+                continue
+            if not isinstance(step, str):
+                raise ValueError(f"{place} of {self._name} is no list")
+            fields = dict(self._types.get(detail, ())) if kind == Nodetype.NAME else {}
+            if step not in fields:
+                has = ", ".join(list(fields)[:_SHOWN]) + (", …" if len(fields) > _SHOWN else "")
+                raise ValueError(
+                    f"no field {step} in {place}; it has {has or 'no fields'}: name a field with "
+                    "x, y, z, or three fields"
+                )
+            steps.append(step)
+            node = fields[step]
+        return tuple(steps)
+
+    def reader(self, paths: Sequence[Path], *, stamped: bool) -> Read:
+        """Return what reads (N, number of paths); with `stamped` the header's time, s, comes first.
+
+        That is NaN with more than 1e9 ns to the second. It raises ValueError or struct.error where
+        a message is not of its type or lacks a number.
+        """
+        whole = [*_STAMP, *paths] if stamped else paths
+        gatherer = Gatherer(self._types, self._name, whole, self._encoding)
+        if not stamped:
+            return gatherer
+
+        def read(messages: Messages) -> FloatArray:
+            numbers = gatherer(messages)
+            seconds, nanoseconds = numbers[:, 0], numbers[:, 1]
+            numbers[:, 1] = np.where(nanoseconds < 1e9, seconds + nanoseconds / 1e9, np.nan)
+            return numbers[:, 1:]
+
+        return read
+
+
+@functools.lru_cache(maxsize=64)
+def definitions(name: str, encoding: str, text: str) -> Definitions:
+    """Parse a schema's text; the parser is slow, and channels share their schemas.
+
+    Raises ValueError where the text is no message definition, or of an unknown encoding.
+    """
+    try:
+        if encoding == "ros2" and not text:
+            types = _standard()
+            if full_name(name) not in types:
+                raise ValueError(f"the recording has no definition of {name}")
+        elif encoding in ("ros2msg", "ros1msg"):
+            types = get_types_from_msg(text, name)
+        elif encoding == "ros2idl":
+            types = get_types_from_idl(text)
+        else:
+            raise ValueError(f"schema encoding {encoding!r} is not known")
+    except (TypesysError, KeyError, IndexError, AttributeError, RecursionError) as error:
+        raise ValueError(f"the definition of {name} cannot be read") from error
+    result: dict[str, Any] = {key: list(fields) for key, (_, fields) in types.items()}
+    # What ROS 2 knows without a definition.
+    pair = [("sec", (Nodetype.BASE, ("int32", 0))), ("nanosec", (Nodetype.BASE, ("uint32", 0)))]
+    for known in ("Time", "Duration"):
+        result.setdefault(f"builtin_interfaces/msg/{known}", pair)
+    if full_name(name) not in result:
+        raise ValueError(f"the definition of {name} is of another message")
+    return result
+
+
+@functools.cache
+def _standard() -> Mapping[str, Any]:
+    """Definitions of the messages that ROS 2 brings along, for recorders that store none."""
+    return get_typestore(Stores.LATEST).fielddefs
+
+
+def full_name(name: str) -> str:
+    """geometry_msgs/Point → geometry_msgs/msg/Point."""
+    parts = name.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
 
 
 def encoding_of(channel: Channel, schema: Schema | None) -> Json | Ros:
@@ -80,9 +225,10 @@ class Topics:
             if len(parts) > 1 or (by_log and (np.diff(time) < 0.0).any()):
                 ranks = np.argsort(time if by_log else order, kind="stable")
                 time, value = time[ranks], value[ranks]
-            factors = [np.array(self._request.signals[number].factors) for number in signals]
             vectors = {
-                number: value[:, 3 * k : 3 * k + 3] * factors[k] for k, number in enumerate(signals)
+                number: value[:, 3 * k : 3 * k + 3]
+                * np.array(self._request.signals[number].factors)
+                for k, number in enumerate(signals)
             }
             blocks.append(Block(topic, time, vectors))
         return tuple(blocks)
@@ -189,9 +335,9 @@ class Topics:
         seconds: FloatArray = ticks / 1e9
         return seconds
 
-    def _paths(self, topic: str, encoding: Json | Ros) -> list[MessagePath]:
+    def _paths(self, topic: str, encoding: Json | Ros) -> list[Path]:
         """Return three paths per signal of the topic; raises ValueError where one leads nowhere."""
-        paths: list[MessagePath] = []
+        paths: list[Path] = []
         for number in self._signals[topic]:
             fields = self._request.signals[number].fields
             steps = [parse_steps(name[len(topic) :], name) for name in fields]

@@ -13,8 +13,8 @@ from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.buffer import Path as MessagePath
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.encodings import definitions
 from tdfscal.logs.messages.mcap import messages_of
+from tdfscal.logs.messages.topics import definitions
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     STORE,
