@@ -70,7 +70,8 @@ axis-saturated refuses
   {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
   read{left_out: (~ more were left out)|}
   ? moves , and the whole log reads {low:.6g} to {high:.6g} N
-  -> check the range of the sensor and of its amplifier, and squeeze less
+  -> check the range of the sensor and of its amplifier, and squeeze less: how much is
+    cut off, the reading hides
   @ log forces
 hinges-off refuses
   the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~

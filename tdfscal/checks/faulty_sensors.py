@@ -7,9 +7,11 @@ import numpy as np
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record
-from tdfscal.model.parameters import nominal
+from tdfscal.frozen import record, replace
+from tdfscal.model.parameters import State, nominal, sensing, with_motions
+from tdfscal.model.statics import balance, forces, internal_part, postures
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
+from tdfscal.significance import OF_CAPACITY
 
 AXES = ("x", "y", "z")
 #: A reading this close to a limit, relative, stands at it.
@@ -56,9 +58,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
             check_unit(rig, dwells.force)
             raise _stuck(rig, dwells, int(i), int(j), stuck[i])
     reasons: dict[int, Finding] = {}
-    over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
-    over &= rig.axes
-    for k, i, j in np.argwhere(over):
+    for k, i, j in np.argwhere(_over(rig, dwells)):
         full = float(rig.capacity[i, j])
         reasons.setdefault(int(k), _spoilt("posture-over-capacity", rig, i, j, full))
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
@@ -74,6 +74,53 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     if not keep.any():
         check_unit(rig, dwells.force)
     return Screened(keep, reasons)
+
+
+def _over(rig: Rig, dwells: Dwells) -> BoolArray:
+    """Readings (K, n, 3) that reach a capacity."""
+    peak = np.maximum(np.abs(dwells.force_min), np.abs(dwells.force_max))
+    return np.asarray((peak >= rig.capacity) & np.isfinite(rig.capacity) & rig.axes)
+
+
+def exceeded_ranges(rig: Rig, dwells: Dwells, state: State) -> tuple[Finding, ...]:
+    """By how much forces exceed the capacity of a sensor, and what keeps them within.
+
+    A reading that is cut off hides how much. The balance of all others has it: as of an axis that
+    nobody measures, at what is calibrated. It consists of what carries the terminal and of what the
+    NCPs squeeze, which less squeeze lowers; both with the noise of the samples.
+
+    state : calibrated. Returned with the one that exceeds most first.
+    """
+    over, every = _over(rig, dwells), postures(rig, dwells)
+    rows = np.flatnonzero(over.any(axis=(1, 2)))
+    needed, squeezed = np.full((2, *over.shape), np.nan)
+    for axes in np.unique(over[rows], axis=0):
+        own = rows[np.all(over[rows] == axes, axis=(1, 2))]
+        seen = replace(every.subset(own), measured=every.measured & ~axes)
+        at = balance(seen, with_motions(state, seen.motions), state.barycentre, rig.gravity)
+        inside = internal_part(at.arm, forces(state, at.seen.force))
+        known = np.isfinite(np.diagonal(at.seen.force_cov, axis1=2, axis2=3))
+        needed[own] = np.where(known, at.seen.force, np.nan)
+        squeezed[own] = np.einsum("nab,knb->kna", np.linalg.inv(sensing(state)), inside)
+    noise = np.maximum(dwells.force_max - dwells.force, dwells.force - dwells.force_min)
+    found = []
+    for i, j in np.argwhere(over.any(axis=0)):
+        own = over[:, i, j] & np.isfinite(needed[:, i, j])
+        if not own.any() or over[:, i, j].all():
+            continue
+        peak = float(np.median(noise[~over[:, i, j], i, j]))
+        size, inner = np.abs(needed[own, i, j]), np.sign(needed[own, i, j]) * squeezed[own, i, j]
+        left = rig.capacity[i, j] - peak - (size - inner)
+        share = np.where(left > 0, left / np.maximum(inner, left), 0.0).min()
+        most = float(size.max() + peak)
+        facts: dict[str, Value] = {
+            "axis": AXES[j],
+            "excess": most - float(rig.capacity[i, j]),
+            "range": most / OF_CAPACITY,
+            "share": f"{share:.0%}" if share > 0 else "",
+        }
+        found.append(Finding("range-exceeded", (rig.supports[i],), most, "N", values=facts))
+    return tuple(sorted(found, key=lambda one: -float(str(one.values["excess"]))))
 
 
 def _same(a: FloatArray, b: FloatArray) -> BoolArray:

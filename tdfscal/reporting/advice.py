@@ -108,7 +108,7 @@ def _to_mend(c: Calibration) -> Iterator[str]:
     if touched := [r for r in rejected if r.code not in SPOILT]:
         which = f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
         yield f"Look what touched the terminal at {which}."
-    yield from (begun(said, ".") for said in tuple(_of_the_sensors(rejected))[:1])
+    yield from (begun(said, ".") for said in tuple(_of_the_sensors(c, rejected))[:1])
 
 
 def _proof(c: Calibration) -> str:
@@ -173,7 +173,7 @@ def _cures(c: Calibration) -> Iterator[str]:
             yield f"{found.cure}: {found.text}"
     apart = (*c.found("campaign-unusable"), *misfits)
     yield from dict.fromkeys(found.cure or "" for found in apart)
-    yield from _of_the_sensors(_many_rejected(c))
+    yield from _of_the_sensors(c, _many_rejected(c))
     yield from (found.cure or "" for found in suspected if found.code not in _NOISE)
     yield from _of_what_touched(c)
     yield from (found.cure or "" for found in suspected if found.code in _NOISE)
@@ -187,11 +187,12 @@ def _suspected(c: Calibration) -> list[FindingResult]:
     return list(reversed(found.values()))
 
 
-def _of_the_sensors(rejected: Iterable[RejectedPosture]) -> Iterator[str]:
+def _of_the_sensors(c: Calibration, rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
+    yield from (f"{found.cure}: {found.text}" for found in c.found("range-exceeded")[:1])
     first: dict[str, str] = {}
     for r in sorted(rejected, key=lambda r: r.code == "posture-frozen"):
-        if r.code in SPOILT:
+        if r.code in SPOILT and CATALOGUE[r.code].cure:
             first.setdefault(CATALOGUE[r.code].cure, r.reason)
     yield from (f"{told}: {reason}" for told, reason in first.items())
 

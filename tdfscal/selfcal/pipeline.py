@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.acceptance import assess_stated, judge
+from tdfscal.checks.faulty_sensors import exceeded_ranges
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information
@@ -134,6 +135,7 @@ def self_calibrate(
     found = (
         *_reasons(calibration),
         *caveats(calibration, measured_noise=usable.measured_noise, unasked=unasked),
+        *exceeded_ranges(rig, dwells, result.state),
     )
     return replace(calibration, findings=found)
 

@@ -10,6 +10,7 @@ from tdfscal.checks.faulty_sensors import screen
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.records import Dwells, FloatArray, LeftOut, Rig
+from tdfscal.selfcal.pipeline import self_calibrate
 
 K = 10
 RIG = replace(simulation.make_rig(), capacity=np.full((3, 3), 5e3))
@@ -152,3 +153,32 @@ def test_a_log_whose_unmeasured_axis_follows_is_refused() -> None:
     axes[0, 2] = False
     with pytest.raises(DataError, match=r"z axis of the sensor of ncp1 .*not measured"):
         screen(replace(RIG, axes=axes), sound())
+
+
+@pytest.mark.parametrize("squeeze", [300.0, 800.0])
+def test_how_much_a_reading_is_cut_off_and_what_squeeze_it_bears(squeeze: float) -> None:
+    """By the balance of the others; what was cut off is known from the same campaign without."""
+
+    def played(rig: Rig, size: float, *, saturated: bool) -> Dwells:
+        options = simulation.Options(
+            postures=24, squeeze=size, faults=simulation.Faults(saturated=saturated)
+        )
+        return simulation.simulate_dwells(rig, options, np.random.default_rng(4), 1).dwells(0)
+
+    free = played(simulation.make_rig(), squeeze, saturated=False)
+    reached = np.maximum(np.abs(free.force_max), np.abs(free.force_min))
+    largest = np.sort(reached[:, 1, 1])
+    capacity = np.full((3, 3), np.inf)
+    capacity[1, 1] = largest[-4]  # three of 24 postures exceed it, and one stands at it
+    rig = replace(simulation.make_rig(), capacity=capacity)
+    (found,) = range_findings(rig, played(rig, squeeze, saturated=True))
+    assert (found.code, found.subject, found.values["axis"]) == ("range-exceeded", ("ncp2",), "y")
+    assert found.size == pytest.approx(largest[-1], rel=5e-3)
+    share = float(str(found.values["share"]).rstrip("%")) / 100
+    less = played(rig, squeeze * share, saturated=True)
+    assert np.abs(less.force[:, 1, 1]).max() == pytest.approx(largest[-4], rel=0.05)
+
+
+def range_findings(rig: Rig, dwells: Dwells) -> list[Finding]:
+    found = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+    return [finding for finding in found.findings if finding.code == "range-exceeded"]
