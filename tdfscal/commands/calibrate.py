@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from tdfscal.files.rig.reading import unconfirmed_in
 from tdfscal.findings import Finding
 from tdfscal.motioncal.preparation import with_moves
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import Dwells, InputFile, Measured, Rig
+from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 
@@ -152,14 +152,13 @@ def _calibrated(
         if method == "self":
             if log.stops and own.reasons and not isinstance(own, SelfCalibration):
                 notes.append(log.stops)  # it may have been meant to rest
-            return Calibration.of(from_self(own, origin_of(log, log.inputs), notes))
+            return Calibration.of(from_self(own, origin_of(log), notes))
     log.progress("calibrating from the tracker's survey")
-    tracker, files, remarks = surveyed(campaign, settings.trials, tracker_rng)
+    tracker, remarks = surveyed(log, settings.trials, tracker_rng)
     assert own is None or isinstance(own, SelfCalibration)
-    inputs = [*log.inputs, *files]
     if own is None:
         notes += log.messages
-    return _with_survey(log.rig, own, tracker, origin_of(log, inputs), [*notes, *remarks])
+    return _with_survey(log.rig, own, tracker, origin_of(log), [*notes, *remarks])
 
 
 def calibrate_samples(
@@ -279,12 +278,12 @@ def _all(log: LogPass, estimator: Estimator, rng: np.random.Generator) -> Own:
     return replace(own, findings=(*own.findings, nothing))
 
 
-def origin_of(
-    log: LogPass, inputs: Iterable[InputFile], when: Measured | None = None, **more: Any
-) -> Provenance:
-    """Where a calibration comes from, by its campaign; when it was measured, if that is not it."""
-    rig, line, when = log.campaign.rig, log.settings.command, when or measured(log)
-    return Provenance(rig, tuple(inputs), line, 0, when, clocks=log.clocks, **more)
+def origin_of(log: LogPass, **more: Any) -> Provenance:
+    """Where a calibration comes from, by its campaign; more : what else stands behind it."""
+    if "measured" not in more:
+        more["measured"] = measured(log)
+    given = {"inputs": tuple(log.inputs), "clocks": log.clocks, **more}
+    return Provenance(log.campaign.rig, command=log.settings.command, seed=0, **given)
 
 
 #: What is said of the contact wrench, which both methods together judge anew.

@@ -75,12 +75,10 @@ class Campaign:
     """What a command works on.
 
     logs : in natural order of their names, each once; empty where there is only a survey.
-    surveyed : the rig declares a tracker's survey and its four point files are there.
     """
 
     rig: LoadedRig
     logs: tuple[Path, ...]
-    surveyed: bool
 
     @property
     def averaged(self) -> bool:
@@ -118,7 +116,7 @@ def resolve(
     if not logs and not (surveyed and homes.intersection(map(_real, paths))):
         raise no_log(paths, "there is no log here, nor a tracker's survey")
     protect(logs)
-    return Campaign(loaded, logs, surveyed)
+    return Campaign(loaded, logs)
 
 
 def no_log(where: PathLikes, what: str = "there is no log here") -> UsageError:

@@ -269,7 +269,7 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
         hint = f"plan with the rig of {name}"
         raise DataError("the plan is of another rig", where=str(paths[0]), hint=hint)
-    use = InUse(name, loaded, given, Campaign(rig, (), surveyed=False), ())
+    use = InUse(name, loaded, given, Campaign(rig, ()), ())
     places = Places(driven.time, driven.position, _readings(given, driven), driven.averaged)
     return FreePath(
         use=use,

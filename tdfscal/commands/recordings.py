@@ -18,7 +18,7 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.checks.same_rig import different_constants, other_papers
-from tdfscal.commands.campaign import Campaign, PathLike, resolve
+from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.errors import DataError, OutputError, RigError, TdfscalError, UsageError
@@ -61,7 +61,7 @@ def measured(log: LogPass) -> Measured:
                 hint="write the day on which the log was recorded",
             )
         return found
-    surveyed = () if log.inputs or rig.tracker is None else rig.tracker.paths[1::2]
+    surveyed = () if log.ends or rig.tracker is None else rig.tracker.paths[1::2]
     times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
     return Measured(min(times), max(times), "file")
 
@@ -92,9 +92,9 @@ def day(moment: float) -> str:
 
 
 def surveyed(
-    campaign: Campaign, trials: int | None, rng: np.random.Generator
-) -> tuple[TrackerCalibration, list[InputFile], tuple[Finding, ...]]:
-    """Calibrate from a survey; also return its files, and what is found of them.
+    log: LogPass, trials: int | None, rng: np.random.Generator
+) -> tuple[TrackerCalibration, tuple[Finding, ...]]:
+    """Calibrate from a campaign's survey; also return what is found of its files.
 
     Raises UsageError where the rig file declares none, DataError where its files are unusable.
     """
@@ -102,7 +102,7 @@ def surveyed(
     from tdfscal.files.saving import input_file
     from tdfscal.trackercal import calibrate_tracker
 
-    files, rig = campaign.rig.tracker, campaign.rig.path
+    files, rig = log.campaign.rig.tracker, log.campaign.rig.path
     if files is None:
         raise UsageError(
             "the rig file declares no tracker survey",
@@ -119,10 +119,10 @@ def surveyed(
     session, found = read_tracker_session(files)
     options = {} if trials is None else {"trials": trials}
     result = calibrate_tracker(
-        campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
+        log.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
     )
-    inputs = [input_file(path, "unverified") for path in files.paths]
-    return result, inputs, found
+    log.inputs += [input_file(path, "unverified") for path in files.paths]
+    return result, found
 
 
 @record
@@ -131,23 +131,22 @@ class Recording:
 
     name: str
     inputs: Sequence[InputFile]
-    measured: Measured | None
-    means: Readings | None = None
+    measured: Measured
+    means: Readings | None
 
 
-@record(kw_only=True)
+@record
 class Read(Recording):
     """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
 
     exact : how the survey moves with errors of what it took as exact.
     """
 
-    measured: Measured
     rig: Rig
     log: LogPass
     dwells: Dwells | None
-    survey: Rotations | None = None
-    exact: tuple[ExactMoves, ...] = ()
+    survey: Rotations | None
+    exact: tuple[ExactMoves, ...]
 
 
 class Unusable(dict[str, TdfscalError]):
@@ -210,31 +209,18 @@ def read_campaigns(
 
 
 def _read(name: str, log: LogPass) -> Read:
-    if not log.campaign.logs:
+    dwells, means, survey, exact = None, None, None, tuple[ExactMoves, ...]()
+    if log.campaign.logs:
+        with naming(name), log.explaining():
+            dwells = log.dwells()
+        log.messages += misdated(log)
+        means = readings(log.rig, dwells)
+    else:
         log.messages += log.campaign.lost_log
-        found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
-        return Read(
-            name=name,
-            inputs=inputs,
-            measured=measured(log),
-            rig=log.rig,
-            log=log,
-            dwells=None,
-            survey=found.rotations,
-            exact=found.exact,
-        )
-    with naming(name), log.explaining():
-        dwells = log.dwells()
-    log.messages += misdated(log)
-    return Read(
-        name=name,
-        inputs=tuple(log.inputs),
-        measured=measured(log),
-        means=readings(log.rig, dwells),
-        rig=log.rig,
-        log=log,
-        dwells=dwells,
-    )
+        found, _ = surveyed(log, 0, np.random.default_rng(0))
+        survey, exact = found.rotations, found.exact
+    when, files = measured(log), tuple(log.inputs)
+    return Read(name, files, when, means, log.rig, log, dwells, survey, exact)
 
 
 def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
@@ -283,12 +269,11 @@ def _told_apart(a: Readings | None, b: Readings | None) -> bool:
     return told and a is not None and b is not None and not a.meets(b)
 
 
-def _at_one_time(a: Measured | None, b: Measured | None) -> bool:
+def _at_one_time(a: Measured, b: Measured) -> bool:
     """Whether two wall clocks ran at the same time, for longer than they may be set apart."""
-    if a is None or b is None or not a.source == b.source == "log":
-        return False
     together = min(a.end, b.end) - max(a.begin, b.begin)
-    return together > 0.5 * min(a.end - a.begin, b.end - b.begin)
+    clocks = a.source == b.source == "log"
+    return clocks and together > 0.5 * min(a.end - a.begin, b.end - b.begin)
 
 
 def _alike(a: Readings | None, b: Readings | None) -> bool:

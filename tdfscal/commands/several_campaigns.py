@@ -52,7 +52,7 @@ PRECISION = ("angle-uncertain", "contact-uncertain")
 _REMARKS = 3
 
 
-@record(kw_only=True)
+@record
 class Judged(Read):
     """A campaign with what it gives to a pool, and what is said of it by itself.
 
@@ -237,7 +237,8 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
         max(one.measured.end for one in reads),
         next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
     )
-    origin = origin_of(read.log, inputs, whole, campaigns=_campaigns(reads, pooled))
+    told = {"inputs": inputs, "measured": whole, "campaigns": _campaigns(reads, pooled)}
+    origin = origin_of(read.log, **told)
     remarks = [one.remark for one in reads if one is not read and one.remark]
     remarks += [said for said in read.log.messages if said not in own.findings]
     own = replace(own, findings=(*reasons, *own.findings))

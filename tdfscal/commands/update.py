@@ -71,16 +71,10 @@ class Earlier(EarlierCalibration):
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
+        known = readings_of(self.file, self.rig.supports)
         return [
-            Recording(
-                campaign.name,
-                [entry.record() for entry in campaign.inputs],
-                campaign.measured.record(),
-                means=means,
-            )
-            for campaign, means in zip(
-                self.campaigns, readings_of(self.file, self.rig.supports), strict=True
-            )
+            Recording(one.name, [f.record() for f in one.inputs], one.measured.record(), means)
+            for one, means in zip(self.campaigns, known, strict=True)
         ]
 
     def own_recordings(self) -> list[Recording]:
@@ -277,7 +271,7 @@ def _updated(
     notes = list(defects(earlier.name, earlier.file))
     notes += [said for said in read.log.messages if said not in own.findings]
     campaigns, history = (*earlier.campaigns, this), earlier.history()
-    origin = origin_of(read.log, read.inputs, read.measured, campaigns=campaigns, history=history)
+    origin = origin_of(read.log, measured=read.measured, campaigns=campaigns, history=history)
     return Calibration.of(from_self(own, origin, notes))
 
 

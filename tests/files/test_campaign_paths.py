@@ -20,7 +20,7 @@ def make(folder: Path, *names: str, rig: str | None = RIG) -> Path:
 SURVEY = tuple(f"tracker/{name}.csv" for name in ("nominal", "targets", "servo", "moves"))
 
 
-def test_folder_gives_rig_logs_and_survey(tmp_path: Path) -> None:
+def test_folder_gives_rig_and_logs(tmp_path: Path) -> None:
     home = make(
         tmp_path / "c",
         *("part_10.csv", "part_2.csv", "b.parquet", "c.MCAP", "d.csv.gz", "e.tsv.zst"),
@@ -29,7 +29,6 @@ def test_folder_gives_rig_logs_and_survey(tmp_path: Path) -> None:
     )
     campaign = resolve([home])
     assert campaign.rig.path == home / "rig.yaml"
-    assert campaign.surveyed
     expected = ["b.parquet", "bag", "c.MCAP", "d.csv.gz", "e.tsv.zst", "part_2.csv", "part_10.csv"]
     assert [path.relative_to(home).as_posix() for path in campaign.logs] == expected
 
@@ -40,12 +39,11 @@ def test_point_files_beside_the_logs_are_no_logs(tmp_path: Path) -> None:
     home = make(tmp_path, *names, rig=flat)
     campaign = resolve([home])
     assert [path.name for path in campaign.logs] == ["log.csv"]
-    assert campaign.surveyed
 
 
 def test_survey_alone_will_do_and_nothing_will_not(tmp_path: Path) -> None:
     campaign = resolve([make(tmp_path / "a", *SURVEY)])
-    assert (campaign.logs, campaign.surveyed) == ((), True)
+    assert campaign.logs == ()
     with pytest.raises(UsageError, match=r"no log here, nor a tracker's survey"):
         resolve([make(tmp_path / "b", *SURVEY[:3])])
 
@@ -111,4 +109,3 @@ def test_folders_that_are_no_part_of_the_campaign_are_left_alone(tmp_path: Path)
     (home / "held_out" / "rig.yaml").write_text(RIG)  # a campaign of its own
     campaign = resolve([home])
     assert campaign.logs == (home / "log.mcap",)
-    assert campaign.surveyed
