@@ -202,7 +202,7 @@ def csv_table(c: Calibration) -> str:
     header += [*angles, *(f"std_{name}" for name in (*angles, *zeros)), "k"]
     common = {
         "status": c.status,
-        "measured": c.measured.end,
+        "measured": c.measured.told[1],
         "created": c.created,
         "software": f"{c.software.name} {c.software.version}",
         "content_sha256": "" if c.unsealed else report_digest(c),

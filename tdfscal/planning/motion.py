@@ -21,6 +21,7 @@ from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.motioncal.rows import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
+from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import (
     Candidates,
     Limits,
@@ -30,7 +31,6 @@ from tdfscal.planning.candidates import (
     room,
 )
 from tdfscal.planning.predicted_information import Forecast
-from tdfscal.planning.selection import inverse
 from tdfscal.records import ANGLES, FloatArray, Rig, UncertainValue
 
 #: Fastest line, Hz: the carriages follow it quasi-statically, and inertia stays a correction.

@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.frozen import record, replace
+from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Request, check_limits, draw
 from tdfscal.planning.predicted_information import (
     Forecast,
@@ -25,7 +26,6 @@ from tdfscal.planning.selection import (
     choose,
     gains,
     information,
-    inverse,
     objective,
     short_tour,
     variances,

@@ -15,8 +15,9 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes, postures
 from tdfscal.numerics import so3
+from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Limits, hanging
-from tdfscal.planning.selection import information, inverse, variances
+from tdfscal.planning.selection import information, variances
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state, evaluate, faked_information
 from tdfscal.selfcal.outliers import fit_robust

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.numerics.information import inverse
 from tdfscal.records import FloatArray, IntArray
 
 _SWEEPS = 12
@@ -11,13 +12,6 @@ _SWEEPS = 12
 _WORTH = 1e-6
 #: Candidates whose gains are worked out together.
 _AT_ONCE = 32
-
-
-def inverse(matrix: FloatArray) -> FloatArray:
-    """Inverse of a symmetric positive definite matrix."""
-    d = 1.0 / np.sqrt(np.diagonal(matrix))
-    half = np.linalg.inv(np.linalg.cholesky(d[:, None] * matrix * d))
-    return np.asarray(d[:, None] * (half.T @ half) * d)
 
 
 def information(J: FloatArray) -> FloatArray:

@@ -229,10 +229,7 @@ def measured_on(c: Calibration) -> str:
 
 def _measured_when(measured: MeasuredResult) -> str:
     """From when to when data were recorded, and what says so."""
-    begin, end = measured.begin, measured.end
-    if begin.endswith("T00:00:00Z") and end.endswith("T23:59:59Z"):  # a date alone is days
-        begin, end = begin[:10], end[:10]
-    span = " to ".join(dict.fromkeys((utc(begin), utc(end))))
+    span = " to ".join(dict.fromkeys(map(utc, measured.told)))
     copied = "; a copy of the file has another, so state campaign.date in rig.yaml"
     return f"{span}, {_SOURCES[measured.source]}{copied * (measured.source == 'file')}"
 

@@ -113,6 +113,13 @@ class MeasuredResult(Strict):
             raise fault("ends before it begins", "end")
         return self
 
+    @property
+    def told(self) -> tuple[str, str]:
+        """Begin and end as a reader is told them: days, where the rig file states a day alone."""
+        if self.begin.endswith("T00:00:00Z") and self.end.endswith("T23:59:59Z"):
+            return self.begin[:10], self.end[:10]
+        return self.begin, self.end
+
     def record(self) -> Measured:
         """Return it in seconds since 1970."""
         return Measured(seconds(self.begin), seconds(self.end), self.source)
