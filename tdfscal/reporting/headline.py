@@ -133,13 +133,13 @@ def _not_counted(c: Calibration) -> str:
     What is small against the half widths is not named.
     """
     half = half_widths(c)
-    each = [q for q in _by_effect(c) if _effects(q).max() > _NOTABLE * half.max()][:_QUANTITIES]
+    each = [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half.max()][:_QUANTITIES]
     if not each:
         return ""
     said, counted = list[str](), _bounds(np.hypot(half, INTERVAL_FACTOR * _together(_by_effect(c))))
     for q in each:
         off = ":" if said else " off would move an angle by"
-        move = rounded(1e3 * _effects(q).max())
+        move = rounded(1e3 * np.max(q.effect))
         said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
     size = "" if counted == within(c) else f"; errors of that size would make it {counted}"
     return f"Not counted, exact in the rig file: {', '.join(said)}{size}."
@@ -187,30 +187,25 @@ def _largest(quantities: Sequence[ExactQuantityResult]) -> float:
 
 def _together(quantities: Sequence[ExactQuantityResult]) -> FloatArray:
     """Moves (m, 3), rad, of the angles by typical errors of all, which are independent."""
-    return np.asarray(np.sqrt(np.sum([_effects(q) ** 2 for q in quantities], axis=0)))
+    return np.asarray(np.sqrt(np.sum([np.square(q.effect) for q in quantities], axis=0)))
 
 
 def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
     """Quantities taken as exact, the one whose typical error moves an angle most first."""
-    return sorted(c.taken_as_exact, key=lambda q: -float(_effects(q).max()))
+    return sorted(c.taken_as_exact, key=lambda q: -float(np.max(q.effect)))
 
 
 def exact_table(c: Calibration) -> tuple[Table, ...]:
     """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
-    names = [support.name for q in c.taken_as_exact[:1] for support in q.supports]
+    names = [mounting.name for mounting in c.mounted]
     rows = tuple(
         (
             f"{quantity.name}, {_typical_error(quantity)}",
-            *("/".join(f"{1e3 * v:.2f}" for v in row) for row in _effects(quantity)),
+            *("/".join(f"{1e3 * v:.2f}" for v in row) for row in quantity.effect),
         )
         for quantity in _by_effect(c)
     )
     return (Table(_CAPTION, ("", *names), rows),) if rows else ()
-
-
-def _effects(quantity: ExactQuantityResult) -> FloatArray:
-    """Effects (n, 3), rad, on roll, pitch, yaw; of the turns where these are not separable."""
-    return np.array([s.turn if s.rpy is None else s.rpy for s in quantity.supports])
 
 
 def _typical_error(of: ExactQuantityResult) -> str:

@@ -67,10 +67,10 @@ def indefinite(rows: list[list[float]]) -> list[list[float]]:
     return symmetric
 
 
-def exact_for(*names: str, **moves: Any) -> list[dict[str, Any]]:
-    """A quantity taken as exact, with its effect on these supports, and moves of parameters."""
-    effects = [{"name": name, "turn": [1e-3, 0.0, 0.0]} for name in names]
-    return [{"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects, **moves}]
+def exact_for(count: int, **moves: Any) -> list[dict[str, Any]]:
+    """A quantity taken as exact, with its effect on so many supports, and moves of parameters."""
+    effect = [[1e-3, 0.0, 0.0]] * count
+    return [{"name": "base level", "error": 1e-3, "unit": "rad", "effect": effect, **moves}]
 
 
 REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}
@@ -116,9 +116,9 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("budget.sources", ["noise"], "must name noise,", "budget.angles[0].variance"),
     ("budget.angles.8", DROP, "must name ncp1.roll", "budget.angles"),
     ("budget.angles.3.angle", "yaw", "must name ncp1.roll", "budget.angles"),
-    ("taken_as_exact", exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
-    ("taken_as_exact", exact_for(*NAMES, common=[[1e-3]]), "9 rows", "taken_as_exact[0].common"),
-    ("taken_as_exact", exact_for(*NAMES, apart=[[]]), "of one length", "taken_as_exact[0].apart"),
+    ("taken_as_exact", exact_for(4), "3 rows", "taken_as_exact[0].effect"),
+    ("taken_as_exact", exact_for(3, common=[[1e-3]]), "rows", "taken_as_exact[0].common"),
+    ("taken_as_exact", exact_for(3, apart=[[]]), "of one length", "taken_as_exact[0].apart"),
     ("rig.terminal.mass.value", -1.0, "greater than 0", "rig.terminal.mass"),
 ]
 

@@ -55,11 +55,7 @@ def test_what_is_exact_adds_up_in_each_angle(
     quantities = [
         {
             "name": f"quantity {k}", "error": 1.0, "unit": "N",
-            "supports": [
-                {"name": name, "turn": half * part * np.eye(3)[k * apart],
-                 "rpy": half * part * np.eye(3)[k * apart]}
-                for name in names
-            ],
+            "effect": [half * part * np.eye(3)[k * apart]] * len(names),
         }
         for k, part in enumerate(size)
     ]  # fmt: skip

@@ -105,8 +105,6 @@ def _names(c: Calibration) -> Iterator[tuple[Place, Iterable[str], list[str]]]:
     yield ("supports",), c.support_names, [support.name for support in c.rig.supports]
     stand = [mounting.name for mounting in c.mounted]
     yield ("covariance", "parameters"), c.covariance.parameters, list(turn_parameters(stand))
-    for k, one in enumerate(c.taken_as_exact):
-        yield ("taken_as_exact", k, "supports"), [effect.name for effect in one.supports], stand
     if c.budget is not None:
         named = [f"{entry.support}.{entry.angle}" for entry in c.budget.angles]
         yield ("budget", "angles"), named, [f"{name}.{a}" for name in stand for a in ANGLES]
@@ -119,6 +117,7 @@ def _tables(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None, int]]
     """Yield the tables that have a row for each support, or each parameter, and how many."""
     free = len((c.parameters or c.covariance).parameters)
     for k, one in enumerate(c.taken_as_exact):
+        yield ("taken_as_exact", k, "effect"), one.effect, len(c.mounted)
         yield ("taken_as_exact", k, "common"), one.common, free
         yield ("taken_as_exact", k, "apart"), one.apart, free
     n = len(c.supports)

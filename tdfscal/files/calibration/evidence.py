@@ -71,21 +71,16 @@ class Budget(Strict):
         return np.asarray(np.divide(table, total, out=np.zeros_like(table), where=total > 0))
 
 
-class ExactEffect(Strict):
-    """By how much a typical error of a quantity would turn a sensor, rad."""
-
-    name: Name = key("name of the support")
-    turn: Vector = key("rad: of the turn about the BCS axes")
-    rpy: Vector | None = key("rad: of roll, pitch, yaw; null where these are not separable", None)
-
-
 class ExactQuantityResult(Strict):
     """A quantity that was taken as exact, and a typical error of each of its components."""
 
     name: Text = key("the quantity")
     error: NotNegative = key("a typical error of each component, in `unit`")
     unit: Text = key("of the error")
-    supports: tuple[ExactEffect, ...] = key("what it does to each sensor")
+    effect: Vectors = key(
+        "rad: what it does to roll, pitch, yaw of each sensor that has a rotation; to its turns "
+        "about the BCS axes where these are not separable"
+    )
     common: Matrix | None = key(
         "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
         "component, which campaigns of the rig have in common; for `update`",

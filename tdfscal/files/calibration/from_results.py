@@ -289,7 +289,7 @@ def _file(
             },
             "budget": statistics.budget(rig.supports, budget, angles.determined),
             "taken_as_exact": [
-                _exact(rig.supports, angles, quantity) | exact_moves_document(quantity, rows)
+                {"effect": _effect(angles, quantity), **exact_moves_document(quantity, rows)}
                 for quantity in exact
             ],
             "monte_carlo": statistics.trials(angles.trials),
@@ -331,14 +331,7 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
     return supports
 
 
-def _exact(names: Sequence[str], angles: Angles, quantity: ExactQuantity) -> dict[str, Any]:
-    """Effect of a quantity's typical error on the sensors that are determined."""
-    locked, turn = so3.locked(angles.rotation), turn_std(quantity.covariance)
-    rpy = angles.std(quantity.covariance)
-    effects = [
-        {"name": name, "turn": turn[i], "rpy": None if locked[i] else rpy[i]}
-        for i, name in enumerate(names)
-        if angles.determined[i]
-    ]
-    own = {"name": quantity.name, "error": quantity.error, "unit": quantity.unit}
-    return own | {"supports": effects}
+def _effect(angles: Angles, quantity: ExactQuantity) -> FloatArray:
+    """Effect (k, 3), rad, of a quantity's typical error on the sensors that are determined."""
+    turn, rpy = turn_std(quantity.covariance), angles.std(quantity.covariance)
+    return np.where(so3.locked(angles.rotation)[:, None], turn, rpy)[angles.determined]

@@ -87,14 +87,15 @@ def parameter_rows(
 
 
 def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
-    """Moves of the parameters at `rows` by errors of a quantity; None where there are none.
+    """A quantity, and moves of the parameters at `rows` by errors of it; None where there are none.
 
     Independent errors are as good as as many that have the same covariance.
     """
     common, apart = moves.common[rows], moves.apart[rows]
     apart = triangular(apart.T).T if apart.shape[1] > len(rows) else apart
     sides = {"common": common, "apart": apart}
-    return {name: side if side.any() else None for name, side in sides.items()}
+    own = {"name": moves.name, "error": moves.error, "unit": moves.unit}
+    return own | {name: side if side.any() else None for name, side in sides.items()}
 
 
 def exact_moves_from(
