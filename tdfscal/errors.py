@@ -180,13 +180,12 @@ def shortage() -> MemoryShortError:
 
 def is_short(error: BaseException) -> bool:
     """Tell whether an error comes of too little memory, itself or what it was raised from."""
-    seen: set[int] = set()
     at: BaseException | None = error
-    while at is not None and id(at) not in seen:
-        seen.add(id(at))
-        if isinstance(at, MemoryError | MemoryShortError):
+    while at is not None:
+        if (
+            isinstance(at, MemoryError | MemoryShortError)
+            or getattr(at, "errno", 0) == errno.ENOMEM
+        ):
             return True
-        if isinstance(at, OSError) and at.errno == errno.ENOMEM:
-            return True
-        at = at.__cause__ or (None if at.__suppress_context__ else at.__context__)
+        at = at.__cause__ or at.__context__
     return False

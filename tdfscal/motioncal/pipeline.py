@@ -25,9 +25,7 @@ from tdfscal.motioncal.blocks import Stretch, stretches
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
-    MovingState,
     fit_moving,
-    moved_to,
 )
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
@@ -47,7 +45,7 @@ from tdfscal.motioncal.uncertainty import (
 )
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
-from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
+from tdfscal.records import BoolArray, Rig, Rotations, UncertainValue
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each
@@ -65,9 +63,8 @@ class MotionCalibration(Estimated[MovingFit]):
 
     begin : s, in the log's time, and seconds : length of what was used. suspicions : what the
     residuals say was not declared. rejected : stretches left out, with their reasons. postures :
-    moments of the motion, for figures. dwells : rests within it. residual_power : frequencies (M,)
-    in Hz and density (M,) of the residual force, N²/Hz, with the nominal mounting and calibrated.
-    residual : the residual wrench over time. findings : all that was found.
+    moments of the motion, for figures. dwells : rests within it. residual : the residual wrench
+    over time. findings : all that was found.
     """
 
     rig: Rig
@@ -81,7 +78,6 @@ class MotionCalibration(Estimated[MovingFit]):
     seconds: float
     postures: Postures
     dwells: int
-    residual_power: tuple[FloatArray, FloatArray, FloatArray]
     residual: ResidualWrench
     findings: tuple[Finding, ...]
     monte_carlo: MonteCarlo | None = None
@@ -211,7 +207,6 @@ def _judged(
         seconds=sum(run.stop - run.start for run in stretches(slow, keep)) * slow.step,
         postures=used,
         dwells=dwells,
-        residual_power=_residual_power(fit, start),
         residual=residual_wrench(fit, start.still, still),
         findings=(),
     )
@@ -272,16 +267,3 @@ def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
         return ()
     values: dict[str, Value] = {"declared": stated, "shown": shown}
     return (Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True),)
-
-
-def _residual_power(
-    fit: MovingFit, start: MovingState
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies, and the residual force's density before and after; start : nominal."""
-    nominal_fit = moved_to(fit, start)
-    before, after = (
-        np.concatenate([np.sum(np.abs(e[:, :3]) ** 2, axis=1) for e in each.wrenches()])
-        for each in (nominal_fit, fit)
-    )
-    frequency = [np.maximum(b.frequency, 0.5 * b.frequency[1]) for b in fit.blocks]
-    return np.concatenate(frequency), before, after

@@ -45,10 +45,9 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert abs(result.motion.delay.value - moved["delay"]) < 4 * result.motion.delay.std
     assert abs(result.motion.friction.value - moved["friction"]) < 4 * result.motion.friction.std
     assert result.motion.seconds == pytest.approx(60.0, abs=0.5)
-    after, before = result.motion.spectrum.after, result.motion.spectrum.before
-    assert np.median(after) < 0.5 * np.median(before)
-    assert result.motion.residual is not None
-    assert len(result.motion.residual.time) == pytest.approx(60, abs=1)
+    residual = result.motion.residual
+    assert np.median(residual.force_after) < 0.5 * np.median(residual.force_before)
+    assert len(residual.time) == pytest.approx(60, abs=1)
     half = tdfscal.calibrate(minute, to=30.0, trials=0)
     assert half.observability is not None
     (forecast,) = half.observability.forecasts  # of what the whole minute has told

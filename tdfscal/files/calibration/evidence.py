@@ -32,7 +32,6 @@ from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray
 
 Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
-Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(min_length=2)]
 Lengths = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
 
 
@@ -263,15 +262,6 @@ class InertiaValue(Strict):
     std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
 
 
-class MotionSpectrum(Table):
-    """Residual of the balance, its three forces together: roots of two-sided densities."""
-
-    frequency: Density = key("Hz")
-    before: Density = key("N/√Hz: residual force with the nominal mounting")
-    after: Density = key("N/√Hz: residual force, calibrated")
-    force_noise: Density = key("N/√Hz: of a force component, as the estimate weighs by it")
-
-
 class MotionResidual(Table):
     """Lengths of the residual wrench over time, in means of a second or more."""
 
@@ -293,5 +283,4 @@ class MotionResult(Strict):
     rate: MotionValue | None = key("growth of that delay, where the log says it", None)
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
-    spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
     residual: MotionResidual = key("of the wrench, over time")

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 #: Dwells that a file keeps for a figure, at most.
 _LOOKED_AT = 2000
-#: Frequencies of the spectrum in the file.
-_LINES = 24
 #: What a slope per second is multiplied by for the file.
 _UNITS = {"time": HOUR, "temperature": 1.0, "parabola": HOUR**2}
 
@@ -232,7 +230,6 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
-        "spectrum": _spectrum(result),
         "residual": {
             "time": residual.time,
             **{
@@ -242,26 +239,3 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
             },
         },
     }
-
-
-def _spectrum(result: MotionCalibration) -> dict[str, Any]:
-    f = np.geomspace(np.exp(result.fit.noise.knot[0]), np.exp(result.fit.noise.knot[-1]), _LINES)
-    force, _ = result.fit.noise.density(f)
-    at, before, after = result.residual_power
-    return {
-        "frequency": f,
-        "before": _binned(f, at, before),
-        "after": _binned(f, at, after),
-        "force_noise": np.sqrt(force),
-    }
-
-
-def _binned(frequency: FloatArray, at: FloatArray, power: FloatArray) -> FloatArray:
-    """Mean of a power between the geometric middles of the frequencies, as a square root."""
-    edge = np.sqrt(frequency[1:] * frequency[:-1])
-    place = np.searchsorted(edge, at)
-    count = np.bincount(place, minlength=len(frequency))
-    total = np.bincount(place, power, minlength=len(frequency))
-    filled = count > 0
-    mean = total[filled] / count[filled]
-    return np.asarray(np.sqrt(np.interp(frequency, frequency[filled], mean)))

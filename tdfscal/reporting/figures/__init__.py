@@ -48,7 +48,6 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         residuals.survey(calibration),
         angles.budget(calibration),
         timeline.draw(calibration),
-        residuals.spectrum(calibration),
     )
     return tuple(drawing for drawing in found if drawing is not None)
 

@@ -1,4 +1,4 @@
-"""What is left: of the contact wrench at each posture, over a motion and frequency; of points."""
+"""What is left: of the contact wrench at each posture, over a motion; of points."""
 
 from __future__ import annotations
 
@@ -138,43 +138,6 @@ def _over_time(
         "Nothing should be left while nothing touches the terminal; the residual force is "
         f"{rounded(np.sqrt(np.mean(after[:, 0] ** 2)))} N (rms of means over a second)"
         f"{'; what is shaded was left out' if left_out else ''}.",
-        paint,
-    )
-
-
-def spectrum(c: Calibration) -> Drawing | None:
-    """Residual force over frequency, and the noise that the estimate weighed by."""
-    if c.motion is None:
-        return None
-    motion, s = c.motion, c.motion.spectrum
-    # Force noise of n sensors in three components, as the residual has it.
-    noise = np.sqrt(3.0 * len(c.supports)) * np.array(s.force_noise)
-
-    def paint() -> Figure:
-        fig, (ax,) = style.panels(3.2, ("residual force, N/√Hz",))
-        ax.plot(
-            s.frequency,
-            s.before,
-            "s",
-            markersize=4,
-            color=style.ORANGE,
-            markerfacecolor="white",
-            label="before: nominal mounting, stated values",
-        )
-        ax.plot(
-            s.frequency, s.after, "o", markersize=4, color=style.BLUE, label="after: calibrated"
-        )
-        ax.plot(s.frequency, noise, "-", color=style.BLUE, linewidth=1, label="noise as estimated")
-        logarithmic(ax, "xy")
-        ax.set_xlabel("frequency, Hz")
-        legend_above(ax, 3)
-        return fig
-
-    return Drawing(
-        "spectrum",
-        "Residual force in motion, over frequency",
-        f"In {motion.seconds:.0f} s of motion the calibration takes the slow residual down to "
-        "the sensors' noise; the estimate weighs every frequency by the noise that it has there.",
         paint,
     )
 
