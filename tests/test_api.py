@@ -1,7 +1,6 @@
 """The Python interface, as its documentation shows it."""
 
 import doctest
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,25 +24,6 @@ def test_step_by_step(sample: tdfscal.Calibration, tmp_path: Path) -> None:
     tdfscal.save_calibration(sample, tmp_path / "c.json")
     again = tdfscal.load_calibration(tmp_path / "c.json")
     assert np.array_equal(again.to_frame()["value"], sample.rpy.ravel())
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: tdfscal.find_dwells(None),  # type: ignore[arg-type]
-        lambda: tdfscal.find_dwells([3]),  # type: ignore[list-item]
-        lambda: tdfscal.read_log(None, None),  # type: ignore[arg-type]
-        lambda: tdfscal.read_log([3], SAMPLES / "csv" / "rig.yaml"),  # type: ignore[list-item]
-        lambda: tdfscal.dwells_frame(3),  # type: ignore[arg-type]
-        lambda: tdfscal.load_rig(3),  # type: ignore[arg-type]
-        lambda: tdfscal.load_calibration(3),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate("nul\0"),
-        lambda: tdfscal.info("nowhere", progress=3),  # type: ignore[arg-type]
-    ],
-)
-def test_what_is_of_another_kind_is_told_what_is_wanted(call: Callable[[], object]) -> None:
-    with pytest.raises(tdfscal.TdfscalError, match=r"expected \w.*, got |Give |file"):
-        call()
 
 
 def test_every_public_name_is_there_and_documented() -> None:

@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.acceptance import assess, judge
-from tdfscal.findings import Finding
-from tdfscal.model.calibrated import independent
+from tdfscal.acceptance import judge
 from tdfscal.numerics import so3
 from tdfscal.records import (
-    DeclaredUncertainty,
     FloatArray,
-    Rig,
     Rotations,
-    UncertainValue,
 )
 
 RIG = replace(
@@ -71,50 +66,6 @@ def test_residuals_and_rejected_postures(
     birge: float, used: int, rejected: int, reasons: int
 ) -> None:
     assert len(judge(RIG, FINE, birge, used=used, rejected=rejected)) == reasons
-
-
-def exact() -> Rig:
-    """All but the angles is exactly what the rig file says."""
-    return replace(
-        RIG,
-        declared=DeclaredUncertainty(),
-        zero=UncertainValue.exact(np.zeros((3, 3))),
-        mass=UncertainValue.exact(RIG.mass.value),
-        barycentre=UncertainValue.exact(RIG.barycentre.value),
-        gravity_tilt_std=0.0,
-    )
-
-
-def test_all_reasons_stand_in_their_order() -> None:
-    std = np.full((3, 3), 1e-3)
-    std[1, 1] = 1.0
-    rig = exact()
-    loose, tight = (
-        assess(
-            independent(
-                replace(rig, acceptance=replace(rig.acceptance, contact_force=limit)),
-                LEVEL,
-                1e-6 * np.eye(9),
-            )
-        )
-        for limit in (1e4, 1e-3)
-    )
-    found = judge(
-        RIG,
-        rotations(std),
-        2.0,
-        used=1,
-        rejected=1,
-        suspicions=(Finding("sensor-slipped"), Finding("zero-drift")),
-        conformity=tight,
-    )
-    assert len(found) == 6
-    assert [each.code for each in found[:2]] == ["sensor-slipped", "zero-drift"]
-    assert found[5:] == tight.findings
-    assert judge(RIG, FINE, 1.0, suspicions=found[:1]) == found[:1]
-    assert all(each.rejects for each in found)
-    assert judge(RIG, FINE, 1.0, conformity=tight) == tight.findings
-    assert judge(RIG, FINE, 1.0, conformity=loose) == ()
 
 
 def test_turned_sensors_are_judged_about_the_axes_of_the_base() -> None:

@@ -250,20 +250,6 @@ def _at(sensor: int, signs: list[int]) -> FloatArray:
     return out
 
 
-def test_share_of_the_weight_that_the_sensors_hold() -> None:
-    """Readings that carry a part of a tilted weight, through turned sensors with zeros."""
-    rig, share = simulation.make_rig(), np.array([1.0, 0.5, -1.0, 0.0])
-    turn, zero = RNG.normal(size=(2, 3, 3))
-    tilt = np.array([0.02, -0.01])
-    state = replace(nominal(rig), rotation=so3.exp(turn), zero=zero, tilt=tilt)
-    weight = float(state.mass) * 9.81 * (so3.exp([0.02, -0.01, 0.0]) @ [0, 0, -1.0])
-    side = RNG.normal(size=(4, 3, 3))
-    side -= side.mean(axis=1, keepdims=True)  # internal forces bear nothing
-    F = side - share[:, None, None] * np.array([0.2, 0.5, 0.3])[:, None] * weight
-    reading = np.einsum("nba,knb->kna", state.rotation, F) + zero
-    assert np.allclose(weight_share(state, 9.81, reading), share, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("factor", "words"),
     [

@@ -269,20 +269,3 @@ def test_a_slip_in_the_last_month_of_a_pool_names_that_month(tmp_path: Path) -> 
     assert [(reason.code, reason.subject) for reason in told] == [("sensor-slipped", ("ncp2",))]
     assert f"of {last} say" in " ".join(told[0].text.split())
     assert f"record {last} again" in str(told[0].cure)
-
-
-def test_one_posture_finds_new_zeros(
-    months: Path, files: list[Path], tmp_path: Path, cli: Cli
-) -> None:
-    second, base, new = folders(months, 1, 2)[0], files[0], tmp_path / "new.yaml"
-    short = edited(second, tmp_path / "short")
-    log = short / "log.csv"
-    log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))
-    cli("update", base, short, "--trials", 0, "-o", new, "-q", ends=0)
-    before, after = (yaml.safe_load(path.read_text()) for path in (base, new))
-    truth = yaml.safe_load((second / "truth.yaml").read_text())
-    for ours, theirs in zip(after["supports"], truth["supports"], strict=True):
-        away = np.abs(np.array(ours["zero"]) - theirs["zero"])
-        assert np.all(away < 4 * np.array(ours["zero_std"]))
-    stds = [np.array([s["rpy_std"] for s in f["supports"]]) for f in (before, after)]
-    assert np.all(stds[1] <= stds[0] * 1.1)

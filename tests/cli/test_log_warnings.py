@@ -1,7 +1,6 @@
 """What a log's warnings say reaches the user once, and also where the calibration fails."""
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,6 @@ from pyarrow import csv
 
 import tdfscal
 from tdfscal.errors import DataError
-from tdfscal.records import Measured
 from tests.cli.running import SAMPLES, Cli, recorded
 from tests.words import texts
 
@@ -136,14 +134,3 @@ def test_a_date_that_the_logs_clock_contradicts_is_told(
     assert made.measured is not None
     assert (made.measured.source, made.measured.begin[:10]) == ("log", "2025-06-15")
     assert ("campaign-misdated" in {finding.code for finding in made.findings}) == told
-
-
-def test_a_survey_is_dated_by_its_own_files(tmp_path: Path) -> None:
-    campaign = shutil.copytree(SAMPLES / "parquet", tmp_path / "campaign")
-    for name, moment in (("targets", 1e9), ("moves", 1.1e9)):
-        os.utime(campaign / "tracker" / f"{name}.csv", (moment, moment))
-    for log in (True, False):
-        made = tdfscal.calibrate(campaign, method="tracker", trials=0)
-        assert made.measured is not None
-        assert made.measured.record() == Measured(1e9, 1.1e9, "file"), log
-        (campaign / "log.parquet").unlink(missing_ok=True)

@@ -3,7 +3,7 @@
 import inspect
 import json
 import shutil
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ import tdfscal
 from tdfscal.cli import app
 from tdfscal.errors import (
     RejectedError,
-    UsageError,
 )
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
 from tests.cli.running import SAMPLES, run
@@ -92,33 +91,6 @@ def test_options_have_the_same_names(command: str) -> None:
     of_both = {p.name for p in app.described(command).parameters}
     assert of_cli == of_both <= set(parameters)
     assert set(parameters) - of_both == {"progress"}
-
-
-@pytest.mark.usefixtures("here")
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: tdfscal.calibrate("campaign", method="guess"),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate("campaign", samples=3),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate("campaign", trials=-1),
-        lambda: tdfscal.calibrate("campaign", trials="many"),  # type: ignore[arg-type]
-        lambda: tdfscal.export("own.yaml", "matlab"),  # type: ignore[arg-type]
-        lambda: tdfscal.simulate("out/x", rate=1.0),
-        lambda: tdfscal.load_calibration("own.yaml").plot("nothing"),
-        lambda: tdfscal.calibrate(None),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate(""),
-        lambda: tdfscal.calibrate("campaign", output=3),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate("campaign", from_=3, to=2),
-        lambda: tdfscal.apply("own.yaml", []),
-        lambda: tdfscal.plan("campaign", home=object()),  # type: ignore[arg-type]
-        lambda: tdfscal.report(),
-        lambda: tdfscal.compare("own.yaml", None),  # type: ignore[arg-type]
-        lambda: tdfscal.calibrate(["campaign", "./campaign"]),
-    ],
-)
-def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:
-    with pytest.raises(UsageError):
-        call()
 
 
 def test_a_function_follows_the_work(capsys: pytest.CaptureFixture[str]) -> None:

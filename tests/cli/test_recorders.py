@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal import Calibration, apply, calibrate, info, init, monitor, update, validate
+from tdfscal import Calibration, apply, calibrate, info, init
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.reporting.calibration import calibration_report
@@ -129,12 +129,6 @@ def calibrated(months: list[Path]) -> Calibration:
     return calibrate([months[0]], trials=0)
 
 
-def test_a_calibration_of_two_recorders_is_still_valid(
-    months: list[Path], calibrated: Calibration
-) -> None:
-    assert validate(calibrated, [months[1]]).holds
-
-
 def test_two_recorders_become_one_table_of_wrenches(
     months: list[Path], calibrated: Calibration
 ) -> None:
@@ -144,13 +138,3 @@ def test_two_recorders_become_one_table_of_wrenches(
     assert (np.diff(table["time"]) > 0).all()
     rms = {name: float(np.sqrt(np.mean(table[name] ** 2))) for name in ("fx", "raw_fx")}
     assert rms["fx"] < 0.5 * rms["raw_fx"]
-
-
-def test_months_of_two_recorders(months: list[Path], calibrated: Calibration) -> None:
-    """Dated by the clock of the second recorder; nothing turned, and more is known of it."""
-    assert not monitor(months).alarms
-    newer = update(calibrated, [months[1]], trials=0)
-    assert newer.accepted
-    assert newer.measured is not None
-    assert newer.measured.begin.startswith("2026-02-03")
-    assert (newer.rpy_std < calibrated.rpy_std).all()

@@ -67,15 +67,6 @@ def test_the_date_of_a_small_step_is_told_by_what_came_after() -> None:
     assert right >= 7
 
 
-def test_two_sensors_turned_in_one_month_and_one_again_later() -> None:
-    rng = np.random.default_rng(2)
-    turns = turned(20, 6, 0, np.array([3e-3, 0.0, 0.0]))
-    turns += turned(20, 6, 1, np.array([0.0, 0.0, 3e-3]))
-    turns += turned(20, 14, 0, np.array([0.0, 3e-3, 0.0]))
-    alarms = watched(rng, turns, rate=1e-4).alarms
-    assert {(a.sensor, a.onset) for a in alarms} == {(0, 6), (1, 6), (0, 14)}
-
-
 def test_creep_is_told_from_a_step() -> None:
     rng, called = np.random.default_rng(3), []
     for _ in range(8):
@@ -98,20 +89,6 @@ def test_the_rate_of_false_alarms_is_kept_whatever_the_interval(gap: float) -> N
     wrong = sum(bool(watched(rng, still, rate=rate, gap=gap).alarms) for _ in range(histories))
     expected = histories * (1 - np.exp(-0.4))
     assert 0.25 * expected < wrong < expected + 2.6 * np.sqrt(expected)
-
-
-def test_no_alarm_where_the_declared_walk_explains_the_changes() -> None:
-    rng = np.random.default_rng(7)
-    walk = 1e-3
-    turns = np.cumsum(walk * rng.standard_normal((18, 3 * SENSORS)), axis=0)
-    assert watched(rng, turns).alarms
-    checks = []
-    for k, turn in enumerate(turns):
-        J = rng.standard_normal((14, SIZE)) / SEEN / 2
-        x = np.concatenate([turn, np.zeros(HINGES)])
-        checks.append(Check(str(k), k, Information(J.T @ J, J.T @ (J @ x))))
-    step = np.concatenate([np.full(3 * SENSORS, walk**2), np.zeros(HINGES)])
-    assert not Watching(checks, PRIOR, [step] * 18, SENSORS, 0.01).run().alarms
 
 
 def lived(

@@ -62,16 +62,6 @@ def test_the_difference_of_nested_estimates_in_closed_form() -> None:
     assert pair.detectable == pytest.approx(apart.detectable, rel=1e-9)
 
 
-def test_no_test_in_directions_to_which_nothing_was_added() -> None:
-    before, after = 25e-6 * np.eye(9), 25e-6 * np.eye(9)
-    after[5, 5] = 9e-6
-    pair = compare_pair(("part", level(before)), ("whole", level(after)), Nested(1))
-    assert pair.dof == 1
-    assert np.isfinite(pair.en).all()
-    nothing = compare_pair(("part", level(before)), ("whole", level(before)), Nested(1))
-    assert nothing.dof == 0
-
-
 def test_a_joint_estimate_against_its_parts_tells_what_these_tell_of_each_other() -> None:
     """χ² of either part against both together is that of the parts: nothing else differs."""
     rng = np.random.default_rng(5)
@@ -285,12 +275,3 @@ def test_the_same_data_are_no_second_result(
     assert found["p_value"] is None
     assert not any(value for row in found["en"] for value in row)
     assert "ompatible" not in cli("compare", *files, "-q").out
-
-
-@pytest.mark.parametrize(
-    ("begin", "related"), [(0.0, "same"), (74.0, "apart"), (50.0, "overlapping")]
-)
-def test_two_parts_of_a_log_that_abut_share_nothing(begin: float, related: Relation) -> None:
-    """A dwell at the cut goes into both, by a sample."""
-    first, second = (Recorded("a", span) for span in ((1.0, 74.1), (begin, 168.0)))
-    assert relation([first], [second]) == related

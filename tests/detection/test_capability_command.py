@@ -136,18 +136,6 @@ def test_zeros_that_drift_without_bound_have_no_threshold(
     assert [axis["threshold"] for axis in found["axes"]] == [None] * 6
 
 
-def test_old_zeros_are_said(places: Places, tmp_path: Path) -> None:
-    """With a share that is part of theirs in the table."""
-    rig, plain = tmp_path / "rig.yaml", places.plain.capability
-    rig.write_text((places.free / "rig.yaml").read_text() + "drift: {walk: 50.0}\n")
-    found = tdfscal.capability(places.calibration, places.free, rig=rig)
-    assert np.all(found.capability.threshold >= plain.threshold)
-    assert np.all(found.capability.shares["zeros"] > plain.shares["zeros"])
-    shares = [f.size for f in found.findings if f.code == "zeros-aged"]
-    assert shares
-    assert all(share <= max(found.capability.shares["zeros"]) for share in shares)
-
-
 def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     tdfscal.plan(places.free, output=tmp_path / "plan.csv", postures=10)
     found = tdfscal.capability(places.calibration, tmp_path / "plan.csv", false_stops=0.1)

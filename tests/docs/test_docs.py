@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from docs.generate import picture
 from tdfscal.cli import main
-from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.files.rig.reading import parse_rig
 from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 from tests.reporting.samples import sketch
@@ -102,12 +101,6 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_blocks_are_of_kinds_that_are_checked(page: str) -> None:
-    allowed = {"sh", "bash", "python", "yaml"} if page in RUNNABLE else {"yaml"}
-    assert {block.language for block in blocks(page)} <= allowed
-
-
 def test_yaml_blocks_are_rig_files() -> None:
     """A whole file as it stands; a single block within the tutorial's file."""
     whole = [b.content for b in blocks("tutorial") if b.language == "yaml"]
@@ -161,13 +154,6 @@ def test_worked_example_computes() -> None:
     moved = (Rotation.from_rotvec(h * given["d"]) * turn).as_euler("ZYX")[::-1]
     np.testing.assert_allclose(results["J⁻¹ d"], (moved - given["rpy"]) / h, rtol=0, atol=0.6e-6)
     assert f"{np.linalg.norm(force):.3f} N long" in text("conventions")
-
-
-def test_the_equation_is_that_of_a_file_with_a_sensitivity() -> None:
-    equation = CONVENTION_WITH_SENSITIVITY.partition(";")[0]
-    for page in (DOCS / "conventions.md", DOCS.parent / "README.md"):
-        said = page.read_text(encoding="utf-8")
-        assert f"{equation},   sensitivity: 1 unless the file has one" in said, page.name
 
 
 def test_the_documentation_is_of_a_size_that_is_read() -> None:

@@ -8,7 +8,6 @@ import tdfscal
 import tdfscal.errors
 from docs.generate import generated
 from tdfscal.cli.app import COMMANDS, described, made, summary
-from tdfscal.dwells import MOST_BINS
 from tdfscal.errors import (
     DataError,
     NotConvergedError,
@@ -16,8 +15,6 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
-from tdfscal.logs import clock
-from tdfscal.logs.messages.mcap import MAX_CHUNK
 from tests.docs.pages import section, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
@@ -62,16 +59,3 @@ def test_exit_statuses_are_those_of_the_errors() -> None:
     assert "data" in meaning[DataError.exit_status]
     assert NotIdentifiableError.exit_status == NotConvergedError.exit_status
     assert "determine" in meaning[NotIdentifiableError.exit_status]
-
-
-def test_limits_of_logs() -> None:
-    words = " ".join(section("reference", "## Log files").split())
-    for said in (
-        f"a chunk of more than {MAX_CHUNK >> 20} MiB",
-        f"steps back by up to {clock.MAX_STEP_BACK:g} s",
-        f"by more than {clock.MAX_SKEW:g} s are counted",
-        f"Above {MOST_BINS:,} bins",
-    ):
-        assert said in words
-    assert clock.MAX_DROPPED == 1 / 1000
-    assert clock.GAP == 5

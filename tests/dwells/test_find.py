@@ -130,18 +130,6 @@ def test_a_jolt_is_cut_out_of_its_dwell(length: float) -> None:
     assert dwells.count[3, 0] < 200 * (4.0 - length)
 
 
-@pytest.mark.parametrize("wrong", [0.0005, 0.02])
-def test_wrong_positions_part_no_stop(wrong: float) -> None:
-    recorded = record(Recipe(rate=200, stops=(4.0,) * 12, seed=3))
-    log = recorded.log
-    series = log.position[0]
-    value = series.value.copy()
-    value[np.random.default_rng(1).random(len(value)) < wrong] = 0.0
-    dwells = find_dwells(replace(log, position=(Series(series.time, value), *log.position[1:])))
-    assert np.abs(score(recorded, dwells).z).max() < 4.5
-    assert "readings-return" in [finding.code for finding in dwells.findings]
-
-
 def test_times_in_milliseconds_are_named() -> None:
     log = record(Recipe(rate=50, stops=STOPS)).log
 

@@ -47,13 +47,6 @@ def test_a_second_export_counts_once(
     assert f"{len(order)} of {12 + len(order)}" in in_words(dwells.findings)[0]
 
 
-def test_doubled_rows_of_one_file_count_once() -> None:
-    log = postures()
-    dwells = find_dwells(changed(log, None, None, np.repeat(np.arange(12), 2)))
-    assert np.array_equal(dwells.force, find_dwells(log).force)
-    assert [finding.code for finding in dwells.findings] == ["postures-repeated"]
-
-
 def test_postures_visited_again_are_no_copies() -> None:
     """The same places with new noise, in readings of three digits."""
     log = postures()

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.dwell_stops import KINDS, score
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.dwells.field import prepare
 from tdfscal.dwells.ringing import Ringing
@@ -70,10 +69,3 @@ def test_no_crest_of_slow_ringing_is_a_dwell(stop: float, amplitude: float) -> N
     assert len(dwells.left_out) >= 12
     seen = [out.reason.values["frequency"] for out in dwells.left_out if out.reason.values]
     assert 0.5 in [pytest.approx(hertz, abs=0.1) for hertz in seen]
-
-
-def test_no_crest_of_two_modes_is_a_dwell() -> None:
-    recorded = record(KINDS["settling and ringing"](np.random.default_rng(4)))
-    found = score(recorded, find_dwells(recorded.log))
-    assert (found.found, found.parts) == (len(recorded.stops), 0)
-    assert found.bias.max() < 1.0

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 from scipy.signal import lfilter
-from scipy.stats import chi2
 
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.noise_spectrum import SlowNoise, slow_noise
@@ -47,19 +46,6 @@ def test_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float)
     effective = np.concatenate([d.effective for d in dwells_of])
     assert np.all(effective <= n[..., 0])
     assert 0.5 < (effective[..., None] * truth).mean() < 1.5
-
-
-@pytest.mark.parametrize("tau", [0.0, 0.05])
-def test_errors_of_the_means_are_as_large_as_stated(tau: float) -> None:
-    total, dof = 0.0, 0
-    for seed in range(2):
-        recorded = record(Recipe(rate=100, stops=(2.0,) * 25, move=1.0, force_tau=tau, seed=seed))
-        z2 = squared_z(recorded, find_dwells(recorded.log))
-        total += z2.sum()
-        dof += 3 * z2.size
-    # 450 errors; the stated variances themselves are uncertain by some percent.
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], dof) / dof
-    assert low * 0.95 < total / dof < high * 1.05
 
 
 def test_noise_as_slow_as_the_stops_is_stated_alike_in_all_axes() -> None:
@@ -132,20 +118,6 @@ def test_drift_is_flagged_with_its_time_and_does_not_widen_the_noise() -> None:
     assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
     quiet = find_dwells(record(Recipe(rate=200, stops=(4.0,) * 12, seed=2)).log)
     assert not in_words(quiet.findings)
-
-
-@pytest.mark.parametrize(("tau", "settle"), [(0.2, 8.0), (1.0, 0.0)])
-def test_stops_are_settled_by_what_their_slow_noise_allows(tau: float, settle: float) -> None:
-    """No stop of 4.5 s is left out for noise that is alike over up to a second of it."""
-    total = []
-    for seed in range(2):
-        recipe = Recipe(
-            rate=100.0, stops=(4.5,) * 12, force_tau=tau, settle=(settle, 0.1, 0.0), seed=seed
-        )
-        recorded = record(recipe)
-        total.append(squared_z(recorded, find_dwells(recorded.log)) / 3.0)
-    # 72 sensors' means, their variance known from the log to about a third where τ is 1 s.
-    assert 0.5 < np.mean(total) < 1.8
 
 
 def test_means_over_a_campaign_scatter_as_the_fitted_noise_says() -> None:

@@ -33,14 +33,6 @@ def test_folder_gives_rig_and_logs(tmp_path: Path) -> None:
     assert [path.relative_to(home).as_posix() for path in campaign.logs] == expected
 
 
-def test_point_files_beside_the_logs_are_no_logs(tmp_path: Path) -> None:
-    flat = RIG.replace("tracker/", "")
-    names = ("log.csv", "nominal.csv", "targets.csv", "servo.csv", "moves.csv")
-    home = make(tmp_path, *names, rig=flat)
-    campaign = resolve([home])
-    assert [path.name for path in campaign.logs] == ["log.csv"]
-
-
 def test_survey_alone_will_do_and_nothing_will_not(tmp_path: Path) -> None:
     campaign = resolve([make(tmp_path / "a", *SURVEY)])
     assert campaign.logs == ()
@@ -57,13 +49,6 @@ def test_files_take_the_rig_beside_them_or_the_given_one(tmp_path: Path) -> None
         assert resolve(paths, other / "rig.yaml").rig.rig.name == "Other rig"
     bare = make(tmp_path / "c", "z.csv", rig=None)
     assert resolve([bare / "z.csv"], other / "rig.yaml").rig.rig.name == "Other rig"
-
-
-def test_recording_folder_is_a_log(tmp_path: Path) -> None:
-    home = make(tmp_path, "bag/metadata.yaml", "bag/bag_0.mcap")
-    campaign = resolve([home / "bag"])
-    assert campaign.logs == (home / "bag",)
-    assert campaign.rig.path == home / "rig.yaml"
 
 
 def test_same_rig_twice_is_no_conflict_but_two_rigs_are(tmp_path: Path) -> None:

@@ -62,11 +62,6 @@ log:
 """
 
 
-def test_several_recorders_may_name_their_fields_alike() -> None:
-    alike = APART.replace("force: f", "force: p")
-    assert len(parse_rig((MINIMAL + alike).encode(), "rig.yaml").log) == 2
-
-
 @pytest.mark.parametrize(
     ("old", "new", "place", "word"),
     [

@@ -11,7 +11,6 @@ from tdfscal.model.parameters import (
     State,
     constants,
     deviation,
-    gravity,
     layout,
     nominal,
     parameter_count,
@@ -73,17 +72,6 @@ def test_a_step_moves_each_quantity_by_its_own_part() -> None:
         assert np.allclose(difference, step[place[name]], rtol=0, atol=1e-12), name
     assert np.allclose(deviation(moved, base), step, rtol=0, atol=1e-11)
     assert not vector(base)[:12].any()
-
-
-def test_gravity_is_turned_by_the_tilt() -> None:
-    """A base turned about x by t feels gravity turned: (0, g sin t, −g cos t)."""
-    base = nominal(RIG)
-    assert np.array_equal(gravity(base, 9.81), [0, 0, -9.81])
-    t = 0.01
-    about_x = gravity(replace(base, tilt=np.array([t, 0.0])), 9.81)
-    assert np.allclose(about_x, [0, 9.81 * np.sin(t), -9.81 * np.cos(t)], rtol=1e-14, atol=1e-14)
-    about_y = gravity(replace(base, tilt=np.array([0.0, t])), 9.81)
-    assert np.allclose(about_y, [-9.81 * np.sin(t), 0, -9.81 * np.cos(t)], rtol=1e-14, atol=1e-14)
 
 
 def stds(rig: Rig, motion: ZeroMotion | None = None) -> dict[str, FloatArray]:

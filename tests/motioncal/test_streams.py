@@ -88,14 +88,6 @@ def test_nothing_bridges_a_hole_or_a_reading_that_is_no_number() -> None:
     ]  # fmt: skip
 
 
-def test_a_clipped_reading_is_marked() -> None:
-    time = np.arange(0, 20, 0.01)
-    slow = slow_streams(
-        [log(time, np.where(np.abs(time - 8) < 0.2, 50.0, 1.0))], np.full((3, 3), 50.0)
-    )
-    assert set(np.round(slow.time[slow.clipped])) == {8.0}
-
-
 def test_weak_derivatives_are_those_of_the_signal() -> None:
     step = 0.05
     time = np.asarray(step * np.arange(1200.0))

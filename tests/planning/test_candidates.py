@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.model.statics import carrying, internal_modes
+from tdfscal.model.statics import internal_modes
 from tdfscal.planning.candidates import check_limits, displacement, draw, travel_limits
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
@@ -25,16 +25,6 @@ def test_internal_modes_have_no_net_wrench_and_are_orthonormal(n: int) -> None:
     assert np.allclose(np.cross(arm[:, None], modes).sum(axis=2), 0.0, atol=1e-12)
     flat = modes.reshape(5, 3 * n - 6, -1)
     assert np.allclose(flat @ np.swapaxes(flat, 1, 2), np.eye(3 * n - 6), atol=1e-12)
-
-
-def test_carrying_forces_balance_the_weight_and_are_the_smallest() -> None:
-    rng = RNG(1)
-    arm, arm_m, weight = rng.normal(size=(4, 3)), rng.normal(size=3), np.array([0.0, 0.0, -4903.0])
-    F = carrying(arm, arm_m, weight)
-    assert np.allclose(F.sum(axis=0), -weight)
-    assert np.allclose(np.cross(arm, F).sum(axis=0), -np.cross(arm_m, weight), atol=1e-9)
-    # Orthogonal to all that could be added without a net wrench.
-    assert np.allclose(np.einsum("dna,na->d", internal_modes(arm), F), 0.0, atol=1e-8)
 
 
 def test_forces_are_those_of_the_simulated_machine() -> None:

@@ -1,6 +1,5 @@
 """Every figure: nothing cut, axes with units, a reading that says the number."""
 
-import re
 from functools import cache
 from itertools import combinations
 
@@ -66,10 +65,3 @@ def test_no_word_is_cut_or_lies_on_another(kind: str) -> None:
             common = Bbox.intersection(first, second)
             overlap = 0 if common is None else min(common.width, common.height)
             assert overlap <= 1, f"{name}: {a!r} lies on {b!r}"
-
-
-@pytest.mark.parametrize("kind", ["self", "joint"])
-def test_axes_name_their_units(kind: str) -> None:
-    for name, (_, _, labels) in words(kind).items():
-        unit = r"mrad|µm|, N$|N·m|, s\b| m$|%|std. unc."
-        assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"

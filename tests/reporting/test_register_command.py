@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import Cli
 from tests.words import texts
 
 RPY = (0.1, -0.2, 0.3)
@@ -66,13 +66,6 @@ def test_groups_that_moved_against_each_other_are_named(
     # Before the numbers that it concerns.
     text = cli("register", *pair, "--unit", "mm").out
     assert ("(jig, second)" in text.split("roll")[0]) == moved
-
-
-def test_groups_in_frames_of_their_own(cli: Cli) -> None:
-    """Targets on several sensors share no frame: the advice is to take them one by one."""
-    survey = SAMPLES / "csv" / "tracker"
-    done = cli("register", survey / "targets.csv", survey / "nominal.csv", "--unit", "mm", ends=4)
-    assert "Each of the groups ncp1, ncp2, ncp3 fits by itself" in done.err
 
 
 def test_options_of_instrument_and_groups(pair: tuple[Path, Path], cli: Cli) -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.findings import Finding
-from tdfscal.model.postures import register
 from tdfscal.model.statics import postures
 from tdfscal.records import Rig
 from tdfscal.selfcal.changes import find_change
@@ -183,20 +182,6 @@ def test_the_run_is_found_among_many_postures() -> None:
     found = find_change(fit, batch.dwells(0).start, np.arange(1, 401))
     assert found is not None
     assert [found.causes[0].values[end] for end in ("posture", "last")] == [138, 303]
-
-
-def test_a_load_laid_on_the_terminal_is_a_contact_too() -> None:
-    """Its direction is the base's: under tilts of 5° a force of the terminal's leaves 5 N of it."""
-    hang = Options(squeeze=100.0, postures=POSTURES)
-    sound = simulation.simulate_dwells(RIG, hang, np.random.default_rng(3), 1)
-    R, _ = register(RIG.hinge, sound.dwells(0).position)
-    at, down = np.array([0.2, -0.1, 0.1]), np.array([0.0, 0.0, -60.0])
-    each = [(k, R[k].T @ down) for k in range(12, POSTURES)]
-    contacts = tuple(Contact(k, tuple(f), tuple(np.cross(at, f))) for k, f in each)
-    (result,) = runs(Faults(contacts=contacts), 3, 1)
-    (found,) = [each for each in result.findings if each.code == "contact-stays"]
-    assert found.values["frame"] == "BCS"
-    assert np.array(found.values["change"]) == pytest.approx(down, abs=1.0)
 
 
 @pytest.mark.parametrize(

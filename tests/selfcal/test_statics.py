@@ -86,8 +86,8 @@ def test_features_jacobian_by_complex_step(n: int) -> None:
         assert np.abs(moved.imag / h - jac[:, j]).max() < 1e-13 * scale, j
 
 
-def test_hinge_and_datum_columns_by_differences() -> None:
-    """The linearised corrections of hinges and datums against balances formed anew.
+def test_columns_of_the_geometry_by_differences() -> None:
+    """The linearised corrections of hinges, datums and compliance against balances formed anew.
 
     The positions are rigid to the last digit here, as the columns assume to first order.
     """
@@ -103,8 +103,10 @@ def test_hinge_and_datum_columns_by_differences() -> None:
 
     at = balance(seen, state, centre, g)
     jac = at.design @ features_jacobian(state, at, g)
-    place, h = layout(3), 1e-5
-    for j in [*range(place["hinge"].start, place["datum"].stop)]:
+    place = layout(3)
+    for j in [*range(place["hinge"].start, place["datum"].stop),
+              *range(place["compliance"].start, place["compliance"].stop)]:  # fmt: skip
+        h = 1e-5 if j < place["datum"].stop else 1e-8
         step = h * np.eye(jac.shape[2])[j]
         difference = (residual(retract(state, step)) - residual(retract(state, -step))) / (2 * h)
         assert np.abs(difference - jac[:, :, j]).max() < 1e-6 * np.abs(jac[:, :, j]).max()

@@ -8,10 +8,8 @@ from tdfscal.records import DeclaredUncertainty, FloatArray, Log
 from tdfscal.simulation import (
     Campaign,
     Options,
-    Recorder,
     reference_rig,
     simulate_campaign,
-    simulate_dwells,
 )
 
 from .rigs import SILENT, chi2_p, exact_rig, loose_rig, plausible, still
@@ -113,27 +111,9 @@ def test_settling_dies_away_and_follows_a_move_only() -> None:
         assert wave[late].max() < 0.05**3 * 20.0 * 5.0  # three times 0.3 s; no draw beyond 5 sd
 
 
-def test_given_commands_are_driven() -> None:
-    rig = exact_rig()
-    first = simulate_campaign(rig, still(postures=5, squeeze=300.0), np.random.default_rng(14))
-    again = simulate_campaign(rig, still(command=first.servo), np.random.default_rng(99))
-    np.testing.assert_allclose(again.servo, first.servo, atol=1e-15)
-    np.testing.assert_allclose(again.force, first.force, atol=1e-6)
-
-
 def test_datum_errors_shift_what_is_logged_and_strain_nothing() -> None:
     rig = replace(exact_rig(), declared=DeclaredUncertainty(datum=1e-4))
     clean = simulate_campaign(exact_rig(), still(postures=3), np.random.default_rng(15))
     taught = simulate_campaign(rig, still(postures=3), np.random.default_rng(15))
     np.testing.assert_allclose(taught.force, clean.force, atol=1e-6)
     np.testing.assert_allclose(taught.servo + taught.truth.datum, clean.servo, atol=1e-15)
-
-
-def test_dwell_means_have_the_stated_scatter() -> None:
-    rig = replace(exact_rig(), declared=DeclaredUncertainty(force_noise=0.4))
-    recorder = Recorder(mean_sd=0.3)
-    batch = simulate_dwells(
-        rig, Options(recorder=recorder, rpy=np.zeros((3, 3))), np.random.default_rng(16), 50
-    )
-    error = batch.means.force - batch.true_force
-    assert plausible(chi2_p(error / np.hypot(0.3, 0.4)))

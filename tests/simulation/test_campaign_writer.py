@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from mcap.reader import make_reader
@@ -75,16 +74,6 @@ def test_csv_read_by_pandas(campaign: Campaign, tmp_path: Path) -> None:
     assert list(frame.columns) == columns
     scale = np.array([1.0, *([1000.0] * 3 + [1.0] * 3) * 3])
     np.testing.assert_allclose(frame.to_numpy() / scale, table(campaign), rtol=4e-16, atol=0.0)
-
-
-def test_parquet_read_by_pyarrow(campaign: Campaign, tmp_path: Path) -> None:
-    write_campaign(campaign, tmp_path / "c", format="parquet")
-    assert "log" not in yaml.safe_load((tmp_path / "c/rig.yaml").read_text())
-    read = pq.read_table(tmp_path / "c/log.parquet", page_checksum_verification=True)
-    names = [f"ncp{i}.{m}" for i in (1, 2, 3) for m in ("x", "y", "z", "fx", "fy", "fz")]
-    assert read.column_names == ["time", *names]
-    columns = np.column_stack([c.to_numpy() for c in read.columns])
-    np.testing.assert_array_equal(columns, table(campaign))
 
 
 def test_mcap_read_by_ros(campaign: Campaign, tmp_path: Path) -> None:

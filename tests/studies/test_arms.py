@@ -1,7 +1,5 @@
 """Free space and docking as studies: what a calibration does, and what hides it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -38,24 +36,6 @@ def test_arms_differ_in_their_angles_alone(compared: tuple[Arm, ...]) -> None:
         rms = float(np.sqrt(np.mean(np.square(std))))
         assert 0.5 * rms < off[name] < 1.5 * rms
     assert off["Eq. 24"] > off["tracker"] > off["ML"] > off["true angles"] == 0.0
-
-
-@pytest.mark.slow
-def test_docking_tells_how_runs_end(compared: tuple[Arm, ...]) -> None:
-    exact = replace(RIG, declared=replace(RIG.declared, positioner=0.0))
-    setup = docking.Setup(exact, SILENT, GearPair(length=0.008), gap=0.005, ramp=0.5)
-    known = replace(compared[-1], name="the truth", assumed=compared[-1].truth)
-    found = docking.simulate(setup, (compared[0], known), np.random.SeedSequence(1))
-    # Mounted to 20 mrad the controller stops at a false force, long before the gears.
-    assert not found.touched[0].any()
-    assert found.jammed[0].all()
-    assert found.seated[1].all()
-    limits = np.array(SILENT.thresholds)
-    within = np.all(found.peak[1, :, :3] <= limits, axis=-1)
-    np.testing.assert_array_equal(found.succeeded[1], within)
-    assert np.isnan(found.maxima(0, seen=True)["none"]).all()
-    table = docking._maxima("a case", found)
-    assert table.rows[0][-1] == 0
 
 
 def test_a_way_beyond_the_travel_is_refused(compared: tuple[Arm, ...]) -> None:

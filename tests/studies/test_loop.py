@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from studies.control.contact import GearPair
-from studies.control.loop import Loop, simulate
-from studies.control.machine import Impedance, Sensing, Servo, transition
+from studies.control.loop import simulate
+from studies.control.machine import Impedance, Servo, transition
 from studies.control.reference import Reference
 from studies.control.runs import Controller
 from studies.control.stability import (
@@ -21,7 +21,7 @@ from studies.control.terminal import Terminal, body, inertia_of
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Load, Pose, rotations, settle
 from tests.simulation.rigs import exact_rig, loose_rig
-from tests.studies.benches import HOME, IDEAL, SHORT, dock, fleet, poses, truths
+from tests.studies.benches import HOME, fleet, poses, truths
 
 
 def still(seconds: float, lanes: int, step: float) -> Reference:
@@ -78,26 +78,6 @@ def test_rest_is_the_static_simulators() -> None:
     np.testing.assert_allclose(R, rest.pose.rotation[:, 0], atol=1e-11)
 
 
-def test_docked_position_is_the_geometric_one() -> None:
-    """No friction, noise or angle errors: play used up, shoulder pressed by the threshold."""
-    gears = replace(SHORT, friction=0.0)
-    off = 4e-4
-    result = dock(truths(3), IDEAL, gears=gears, shift=(off, 0.0))
-    assert np.all(result.seated)
-    x, y, depth, tilt_x, tilt_y, psi = result.q.T
-    force = result.traces.contact[-1]
-    pressed = -force[:, 2] / gears.seat_stiffness
-    np.testing.assert_allclose(depth, gears.length + pressed, atol=1e-6)
-    # Between wall and plan: the tip lies beyond its play by its force over a tooth's stiffness.
-    beyond = x - gears.clearance
-    assert np.all(beyond > 0.0)
-    assert np.all(beyond < IDEAL.impedance.stiffness[0] * off / gears.stiffness)
-    assert np.abs(y).max() <= gears.clearance
-    assert np.abs(psi).max() <= gears.twist
-    # Wall and mouth share the load: what tilt is left is the impedance's answer to a few N·mm.
-    assert np.hypot(tilt_x, tilt_y).max() < 2.0 * gears.clearance / gears.length
-
-
 def swing(
     damping: float, step: float, seconds: float, gears: GearPair | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -147,26 +127,6 @@ def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None
     _, height = swing(0.05, 1e-3, 0.2)
     peaks = np.abs(height[180:]).max() / 2e-5
     assert np.exp(-0.05 * vertical * 0.2) < peaks < np.exp(-0.05 * vertical * 0.18)
-
-
-def test_a_light_virtual_mass_shakes_the_loop_up_as_its_eigenvalue_says() -> None:
-    """80 kg that carry 500: the sensors feel m·a, and the answer to it is six times too large."""
-    heavy = Controller(sensing=Sensing(noise=0.0, gain=1.0), servo=Servo(resolution=0.0))
-    light = replace(heavy, impedance=replace(heavy.impedance, mass=(80.0,) * 3 + (12.0,) * 3))
-    at = nominal_body(exact_rig(), light)
-    expected = growth(at, light, np.zeros((6, 6)))
-    assert 1.1 < expected < 1.7
-    truth = truths(1, loose=False)
-    pushed = replace(truth, zero=truth.zero + 1e-6)
-    machines = fleet(truth, pushed, rig=exact_rig(), tared=False)
-    quick = replace(light, trace_rate=250.0)
-    traces = Loop(machines, quick, still(0.6, 1, 4e-3)).run().traces
-    size = np.linalg.norm(traces.deviation[:, 0], axis=1)
-    # Oscillations beat against each other; over 50 samples the largest wins.
-    rate = (size[140:150].max() / size[90:100].max()) ** (1 / 50)
-    assert rate == pytest.approx(expected, rel=0.01)
-    settled = Loop(machines, replace(Controller(), trace_rate=250.0), still(0.4, 1, 4e-3)).run()
-    assert np.abs(settled.traces.deviation).max() < 1e-4
 
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7])

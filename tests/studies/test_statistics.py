@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from studies.frame import Beside
 from studies.statistics import (
-    Estimate,
     bias_probability,
     deviation,
     drawn_alike,
@@ -55,17 +53,3 @@ def test_one_more_run_is_called_different_at_the_stated_rate(bound: str) -> None
     draws = np.exp(RNG.normal(size=(4000, 17)))
     called = np.mean([drawn_alike(x[0], x[1:], bound) < 0.05 for x in draws])
     assert abs(called - 0.05) < 3.3 * np.sqrt(0.05 * 0.95 / 4000)
-
-
-def beside(paper: float, value: float, std: float, bound: str = "") -> str:
-    return Beside("Fig. 0", "x", "", paper, Estimate(value, std), bound).verdict
-
-
-def test_verdicts_of_means() -> None:
-    assert beside(1.0, 1.15, 0.1) == "agrees"
-    assert beside(1.0, 1.25, 0.1) == "differs"
-    assert beside(1.0, np.nan, 0.1) == "no result"
-    assert beside(1.0, 0.7, 0.1, "<") == "agrees"
-    assert beside(1.0, 0.9, 0.1, "<") == "undecided"
-    assert beside(1.0, 1.3, 0.1, "<") == "differs"
-    assert beside(1.0, 0.7, 0.1, ">") == "differs"

@@ -205,20 +205,6 @@ def test_a_log_without_a_common_instant_is_refused(
     assert [path.name for path in tmp_path.iterdir()] == ["apart"]
 
 
-def test_the_embedded_rig_serves_where_there_is_no_other(
-    places: Places, cli: Cli, tmp_path: Path
-) -> None:
-    log = tmp_path / "log.mcap"
-    shutil.copy(places.held / "log.mcap", log)
-    found = tmp_path / "c.yaml"
-    shutil.copy(places.calibration, found)
-    other = {"operator": "of the calibration"}
-    edited(found, lambda d: d.update(rig={**d["rig"], "campaign": other}, content_sha256=None))
-    assert (
-        cli.json("validate", found, log, ends=0)["rig"]["campaign"] is None
-    )  # the log's own is not known
-
-
 def test_a_rejected_calibration_passes_no_check_and_is_used_with_a_loud_warning(
     places: Places, cli: Cli, tmp_path: Path
 ) -> None:

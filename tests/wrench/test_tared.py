@@ -39,16 +39,6 @@ def test_a_tare_is_told_with_its_size_and_the_calibration_holds() -> None:
     assert np.all(stats.chi2.cdf(total, RUNS) > 1e-4)
 
 
-def test_a_sensor_turned_by_4_mrad_is_named_through_a_tare() -> None:
-    named = 0
-    for t in range(RUNS):
-        turn = np.random.default_rng(t).standard_normal(3)
-        turn *= 4e-3 / np.linalg.norm(turn)
-        v = verdict(t, tared(turned(world(TRIALS), t, t % 3, turn), t)[0])
-        named += any(c.kind == "sensor turned" and c.support == t % 3 for c in v.suspected)
-    assert named == RUNS
-
-
 def test_zeros_beside_a_turn_are_those_of_the_tare() -> None:
     """A turn of 8 mrad moves readings by newtons, as zeros would: it is no part of theirs."""
     squares = []

@@ -47,11 +47,6 @@ def test_samples_that_do_not_ascend_are_left_out_and_counted(tmp_path: Path) -> 
     assert "1 step back by up to 0.009 s" in warning
 
 
-def test_too_many_duplicates_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="of 1000 samples of column time, 500 repeat"):
-        read([csv(tmp_path, np.repeat(np.arange(500.0), 2))])
-
-
 @pytest.mark.parametrize("jump", [-1.5, -3600.0])
 def test_clock_set_back_is_refused(tmp_path: Path, jump: float) -> None:
     times = np.arange(5000) * 0.01 + 1e4
@@ -66,20 +61,6 @@ def test_rows_in_another_order_are_refused(tmp_path: Path, step: int) -> None:
     with pytest.raises(DataError, match=r"[Ss]ort the rows") as refused:
         read([csv(tmp_path, order[1:])])
     assert ("newest rows come first" in str(refused.value)) == (step == -1)
-
-
-def test_gaps_are_counted(tmp_path: Path) -> None:
-    times = np.arange(3000) * 0.01
-    times[1000:] += 0.045
-    times[2000:] += 7.0
-    log = read([csv(tmp_path, times)])
-    assert len(log.position[0].time) == 3000
-    (warning,) = in_words(log.findings)
-    assert "2 gaps of more than 5 periods of 0.01 s" in warning
-    assert "longest of 7.01 s at 20.035 s" in warning
-    times = np.arange(3000) * 0.01
-    times[1000:] += 0.035
-    assert in_words(read([csv(tmp_path, times)]).findings) == ()
 
 
 def test_several_files_are_one_campaign_in_order_of_time(tmp_path: Path) -> None:

@@ -63,24 +63,6 @@ def test_csv_without_the_columns_or_with_nothing_in_them(
         read(path, folder)
 
 
-@pytest.mark.parametrize("cell", ["nan", ""])
-def test_one_hole_is_no_axis_that_nobody_measures(
-    folders: dict[str, Path], tmp_path: Path, cell: str
-) -> None:
-    """It is named by its line; without that line the log is read."""
-    folder, path = folders["csv"], tmp_path / "log.csv"
-    lines = (folder / "log.csv").read_text().splitlines()
-    cells = lines[7].split(",")
-    cells[lines[0].split(",").index("TDFS3_Fy")] = cell
-    path.write_text("\n".join([*lines[:7], ",".join(cells), *lines[8:]]) + "\n")
-    with pytest.raises(DataError, match="line 8, column TDFS3_Fy") as refused:
-        read(path, folder)
-    assert "axes" not in str(refused.value)
-    path.write_text("\n".join(lines[:7] + lines[8:]) + "\n")
-    whole = read(folder / "log.csv", folder).force[2].value
-    assert np.array_equal(read(path, folder).force[2].value, np.delete(whole, 6, axis=0))
-
-
 def test_messages_with_nan(tmp_path: Path) -> None:
     truth = make_truth()
     truth.force[2][:, 1] = np.nan

@@ -1,6 +1,5 @@
 """Parquet logs."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
 
 ONE = ("a",)
-STRUCT = LogMapping(ONE, (("p",),), (("f",),))
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
 
 
@@ -31,17 +29,6 @@ def read(tmp_path: Path, columns: dict[str, Any], mapping: LogMapping | None = N
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(columns), path)
     return read_log([path], mapping, ONE)
-
-
-def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
-    vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
-    columns = {"time": [10, 20], "p": vectors, "f": vectors}
-    mapping = replace(STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time_unit="ms")
-    log = read(tmp_path, columns, mapping)
-    values = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
-    np.testing.assert_allclose(log.position[0].value, values * 1e-6, rtol=3e-16)
-    np.testing.assert_allclose(log.force[0].value, -values * 1e3, rtol=3e-16)
-    np.testing.assert_allclose(log.force[0].time, [0.01, 0.02], rtol=3e-16)
 
 
 def test_number_types_and_timestamps(tmp_path: Path) -> None:
@@ -132,18 +119,3 @@ def test_dates_as_texts_are_read_as_in_csv(tmp_path: Path, kind: pa.DataType, wr
     assert described[1].mapping.time_field == "time"
     kinds = [{f.name: f.kind for f in d.contents[0].streams[0].fields} for d in described]
     assert kinds[0]["time"] == kinds[1]["time"] == "date and time"
-
-
-@pytest.mark.parametrize(
-    ("time", "match"),
-    [
-        (["0.1", "0.2", "0.3"], "column time holds string, not numbers"),
-        (["2026-11-21T14:03:05", None, "2026-11-21T14:03:06"], "column time, row 1: .* is empty"),
-        (["2026-11-21T14:03:05", "2026-11-21T14:03:06", "noon"], "row 2: 'noon' is no date and"),
-    ],
-)
-def test_texts_that_are_no_dates_are_named(
-    tmp_path: Path, time: list[str | None], match: str
-) -> None:
-    with pytest.raises(DataError, match=match):
-        read(tmp_path, plain(time=time))

@@ -157,13 +157,3 @@ def test_streams_that_take_turns(
     guess = describe_logs([tmp_path / "log.csv"]).guess
     assert guess.mapping is not None
     assert guess.mapping.supports == SUPPORTS
-
-
-def test_a_hole_in_a_vector_is_refused(tmp_path: Path) -> None:
-    def hole(table: pd.DataFrame) -> pd.DataFrame:
-        table.loc[table["ncp2.fy"].dropna().index[7], "ncp2.fy"] = np.nan
-        return table
-
-    turns(tmp_path / "log.csv", hole)
-    with pytest.raises(DataError, match=r"column ncp2.fy: the cell is empty"):
-        read_log([tmp_path / "log.csv"], None, SUPPORTS)

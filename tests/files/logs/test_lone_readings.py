@@ -52,18 +52,6 @@ def test_a_spoilt_cell_moves_nothing(campaign: Path, column: int, cell: str, par
     np.testing.assert_allclose(found.position, whole.position, rtol=0, atol=1e-7)
 
 
-def test_noise_and_what_lasts_are_no_lone_readings(tmp_path: Path) -> None:
-    """White noise, a step, and a burst of two samples are left to the search for dwells."""
-    path = tmp_path / "log.csv"
-    frame = table(make_truth(2000))
-    frame.loc[500:501, "ncp1.fz"] = 1e6
-    frame["ncp2.x"] += 5.0 * (np.arange(2000) >= 900)
-    frame.to_csv(path, index=False)
-    log = read_log([path], None, SUPPORTS)
-    assert not in_words(log.findings)
-    assert {len(series.time) for series in (*log.position, *log.force)} == {2000}
-
-
 def test_a_flicker_of_the_last_digit_stays(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     frame = table(make_truth(2000))
