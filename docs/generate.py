@@ -113,7 +113,7 @@ def _codes(severity: Severity) -> Iterator[str]:
 
 
 def _beginning(text: str) -> str:
-    text = text.rpartition("say about as well that ")[2]
+    text = text.rpartition("may as well mean that ")[2]
     words = re.split("[:;]| \\(|, (?:which|and|or|as if|by) ", text)[0].split()
     return " ".join(words[:_GLOSS]) + (" …" if len(words) > _GLOSS else "")
 

@@ -6,10 +6,13 @@ from __future__ import annotations
 
 from tdfscal.catalogue.entry import Entry, entries
 
-_SHIFT = "({p}), which would move {angle} by {shift:.1f} of its standard uncertainties"
+_SHIFT = (
+    "({p}); uncorrected, this puts {angle} off by {harm}, {shift:.1f} times its standard "
+    "uncertainty"
+)
 _BESIDES = """
-  ? zero and the zero {zero} by {zero_shift:.1f}
-  ? held ; till it is mended, the stated uncertainty holds that move
+  ? zero , and the zero {zero} by {zero_shift:.1f} times its own
+  ? held ; the uncertainty that is given allows for it
 """
 SUSPECTS: dict[str, Entry] = entries(
     """
@@ -85,7 +88,7 @@ sensor-slipped warns
   the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
   of the BCS{posture: before posture ~|}{between:time}
   -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    {campaign:~|the campaign} again{cut:; as it sits since, --from ~ calibrates it|}
+    {campaign:~|the campaign} again{cut:; as it sits now, the part --from ~ calibrates it|}
 zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
   sensor{posture: before posture ~|}{between:time}
@@ -99,7 +102,7 @@ contact-stays warns
     and record these postures again. The readings alone cannot tell it from an opposite push
     in all other postures: if it was those that were touched, record them again instead
 """,
-    f"the residuals{{campaign: of ~|}} say {{tied:about as well that|that}} %s {_SHIFT}",
+    f"the residuals{{campaign: of ~|}} {{tied:may as well mean|say}} that %s {_SHIFT}",
     _BESIDES,
 ) | entries(
     """
@@ -117,20 +120,20 @@ supports-give warns
   -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
     vertical: {stated}}}` in rig.yaml
 frame-turned warns
-  the frame of the positioner of {subject} is turned ({amount:rad} about x, y, z)
+  the frame of the positioner of {subject} is turned by {amount:rad} about x, y, z
   -> align or calibrate the positioner of {subject}; hinge distances show no error
     that all positioners share
 frame-scaled warns
-  the frame of the positioner of {subject} is scaled ({amount:1} along x, y, z)
+  the frame of the positioner of {subject} is scaled by {amount:1} along x, y, z
   -> align or calibrate the positioner of {subject}; hinge distances show no error
     that all positioners share
 frame-not-square warns
-  the frame of the positioner of {subject} is not square ({amount:rad} of yz, xz,
-  xy)
+  the frame of the positioner of {subject} is not square, by {amount:rad} of yz, xz,
+  xy
   -> align or calibrate the positioner of {subject}; hinge distances show no error
     that all positioners share
 """,
-    f"the distances between hinges say {{tied:about as well that|that}} %s {_SHIFT}",
+    f"the distances between hinges {{tied:may as well mean|say}} that %s {_SHIFT}",
     f"{_BESIDES}  ? elsewhere ; other distances disagree too",
 )
 
@@ -242,11 +245,11 @@ noise-overstated warns
     once a second campaign says so too
 mass-exact warns
   the mass is stated as exact: an error of 0.1 % would move the zero {zero} by {moved:N}
-  ({shift:.2g} of its standard uncertainties) and hardly show in a residual
+  ({shift:.2g} times its standard uncertainty) and hardly show in a residual
   -> write its own as `terminal.mass.std`, or tare
 barycentre-exact warns
   the barycentre is stated as exact: an error of 1 mm would move the zero {zero} by {moved:N}
-  ({shift:.2g} of its standard uncertainties) and hardly show in a residual
+  ({shift:.2g} times its standard uncertainty) and hardly show in a residual
   -> write its own as `terminal.barycenter.std`, or tare
 parabola-estimated notes
   the residuals ask for more than a slope of the zeros in time: a parabola was

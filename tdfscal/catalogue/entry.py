@@ -86,11 +86,11 @@ def _clause(value: str, text: str) -> tuple[str, str]:
 
 
 class _Sizes(list[float]):
-    """Sizes, and those `beside` them in the same unit; an uncertainty is given 2 digits."""
+    """Sizes with the uncertainty of each, and what is `beside` them in the same unit."""
 
-    def __init__(self, sizes: Sequence[float], beside: Sequence[float], digits: int = 3) -> None:
+    def __init__(self, sizes: Sequence[float], stds: Sequence[float], beside: Sequence[float]):
         super().__init__(sizes)
-        self.beside, self.digits = beside, digits
+        self.stds, self.beside = stds, beside
 
 
 class _Words(Formatter):
@@ -115,9 +115,11 @@ class _Words(Formatter):
             return "–"
         if format_spec == "when":
             return when(value)
+        if isinstance(value, _Sizes):
+            unit, sign = ("", format_spec) if format_spec in ("+", "-") else (format_spec, "")
+            return quantity(value, unit, value.beside, value.stds, sign)
         if format_spec in UNITS:
-            beside, digits = getattr(value, "beside", ()), getattr(value, "digits", 3)
-            return quantity(value, format_spec, beside, digits)
+            return quantity(value, format_spec)
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = ", ".join(without_exponent(format(each, format_spec)) for each in value)
         if isinstance(value, str):
@@ -135,23 +137,32 @@ def _fields(finding: Finding) -> dict[str, Any]:
     if isinstance(between := finding.values.get("between"), list):
         fields["cut"] = f"{between[1]:.1f}"
     std = finding.values.get("std")
-    beside = [std] if isinstance(std, float) else []
+    known = [std] if isinstance(std, float) else []
+    beside = known.copy()
     for name, half in finding.values.items():
         value = finding.values.get(stem := name.removesuffix("_95"))
-        if stem != name and isinstance(value, list) and isinstance(half, list):
-            both = (*value, *half)
+        if stem == name:
+            continue
+        if isinstance(value, float) and isinstance(half, float):
+            value, half = [value], [half]
+        if isinstance(value, list) and isinstance(half, list):
+            both = [float(one) for one in (*value, *half)]
             beside += both if stem == "change" else ()
             largest = both if size is None or stem != "change" else (*both, size)
-            fields |= {stem: _Sizes(value, largest), name: _Sizes(half, largest, 2)}
+            stds = both[len(value) :]
+            fields |= {stem: _Sizes(both[: len(value)], stds, largest)}
+            fields |= {name: _Sizes(stds, stds, largest)}
     if size is not None:
-        fields |= {"size": quantity(size, finding.unit, beside), "number": size}
+        fields |= {"size": quantity(size, finding.unit, beside, known), "number": size}
         fields["several"] = f"{size:.0f}" if size > 1.0 else ""
         fields["stated"] = upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
         if isinstance(std, float):
-            fields["spread"] = quantity(std, finding.unit, (size,), 2)
+            fields["spread"] = quantity(std, finding.unit, (size, *beside), known)
     if isinstance(half := finding.values.get("expanded"), float):
         fields["difference"] = with_std(fields["difference"], half, "+")
+    if finding.harm is not None:
+        fields["harm"] = quantity(finding.harm, "rad", stds=[finding.harm])
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields

@@ -54,16 +54,16 @@ change-zero-drifted rejects
   {change:N} along x, y, z of the sensor, ± {change_95:N} (95 %)
   -> tare, and validate again; if it returns, calibrate again
 change-gain rejects
-  the gain of {subject} has changed by {change:+.3g} ± {change_95:.2g} % (95 %)
+  the gain of {subject} has changed by {change:+} ± {change_95:-} % (95 %)
   along {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
   -> have this sensor, its amplifier and its cable checked; calibrate again with
     uncertainty.force_sensitivity declared until then
 change-gains rejects
-  the gains of all sensors have changed alike by {change:+.3g} ± {change_95:.2g} % (95 %)
+  the gains of all sensors have changed alike by {change:+} ± {change_95:-} % (95 %)
   -> weigh the terminal; where that is right, look at what the amplifiers have in common (supply,
     range, unit), then calibrate again
 change-load rejects
-  the terminal's mass has changed by {mass:+.3g} ± {mass_95:.2g} kg (95 %)
+  the terminal's mass has changed by {mass:+} ± {mass_95:-} kg (95 %)
   ? shifted , and its barycentre by {barycentre:m}, ± {barycentre_95:m}
   -> correct the load, or the rig file and calibrate again
 change-base-tilted rejects

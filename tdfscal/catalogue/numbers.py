@@ -38,11 +38,16 @@ _EPS = 1e-9
 
 
 def quantity(
-    size: float | Sequence[float], unit: str, beside: Sequence[float] = (), digits: int = 3
+    size: float | Sequence[float],
+    unit: str,
+    beside: Sequence[float] = (),
+    stds: Sequence[float] = (),
+    sign: str = "",
 ) -> str:
     """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several.
 
-    beside : what is said in the same unit in the same sentence. digits : significant ones.
+    beside : what is said in the same unit in the same sentence. stds : the uncertainty of each, by
+    whose two digits it is written; else it has three. sign : "+" writes that of positive ones.
     """
     each = [size] if isinstance(size, int | float) else list(size)
     largest = max((abs(value) for value in (*each, *beside) if np.isfinite(value)), default=0.0)
@@ -50,9 +55,16 @@ def quantity(
     name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
     if largest == 0.0:
         name, factor = ways[0]
-    said = ", ".join(rounded(value * factor, digits) for value in each)
-    said = said if isinstance(size, int | float) else f"({said})"
-    return f"{said} {name}".rstrip()
+    said = [rounded(value * factor, 3) for value in each]
+    if known := max(stds, default=0.0):
+        ends = (places(factor * (std or known)) for std in stds)
+        said = [to_place(factor * v, at, sign) for v, at in zip(each, ends, strict=True)]
+    return f"{bracketed(said)} {name}".rstrip()
+
+
+def bracketed(said: Sequence[str]) -> str:
+    """Return several words as one: in brackets."""
+    return f"({', '.join(said)})" if len(said) > 1 else "".join(said)
 
 
 def by_wall_clock(*times: float) -> bool:

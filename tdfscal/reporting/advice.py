@@ -268,7 +268,7 @@ def _remedy(c: Calibration, source: str) -> str:
     name, remedy = SOURCES.get(source, (source, ""))
     if c.motion is not None:
         remedy = _IN_MOTION.get(source, remedy)
-    return remedy and f"{remedy} would lower the uncertainty, which is mostly that of {name}"
+    return remedy and f"{remedy} would lower the uncertainty, which comes mostly from {name}"
 
 
 def _many_rejected(c: Calibration) -> tuple[RejectedPosture, ...]:

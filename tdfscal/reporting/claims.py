@@ -144,9 +144,8 @@ def search_test(v: Tested) -> str:
 
 
 def chi2_test(v: Tested) -> str:
-    """The probability of χ², with its limit; and by what, where it is not by χ² alone."""
-    by = ", by Fisher's F" if np.isfinite(v.judged.noise_dof) else ""
-    return f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}{by}"
+    """The probability of χ², with its limit."""
+    return f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}"
 
 
 def extent(v: Tested) -> str:

@@ -45,8 +45,8 @@ SOURCES = {
     "datum": ("the servo datums", "measuring the servo datums"),
     "gravity": ("the level of the base", "levelling the BCS"),
     "sensitivity": ("the gain of the sensors", "calibrated gains"),
-    "instrument angles": ("the angles of the tracker", "a tracker nearer to the rig"),
-    "instrument range": ("the range of the tracker", ""),
+    "instrument angles": ("the tracker's angles", "a tracker nearer to the rig"),
+    "instrument range": ("the tracker's range", ""),
     "noise spectrum": ("the spectrum of the noise", "a longer motion"),
     EARLIER: ("the calibration that was updated", ""),
     "walk": ("the walk of the angles", "calibrating more often"),
@@ -163,7 +163,7 @@ def _trusted(c: Calibration) -> str:
         move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
         if min(std) == max(std) and move > _NOTABLE * half_widths(c).max():
             parts.append(
-                f"The {name} counts as stated, to {quantity(std[0], unit)}: "
+                f"The {name} counts as good to {quantity(std[0], unit)}, as stated: "
                 f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."
             )
     return " ".join(parts)

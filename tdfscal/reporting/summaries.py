@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import places, rounded, to_place, with_std
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -145,7 +145,8 @@ def capability_report(
         accepted=not (bad or noiseless),
         claim=f"A machine that stops at these thresholds stops falsely at most "
         f"{request.false_stops:g} times an hour and axis{apart}. It then sees the smallest contact "
-        f"below with {request.detect:.4g} probability; the shares say what that size comes from.",
+        f"below with {100 * request.detect:.4g} % probability; the shares say what that comes "
+        "from.",
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
@@ -291,15 +292,15 @@ def registration_report(r: PointRegistration) -> Report:
     names = (*ANGLES, "translation x", "translation y", "translation z")
     stds, units = (*r.rpy_std, *r.translation_std), ("mrad",) * 3 + ("mm",) * 3
     values = tuple(
-        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", unit)
+        (name, *(to_place(1e3 * v, places(1e3 * std)) for v in (value, std)), unit)
         for name, value, std, unit in zip(names, (*r.rpy, *r.translation), stds, units, strict=True)
     )
     residuals = tuple(
-        (name, *(f"{1e3 * v:.4f}" for v in (*d, np.linalg.norm(d))))
+        (name, *(to_place(1e3 * v, 4) for v in (*d, np.linalg.norm(d))))
         for name, d in zip(r.names, r.residual, strict=True)
     )
-    rotation = tuple(tuple(f"{v:+.12f}" for v in row) for row in r.rotation)
-    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm (not applied)"
+    rotation = tuple(tuple(to_place(v, 12, "+") for v in row) for row in r.rotation)
+    scale = f"1 + ({with_std(1e6 * (r.scale - 1), 1e6 * r.scale_std)}) ppm (not applied)"
     if r.chi2 is None or r.p_value is None:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
         fit = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")

@@ -306,7 +306,11 @@ def _provenance(v: Tested, origin: Origin) -> Section:
     return origin.making.section(
         calibration_fact(origin.name, c),
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
-        ("χ² test", f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"),
+        (
+            "χ² test",
+            f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"
+            + ", by Fisher's F" * bool(np.isfinite(v.judged.noise_dof)),
+        ),
         ("Single change", f"the likeliest one, by chance alone: {search_test(v)}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),
