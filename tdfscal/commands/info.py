@@ -14,9 +14,9 @@ from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
-from tdfscal.logs.describe import LogInfo, as_document, describe_logs
+from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.reporting.layout import Drawing
-from tdfscal.reporting.log_description import as_text
+from tdfscal.reporting.log_description import as_document, as_text
 
 
 @record(eq=False)

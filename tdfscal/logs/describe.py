@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from glob import escape
 from itertools import product, takewhile
@@ -217,23 +216,18 @@ class _Used:
 
     def _signals(self) -> tuple[Signal, ...]:
         """What the clocks have counted; none where none has."""
-        recorders, kinds = self._info.recorders, ("position", "force")
-        result = []
-        for clock, (quantity, name) in zip(
-            self._clocks, product(kinds, self._supports), strict=True
-        ):
+        recorders, found = self._info.recorders, []
+        each = product(("position", "force"), self._supports)
+        for clock, (quantity, name) in zip(self._clocks, each, strict=True):
             index = recorders[0].supports.index(name)
-            named = [(r.position if quantity == "position" else r.force)[index] for r in recorders]
+            named = (getattr(recorder, quantity)[index] for recorder in recorders)
+            fields, (_, gaps) = next(filter(None, named), ()), clock.intervals()
             start, end = clock.span or (None, None)
-            rate = None
-            if start is not None and end is not None and end > start:
-                rate = (clock.count - 1) / (end - start)
-            fields, (longest, _) = next(filter(None, named), ()), clock.longest
-            _, gaps = clock.intervals()
-            result.append(
-                Signal(name, quantity, fields, clock.count, start, end, rate, gaps, longest)
-            )
-        return tuple(result) if any(clock.count for clock in self._clocks) else ()
+            span = (end or 0.0) - (start or 0.0)
+            rate = (clock.count - 1) / span if span > 0 else None
+            last = (rate, gaps, clock.longest[0])
+            found.append(Signal(name, quantity, fields, clock.count, start, end, *last))
+        return tuple(found) if any(clock.count for clock in self._clocks) else ()
 
 
 def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]]:
@@ -287,54 +281,17 @@ def _common(names: Sequence[str]) -> str:
     return "".join(own[0] for own in letters)
 
 
-def as_document(info: LogInfo) -> dict[str, Any]:
-    """One object: files, mapping (also as YAML text), signals, dwells, problems."""
-    guess, offset, dwells = info.guess.recorders, None, None
-    if info.offset is not None:
-        definition = "time of the forces less that of the positions"
-        offset = {**asdict(info.offset), "definition": definition}
-    if info.dwells is not None:
-        dwells = {
-            "count": len(info.dwells),
-            "start": np.asarray(info.dwells.start).tolist(),
-            "end": np.asarray(info.dwells.end).tolist(),
-            "left_out": [asdict(out) for out in info.dwells.left_out],
-        }
-    return {
-        "files": [_file(contents) for contents in info.contents],
-        "read_with": info.source if info.mapping else None,
-        "mapping": {"log": info.block(guess)} if guess else None,
-        "mapping_yaml": mapping_block(info) if guess else None,
-        "mapping_notes": list(info.guess.notes),
-        "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
-        "inputs": [asdict(file) for file in info.inputs],
-        "clocks": [asdict(clock) for clock in info.clocks],
-        "time_offset": offset,
-        "dwells": dwells,
-        "problems": list(info.problems),
-    }
-
-
-def _file(contents: Contents) -> dict[str, Any]:
-    return {
-        "path": printable(str(contents.path)),
-        "format": contents.format,
-        "bytes": contents.bytes,
-        "streams": [asdict(stream) for stream in contents.streams],
-    }
-
-
 def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
     """The block as plain values, without what says no more than the default."""
 
     def fields(names: tuple[str, ...]) -> str | list[str]:
         return names[0] if len(names) == 1 else list(names)
 
-    supports: dict[str, dict[str, str | list[str]]] = {}
-    for what, named in (("position", mapping.position), ("force", mapping.force)):
-        for name, own in zip(mapping.supports, named, strict=True):
-            if own:
-                supports.setdefault(name, {})[what] = fields(own)
+    supports = {
+        name: {what: fields(own) for what, own in (("position", move), ("force", load)) if own}
+        for name, move, load in zip(mapping.supports, mapping.position, mapping.force, strict=True)
+        if move or load
+    }
     timed = {"field": mapping.time_field, "unit": mapping.time_unit}
     block: dict[str, Any] = {
         "files": mapping.files,

@@ -244,11 +244,10 @@ class LogFile(ABC):
         with placed(self.path), damage(self.path, *self.faults):
             with self.path.open("rb") as file:
                 opening = file.read(max(len(self.mark), _SHORTEST))
+            if not opening.strip():
+                raise DataError("the file is empty", hint=AGAIN)
             if len(opening) < max(len(self.mark), _SHORTEST):
-                if not opening.strip():
-                    raise DataError("the file is empty", hint=AGAIN)
-                count = "1 byte" if len(opening) == 1 else f"{len(opening)} bytes"
-                raise DataError(f"the file ends after {count}: it was cut short", hint=AGAIN)
+                raise DataError("the file was cut short in its first bytes", hint=AGAIN)
             if not opening.startswith(self.mark):
                 raise DataError(
                     f"the file is no {self.kind}: it does not begin as one",

@@ -1,9 +1,11 @@
-"""What is in some logs, as plain text."""
+"""What is in some logs, as plain text, and as a document."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.catalogue.numbers import by_wall_clock, when
 from tdfscal.errors import visible
+from tdfscal.files.saving import printable
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
@@ -29,6 +32,43 @@ def as_text(info: LogInfo) -> str:
     lines = [line for block in map(list, blocks) if block for line in (*block, "")]
     lines += _mapping(info)
     return "\n".join(map(visible, lines)).rstrip("\n") + "\n"
+
+
+def as_document(info: LogInfo) -> dict[str, Any]:
+    """One object: files, mapping (also as YAML text), signals, dwells, problems."""
+    guess, offset, dwells = info.guess.recorders, None, None
+    if info.offset is not None:
+        definition = "time of the forces less that of the positions"
+        offset = {**asdict(info.offset), "definition": definition}
+    if info.dwells is not None:
+        dwells = {
+            "count": len(info.dwells),
+            "start": np.asarray(info.dwells.start).tolist(),
+            "end": np.asarray(info.dwells.end).tolist(),
+            "left_out": [asdict(out) for out in info.dwells.left_out],
+        }
+    files = [
+        {
+            "path": printable(str(contents.path)),
+            "format": contents.format,
+            "bytes": contents.bytes,
+            "streams": [asdict(stream) for stream in contents.streams],
+        }
+        for contents in info.contents
+    ]
+    return {
+        "files": files,
+        "read_with": info.source if info.mapping else None,
+        "mapping": {"log": info.block(guess)} if guess else None,
+        "mapping_yaml": mapping_block(info) if guess else None,
+        "mapping_notes": list(info.guess.notes),
+        "signals": [asdict(signal) for signal in info.signals],
+        "inputs": [asdict(file) for file in info.inputs],
+        "clocks": [asdict(clock) for clock in info.clocks],
+        "time_offset": offset,
+        "dwells": dwells,
+        "problems": list(info.problems),
+    }
 
 
 def _file(contents: Contents) -> Iterator[str]:

@@ -160,7 +160,7 @@ def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
             np.testing.assert_array_equal(series.value, true[: len(series.value)])
         return
     said = {0.0: "the file is empty. Record or copy it again.",
-            1e-9: "the file ends after 1 byte: it was cut short. Record or copy it again.",
+            1e-9: "the file was cut short in its first bytes. Record or copy it again.",
             }.get(share, "cut short")  # fmt: skip
     for look in (lambda: read_log([path], mapping, SUPPORTS), lambda: describe_logs([path])):
         with pytest.raises(DataError, match=rf"{re.escape(str(path))}: .*{said}") as caught:
