@@ -19,11 +19,7 @@ from tdfscal.records import FloatArray
 _OPENING: Final = 4096
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
-_INDEXED: Final = re.compile(
-    r"(?P<prefix>.{1,200}?)(?:(?P<mark>[_.])(?P<plain>\d)|\[(?P<inner>\d)\])"
-)
-
-_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)(?P<number>\d{1,4})")
+_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)(?P<mark>[_.\[]?)(?P<number>\d{1,4})\]?")
 _CHANNELS: Final = 9
 
 Format = Literal["csv", "parquet", "mcap", "bag"]
@@ -108,8 +104,8 @@ class Contents:
     @property
     def repeated(self) -> list[str]:
         """Columns that are there more than once: which of them is meant is not known."""
-        names = Counter(f.name for stream in self.streams for f in stream.fields)
-        return [] if self.by_topic else sorted(name for name, times in names.items() if times > 1)
+        names = [field.name for stream in self.streams for field in stream.fields]
+        return [] if self.by_topic else _repeated(names)
 
     @property
     def by_topic(self) -> bool:
@@ -138,57 +134,42 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
     return found
 
 
-def indexed_axes(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
-    """Find names that end in 0, 1, 2, or in 0 to 5 as poses and wrenches do: (prefix, first three).
-
-    `actual_TCP_pose_0`, `force[0]`, `position.0`.
-    """
-    groups: dict[tuple[str, str], dict[int, str]] = {}
-    for name in names:
-        if (match := _INDEXED.fullmatch(name)) is not None:
-            style = "[" if match["inner"] else match["mark"]
-            index = int(match["inner"] or match["plain"])
-            groups.setdefault((match["prefix"], style), {})[index] = name
-    return [
-        (prefix, (own[0], own[1], own[2]))
-        for (prefix, _), own in groups.items()
-        if sorted(own) in (list(range(3)), list(range(6)))
-    ]
-
-
-def numbered_axes(
-    names: Sequence[str], units: Mapping[str, str | None]
-) -> list[tuple[str, tuple[str, str, str]]]:
-    """Find nine or more channels of one unit that are numbered from 1 on, three by three.
-
-    `AI1 [kN]` to `AI12 [kN]` of a measuring amplifier: (name with the number of three, the three).
-    """
-    runs: dict[tuple[str, str], list[str]] = {}
-    for name in names:
-        match, unit = _NUMBERED.fullmatch(name), units.get(name)
-        if match is not None and unit is not None:
-            runs.setdefault((match["prefix"], unit), []).append(name)
-    found = []
-    for (prefix, _), own in runs.items():
-        numbers = [int(name.removeprefix(prefix)) for name in own]
-        if (
-            len(own) >= _CHANNELS
-            and len(own) % 3 == 0
-            and numbers == [*range(numbers[0], numbers[0] + len(own))]
-        ):
-            found += [(f"{prefix}* {k // 3 + 1}", (own[k], own[k + 1], own[k + 2]))
-                      for k in range(0, len(own), 3)]  # fmt: skip
-    return found
-
-
 def named_axes(
     names: Sequence[str], units: Mapping[str, str | None]
 ) -> list[tuple[str, tuple[str, str, str]]]:
-    """Find threes of columns that may be vectors, by letters, by indices, else by numbers."""
+    """Find threes of columns that may be vectors, by letters, else by numbers."""
     found = axes_of(names)
-    for more in (indexed_axes, lambda left: numbered_axes(left, units)):
-        taken = {name for _, three in found for name in three}
-        found += more([name for name in names if name not in taken])
+    taken = {name for _, three in found for name in three}
+    return found + _numbered([name for name in names if name not in taken], units)
+
+
+def _numbered(
+    names: Sequence[str], units: Mapping[str, str | None]
+) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find threes by numbers: (name without the number, the three).
+
+    The first three of 0, 1, 2, or of 0 to 5 as poses and wrenches have (`force[0]`,
+    `actual_TCP_pose_0`); nine or more channels of one unit in sequence, three by three (`AI1 [kN]`
+    to `AI12 [kN]` of a measuring amplifier).
+    """
+    groups: dict[tuple[str, str, str | None], dict[int, str]] = {}
+    for name in names:
+        if (match := _NUMBERED.fullmatch(name)) is not None:
+            key = match["prefix"], match["mark"], units.get(name)
+            groups.setdefault(key, {})[int(match["number"])] = name
+    found: list[tuple[str, tuple[str, str, str]]] = []
+    for (prefix, mark, unit), own in groups.items():
+        numbers, each = list(own), list(own.values())
+        if mark and sorted(own) in (list(range(3)), list(range(6))):
+            found.append((prefix, (own[0], own[1], own[2])))
+        elif (
+            unit is not None
+            and len(own) >= _CHANNELS
+            and len(own) % 3 == 0
+            and numbers == [*range(numbers[0], numbers[0] + len(own))]
+        ):
+            threes = zip(each[::3], each[1::3], each[2::3], strict=True)
+            found += [(f"{prefix}{mark}* {k}", three) for k, three in enumerate(threes, 1)]
     return found
 
 
@@ -252,7 +233,7 @@ class TableLook:
         columns : as it was added under, name, kind and stated unit of each.
         """
         row = np.concatenate([np.empty(0), *self._rows.values()])
-        twice = repeated([name for _, name, _, _ in columns])
+        twice = _repeated([name for _, name, _, _ in columns])
         fields, times = [], []
         numbers: dict[str, FloatArray] = {}
         for key, name, kind, unit in columns:
@@ -286,6 +267,6 @@ def _numbers(column: Any) -> FloatArray | None:
     return None
 
 
-def repeated(names: Sequence[str]) -> list[str]:
+def _repeated(names: Sequence[str]) -> list[str]:
     """Names that are there more than once."""
     return sorted(name for name, times in Counter(names).items() if times > 1)

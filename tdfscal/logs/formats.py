@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml import read_document
@@ -246,9 +246,13 @@ def read_bag(folder: Path) -> Bag:
     with placed(folder / _METADATA):
         try:
             information = content["rosbag2_bagfile_information"]
-            bag = _described(folder, information)
             storage, mode = information["storage_identifier"], information.get("compression_mode")
-        except (KeyError, TypeError, AttributeError) as error:
+            # The first recorders put the folder's name before the file's.
+            names = [PurePosixPath(name).name for name in information["relative_file_paths"]]
+            topics = Counter[str]()
+            for one in information.get("topics_with_message_count") or []:
+                topics[str(one["topic_metadata"]["name"])] += int(one["message_count"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise DataError("this is no description of a rosbag2 recording") from error
         if storage not in ("mcap", "sqlite3"):
             hint = "convert it to MCAP with `ros2 bag convert`"
@@ -258,26 +262,17 @@ def read_bag(folder: Path) -> Bag:
                 f"the recording is compressed ({mode}, {information.get('compression_format')})",
                 hint="decompress it with `ros2 bag convert`; chunks of MCAP are read compressed",
             )
-        absent = [path.name for path in bag.files if not path.is_file()]
-        if absent or not bag.files:
+        files = tuple(folder / name for name in names)
+        absent = [path.name for path in files if not path.is_file()]
+        if absent or not files:
             raise DataError(
                 f"the recording lacks {', '.join(absent) or 'any file'}",
                 hint="copy the folder again, or name the files that are there",
             )
-        if len(set(bag.files)) < len(bag.files):
+        if len(set(files)) < len(files):
             raise DataError("the recording names a file twice")
-    return bag
-
-
-def _described(folder: Path, information: Any) -> Bag:
-    """The recording; raises what a document of another shape causes."""
-    names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
-    # The first recorders put the folder's name before the file's.
-    files = tuple(folder / PurePosixPath(name).name for name in names)
-    topics = Counter[str]()
-    for one in _typed(information.get("topics_with_message_count") or [], list):
-        topics[_typed(one["topic_metadata"]["name"], str)] += _typed(one["message_count"], int)
-    return Bag(files, topics, tuple(path.name for path in _stored(folder) if path not in files))
+    unlisted = tuple(path.name for path in _stored(folder) if path not in files)
+    return Bag(files, topics, unlisted)
 
 
 def _stored(folder: Path) -> list[Path]:
@@ -287,9 +282,3 @@ def _stored(folder: Path) -> list[Path]:
 
 def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
-
-def _typed(value: Any, kind: type) -> Any:
-    if not isinstance(value, kind):
-        raise TypeError
-    return value
