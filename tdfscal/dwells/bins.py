@@ -78,6 +78,10 @@ class _Moments:
     low: Float32Array
     high: Float32Array
 
+    def of(self, some: slice) -> _Moments:
+        """Those of some bins."""
+        return _Moments(*(getattr(self, field.name)[some] for field in fields(self)))
+
 
 def _moments(value: FloatArray, number: IntArray, first: IntArray, *, extremes: bool) -> _Moments:
     """Moments of the samples value (N, 3) in bins `number` that begin at `first`, (P,) both."""
@@ -181,7 +185,14 @@ class _Binner:
                 found = _moments(series.value, *clocks[id(time)], extremes=extremes)
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
-            self.parts[stream].append(found)
+            parts = self.parts[stream]
+            if parts and parts[-1].number[-1] == found.number[0]:  # one bin of two pieces
+                before = parts.pop()
+                seam = _joined([before.of(slice(-1, None)), found.of(slice(1))])
+                each = (before.of(slice(-1)), seam, found.of(slice(1, None)))
+                parts += [part for part in each if len(part.number)]
+            else:
+                parts.append(found)
         # More bins are held once wider ones would hide a stop of a second.
         while self._held() > self.limit * (1 if self.width < _WIDEST else _LONG):
             self.width *= 2
@@ -193,25 +204,22 @@ class _Binner:
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        streams = [_joined(parts) for parts in self.parts]
-        number = streams[0].number
-        for own in streams[1:]:
-            if not np.array_equal(own.number, number):
-                number = np.union1d(own.number, number)
+        numbers = [np.concatenate([part.number for part in parts]) for parts in self.parts]
+        number = numbers[0]
+        for own in numbers[1:]:
+            if not np.array_equal(own, number):
+                number = np.union1d(own, number)
         n, shape = len(self.supports), (2 * len(self.supports), 3, len(number))
         count, mean = np.zeros((shape[0], shape[2]), np.int32), np.full(shape, np.nan)
         scatter, low, high = (np.zeros(shape, np.float32) for _ in range(3))
-        for k, own in enumerate(streams):
-            every = len(own.number) == len(number)
-            here = slice(None) if every else np.searchsorted(number, own.number)
-            count[k, here] = own.count
-            for into, values in (
-                (mean, own.mean),
-                (scatter, own.scatter),
-                (low, own.low),
-                (high, own.high),
-            ):
-                into[k][:, here] = values.T
+        for k, (own, parts) in enumerate(zip(numbers, self.parts, strict=True)):
+            every, end = len(own) == len(number), 0
+            for part in parts:
+                begin, end = end, end + len(part.number)
+                here = slice(begin, end) if every else np.searchsorted(number, own[begin:end])
+                count[k, here] = part.count
+                mean[k][:, here], scatter[k][:, here] = part.mean.T, part.scatter.T
+                low[k][:, here], high[k][:, here] = part.low.T, part.high.T
         return Bins(
             supports=self.supports,
             width=self.width,

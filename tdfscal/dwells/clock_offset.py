@@ -17,7 +17,8 @@ from tdfscal.frozen import record
 from tdfscal.records import ClockPrior, Dwells, FloatArray
 
 _MOST = 100  # moves
-_LEAST = 100  # bins in which forces seconds behind are looked for
+_LEAST = 100  # bins in which forces seconds behind are looked for,
+_ENOUGH, _COARSE = 36_000, 0.1  # some of a long log's, and s that they are apart at most
 
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
@@ -98,7 +99,8 @@ def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
     if len(whole) < _LEAST:
         return None
-    mean = bins.mean if len(whole) == len(bins) else bins.mean[whole]
+    whole = whole[:: max(min(len(whole) // _ENOUGH, int(_COARSE / bins.width)), 1)]
+    mean = bins.mean[whole]
     found = forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
     if found is None or found.size is None:
         return found

@@ -208,13 +208,12 @@ class LoneReadings:
 
 def _lone(value: FloatArray, usual: float) -> Iterator[int]:
     """Samples of an axis (N,) that stand alone; usual : size of its steps."""
-    step = np.diff(value)
-    size = np.abs(step)
-    height = np.minimum(size[:-1], size[1:])
-    back = (step[:-1] < 0.0) != (step[1:] < 0.0)
-    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * usual)) + 1
+    step, limit = np.diff(value), _UNUSUAL * usual
+    up, down = step > limit, step < -limit
+    candidates: IntArray = np.flatnonzero((up[:-1] & down[1:]) | (down[:-1] & up[1:])) + 1
     if not candidates.size:
         return
+    size = np.abs(step)
     quiet = size.copy()
     quiet[candidates - 1] = quiet[candidates] = 0.0
     least = quiet.min(initial=np.inf, where=quiet > 0.0)
@@ -223,7 +222,7 @@ def _lone(value: FloatArray, usual: float) -> Iterator[int]:
     for k in candidates.tolist():
         around = np.concatenate([size[max(k - 1 - _NEAR, 0) : k - 1], size[k + 1 : k + 1 + _NEAR]])
         across = abs(value[k + 1] - value[k - 1])
-        if height[k - 1] > _FAR * max(around.max(initial=0.0), across, least):
+        if min(size[k - 1], size[k]) > _FAR * max(around.max(initial=0.0), across, least):
             yield k
 
 
