@@ -74,7 +74,7 @@ def test_rounding_is_no_edit(number: str, by: float) -> None:
     Calibration.model_validate(edited(WHOLE, (number, nudged(by))))
 
 
-@pytest.mark.parametrize("column", ["postures.moment_after", "dwells.end", "dwells.force.1"])
+@pytest.mark.parametrize("column", ["postures.after", "dwells.end", "dwells.force.1"])
 def test_a_column_that_is_shorter_than_its_table(column: str) -> None:
     assert refused(edited(WHOLE, (column, lambda values: values[:-1])))[0] == place_of(column)
 

@@ -46,7 +46,7 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert abs(result.motion.friction.value - moved["friction"]) < 4 * result.motion.friction.std
     assert result.motion.seconds == pytest.approx(60.0, abs=0.5)
     residual = result.motion.residual
-    assert np.median(residual.force_after) < 0.5 * np.median(residual.force_before)
+    assert (np.median(residual.after, axis=0) < 0.5 * np.median(residual.before, axis=0)).all()
     assert len(residual.time) == pytest.approx(60, abs=1)
     half = tdfscal.calibrate(minute, to=30.0, trials=0)
     assert half.observability is not None

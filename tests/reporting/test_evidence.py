@@ -25,5 +25,5 @@ def test_wrench_before_is_that_of_section_7(made: Sample) -> None:
         force = -in_lcs.sum(axis=0) - R.T @ weight
         moment = -np.cross(rig.hinge, in_lcs).sum(axis=0)
         moment -= np.cross(rig.barycentre.value, R.T @ weight)
-        np.testing.assert_allclose(table.force_before[row], force, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(table.moment_before[row], moment, rtol=0, atol=1e-6)
+        lengths = [np.linalg.norm(force), np.linalg.norm(moment)]
+        np.testing.assert_allclose(table.before[row], lengths, rtol=0, atol=1e-6)

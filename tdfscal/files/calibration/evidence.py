@@ -3,7 +3,7 @@
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from tdfscal.files.calibration.parts import Angle, Input, MeasuredResult, TerminalResult, Texts
 from tdfscal.files.field_types import (
@@ -32,7 +32,7 @@ from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray
 
 Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
-Lengths = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
+Pairs = Annotated[tuple[tuple[NotNegative, NotNegative], ...], BeforeValidator(from_numpy)]
 
 
 class Table(Strict):
@@ -223,7 +223,7 @@ class Stretch(Strict):
 
 
 class PostureTable(Table):
-    """The postures in the fit, column by column: the contact wrench that remains, in LCS axes.
+    """The postures in the fit, column by column: length of the contact wrench that remains.
 
     Moments are about the LCS origin; before: nominal mounting and stated zeros, after: calibrated
     without the posture.
@@ -232,10 +232,8 @@ class PostureTable(Table):
     index: Counts = key("number of the dwell, from 0")
     start: Numbers = key("s in the log's time")
     end: Numbers = key("s in the log's time")
-    force_before: Vectors = key("N: residual force with the nominal mounting")
-    force_after: Vectors = key("N: residual force, calibrated")
-    moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
-    moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
+    before: Pairs = key("N and N·m: residual force and moment with the nominal mounting")
+    after: Pairs = key("N and N·m: residual force and moment, calibrated")
     left_out: tuple[Stretch, ...] = key("stretches of rest that are no posture", ())
 
 
@@ -263,13 +261,14 @@ class InertiaValue(Strict):
 
 
 class MotionResidual(Table):
-    """Lengths of the residual wrench over time, in means of a second or more."""
+    """Length of the residual wrench over time, in means of a second or more.
 
-    time: Lengths = key("s in the log's time: middles of the means")
-    force_before: Lengths = key("N: with the nominal mounting and the stated zeros")
-    force_after: Lengths = key("N: calibrated")
-    moment_before: Lengths = key("N·m: about the barycentre, with the nominal mounting")
-    moment_after: Lengths = key("N·m: calibrated")
+    Moments are about the barycentre; before: nominal mounting and stated zeros, after: calibrated.
+    """
+
+    time: Numbers = key("s in the log's time: middles of the means")
+    before: Pairs = key("N and N·m: residual force and moment with the nominal mounting")
+    after: Pairs = key("N and N·m: residual force and moment, calibrated")
 
 
 class MotionResult(Strict):

@@ -17,7 +17,6 @@ from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, layout, symmetric
-from tdfscal.model.postures import register
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
 from tdfscal.selfcal.outliers import CrossValidation
@@ -96,15 +95,22 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
     """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
     if check is None:
         return None
-    method, lengths = "leave one stretch of the motion out", [check.before, check.after]
-    if isinstance(check, CrossValidation):
-        method = "leave one posture out"
-        lengths = [np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in lengths]
+    part = "posture" if isinstance(check, CrossValidation) else "stretch of the motion"
+    lengths = _lengths(check)
     columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
     columns += [length.max(axis=0) for length in lengths]
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
+    method = f"leave one {part} out"
     return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
+
+
+def _lengths(check: CrossValidation | HeldOut) -> list[FloatArray]:
+    """Lengths (K, 2) of force and moment, N and N·m, before and after."""
+    both = [check.before, check.after]
+    if isinstance(check, CrossValidation):
+        both = [np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2) for wrench in both]
+    return both
 
 
 def budget(
@@ -158,21 +164,19 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
 
 
 def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
-    """Time and residual wrench of each posture in the fit, in LCS axes."""
-    dwells, check = result.dwells, result.validation
+    """Time and residual wrench of each posture in the fit."""
+    dwells, (before, after) = result.dwells, _lengths(result.validation)
     used = [k for k in range(len(dwells)) if k not in result.rejected]
-    stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
-    found = result.fit.at.rotation[check.index]
-    columns = {"index": used, "start": dwells.start[used], "end": dwells.end[used]}
-    for name, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
-        columns |= {
-            f"{name}_before": np.einsum("kba,kb->ka", stated, check.before[:, part]),
-            f"{name}_after": np.einsum("kba,kb->ka", found, check.after[:, part]),
-        }
-    left_out = [
-        {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
-    ]
-    return columns | {"left_out": left_out}
+    return {
+        "index": used,
+        "start": dwells.start[used],
+        "end": dwells.end[used],
+        "before": before,
+        "after": after,
+        "left_out": [
+            {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
+        ],
+    }
 
 
 def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
@@ -220,7 +224,6 @@ def drift(result: SelfCalibration) -> dict[str, Any] | None:
 def motion(result: MotionCalibration) -> dict[str, Any]:
     """Return the `motion` block of a calibration in motion."""
     moving, std = result.fit.state.moving, result.estimate.moving_std
-    residual = result.residual
     return {
         "begin": result.begin,
         "seconds": result.seconds,
@@ -230,12 +233,5 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
-        "residual": {
-            "time": residual.time,
-            **{
-                f"{name}_{when}": getattr(residual, when)[:, column]
-                for column, name in enumerate(("force", "moment"))
-                for when in ("before", "after")
-            },
-        },
+        "residual": result.residual,
     }

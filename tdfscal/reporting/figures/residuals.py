@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from tdfscal.catalogue.numbers import rounded
 from tdfscal.files.calibration.document import Calibration
@@ -33,8 +32,7 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
     """Length of the residual force and moment, posture by posture."""
     if table is None or not table.index:
         return None
-    before = _lengths(table.force_before, table.moment_before)
-    after = _lengths(table.force_after, table.moment_after)
+    before, after = np.array(table.before), np.array(table.after)
     (f, m), (left_f, left_m) = (np.sqrt(np.mean(size**2, axis=0)) for size in (before, after))
     return Drawing(
         "residuals",
@@ -51,8 +49,7 @@ def over_motion(c: Calibration) -> Drawing | None:
     if c.motion is None:
         return None
     r = c.motion.residual
-    before = np.column_stack([r.force_before, r.moment_before])
-    after = np.column_stack([r.force_after, r.moment_after])
+    before, after = np.array(r.before), np.array(r.after)
     return _over_time(np.array(r.time), before, after, c.motion.rejected, "calibrated")
 
 
@@ -62,7 +59,7 @@ def validated(v: Validation | MovingValidation) -> Drawing:
     if isinstance(v, MovingValidation):
         r = v.residual
         return _over_time(r.time, r.before, r.after, v.rejected, said)
-    before, after = (_lengths(w[:, :3], w[:, 3:]) for w in (v.nominal, v.calibrated))
+    before, after = (np.linalg.norm(w.reshape(-1, 2, 3), axis=2) for w in (v.nominal, v.calibrated))
     worst = int(after[:, 0].argmax())
     return Drawing(
         "validation",
@@ -71,12 +68,6 @@ def validated(v: Validation | MovingValidation) -> Drawing:
         f"the largest is {rounded(after[worst, 0])} N, at posture {v.used[worst] + 1}.",
         lambda: _paint(v.used + 1, before, after, said),
     )
-
-
-def _lengths(force: ArrayLike, moment: ArrayLike) -> FloatArray:
-    """(K, 2), N and N·m."""
-    each = [np.linalg.norm(np.asarray(vectors), axis=1) for vectors in (force, moment)]
-    return np.stack(each, axis=1)
 
 
 def _paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -> Figure:
