@@ -109,7 +109,8 @@ class Drawn:
             (campaign,), _ = history(rig, rng, months=1, zero=zero, postures_each=postures)
             assert campaign.postures is not None
             found = fit(rig, campaign.postures, reference)
-            values, vectors = np.linalg.eigh(eliminate(found, found.state).information.matrix)
+            known = eliminate(found, found.state, found.noise_pull).information
+            values, vectors = np.linalg.eigh(known.matrix)
             self.roots.append(finer * vectors * np.sqrt(values.clip(0.0)))
         prior = stated(Priors(rig), reference)
         self.prior = Information(prior.matrix, np.zeros_like(prior.score))

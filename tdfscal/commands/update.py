@@ -287,7 +287,7 @@ def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit,
     assert rig.earlier is not None
     reference = starting_state(rig)
     if isinstance(own, SelfCalibration):
-        part = eliminate(own.fit, reference)
+        part = eliminate(own.fit, reference, own.fit.noise_pull)
         chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
         given, found = joint_posterior(own.fit, own.uncertainty.covariance), own.uncertainty
         postures = int(sum(own.fit.weight > 0))

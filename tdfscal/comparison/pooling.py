@@ -279,14 +279,16 @@ def _first_round(
         result, rejected[k] = robust.fit, robust.rejected
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
-        known = known + shared.embedded(k, eliminate(result, references[k]).information)
+        known = known + shared.embedded(
+            k, eliminate(result, references[k], result.noise_pull).information
+        )
     return fits, rejected, references
 
 
 def _observed(item: Recorded, at: Fit | None, reference: State) -> Observation:
     """What a campaign says of its own constants (c,), counted from the reference."""
     if at is not None:
-        return eliminate(at, reference)
+        return eliminate(at, reference, at.noise_pull)
     if item.estimate is not None:
         return of_estimate(item.estimate, stated(Priors(item.rig), reference), reference)
     assert item.survey is not None

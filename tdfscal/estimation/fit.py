@@ -127,18 +127,23 @@ def solve(
     start: S,
     active: BoolArray,
     *,
+    pull: FloatArray | None = None,
     iterations: int = STEPS,
 ) -> Solution[S]:
     """Gauss–Newton on a statistic (≤ q, q) and the priors.
 
     features : ψ (q,) and its derivative (q, P′). move : a state by a step (P′,). active : (P′,).
+    pull : (q,), part of the score of the features that is taken away; default none.
     """
+    offset: FloatArray | float = 0.0
+    if pull is not None:
+        offset = scored(statistic, features(start)[1], priors(start)[1], active, pull)
 
     def model(state: S) -> tuple[FloatArray, FloatArray]:
         psi, slope = features(state)
         prior_r, prior_j = priors(state)
         r, j = statistic @ psi, statistic @ slope[:, active]
-        return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
+        return np.concatenate([r, prior_r]) - offset, np.concatenate([j, prior_j])
 
     def moved(state: S, step: FloatArray) -> S:
         full = np.zeros(len(active))
@@ -146,6 +151,22 @@ def solve(
         return move(state, full)
 
     return gauss_newton(model, moved, start, iterations=iterations)
+
+
+def scored(
+    statistic: FloatArray,
+    slope: FloatArray,
+    priors: FloatArray,
+    active: BoolArray,
+    pull: FloatArray,
+) -> FloatArray:
+    """Residuals (≤ q + m,) of a statistic and of priors whose score is that of features, (q,).
+
+    slope : (q, P′), of the features. priors : (m, p), their rows.
+    """
+    J = np.concatenate([statistic @ slope[:, active], priors])
+    parts = spectrum(J)
+    return parts.left @ (parts.root.T @ (pull @ slope[:, active]))
 
 
 class Priors:
@@ -229,11 +250,12 @@ class Observation:
     open: BoolArray
 
 
-def eliminate(of: Fitted, reference: State) -> Observation:
+def eliminate(of: Fitted, reference: State, pull: FloatArray) -> Observation:
     """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
     constants are left out, those of its own parameters are kept.
 
-    of : a fit whose parameters are those of statics.
+    of : a fit whose parameters are those of statics. pull : (P,), part of their score that noise
+    makes.
     """
     shared = np.pad(free_constants(of.rig), (0, len(of.active) - parameter_count(of.rig.n)))
     common = shared[of.active]
@@ -252,14 +274,16 @@ def eliminate(of: Fitted, reference: State) -> Observation:
     U = U[:, :rank]
     back = -(Vt[:rank].T / s[:rank]) @ U.T / scale[:, None]
     free_A, free_r = A - U @ (U.T @ A), r - U @ (U.T @ r)
+    give, spread = back @ A, back @ back.T
+    by_noise, by_own = pull[of.active][common], pull[of.active][~common]
     return Observation(
-        information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
+        information=Information(free_A.T @ free_A, by_noise + give.T @ by_own - free_A.T @ free_r),
         chi2=float(free_r @ free_r),
         rows=of.rows + int(own_rows.sum()) - rank,
         places=of.active & ~shared,
-        own=back @ r,
-        give=back @ A,
-        spread=back @ back.T,
+        own=back @ r + spread @ by_own,
+        give=give,
+        spread=spread,
         open=np.abs(Vt[rank:]).max(axis=0, initial=0.0) > _OPEN,
     )
 

@@ -194,10 +194,9 @@ def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
 
 #: Share of the columns' size below which what stands out of the fit's is rounding.
 NOISE_ONLY = 1e-9
-#: Groups whose columns are made of the noisy readings themselves, beside the turns.
-MADE_OF_READINGS = ("sensitivity", "gain", "compliance")
-#: Group, support, whitened columns (rows, g), and what they are per unit of the rig file.
-Suspect = tuple[str, int, FloatArray, float | FloatArray]
+#: Group, support, whitened columns (rows, g), what they are per unit of the rig file, and the score
+#: (g,) that noise makes by standing in them.
+Suspect = tuple[str, int, FloatArray, float | FloatArray, FloatArray | float]
 #: The test of columns (m, g), the score (g,) that noise makes of them and what was asked, as a
 #: noise that is itself estimated widens it.
 Widened = Callable[[FloatArray, FloatArray, Asked], Asked]
@@ -206,34 +205,28 @@ Widened = Callable[[FloatArray, FloatArray, Asked], Asked]
 def speaking(
     of: Estimate[F],
     suspects: Sequence[Suspect],
-    noise_scores: Callable[[], FloatArray],
+    pull: FloatArray,
     *,
     other: float = 0.0,
-    always: bool = False,
     widened: Widened = lambda columns, lean, asked: asked,
 ) -> list[Suspicion]:
     """Ask for every suspect, and return those for whom a test speaks.
 
-    noise_scores : expected scores (P,) of all parameters by the noise of the readings alone; asked
-    for where a suspect made of readings speaks; always where noise may be what silences it.
+    pull : (P,), scores of all parameters that noise makes by standing in their own columns.
     other : share of the level that other tests spend.
     """
     fit, parts, residual = of.fit, of.parts, of.fit.white
     chi2, dof = of.quality.chi2, of.quality.dof
     others = (1 - UNDECLARED_GRAVITY_SHARE - other) / max(1, len(suspects) - 1)
-    p, found, bias = int(fit.active.sum()), list[Suspicion](), None
-    for group, index, columns, unit in suspects:
+    p, found = int(fit.active.sum()), list[Suspicion]()
+    share = dof / max(fit.rows, 1)  # of the noise, that the fit leaves in the residual
+    given = parts.root[:p].T @ pull[fit.active]
+    for group, index, columns, unit, own in suspects:
         level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
-        apart, lean = columns - parts.left @ known, np.zeros(columns.shape[1])
-        made = group in MADE_OF_READINGS
-        asked = ask(apart, columns, residual)
-        if not (made and always) and asked.p_value(chi2, dof) > level:
-            continue
-        if made:
-            bias = noise_scores() if bias is None else bias
-            lean = lean_of(bias, fit.active, fit.rig.n, group, index)
-            asked = ask(apart, columns, residual, lean)
+        apart = columns - parts.left @ known
+        lean = share * (own - known.T @ given)
+        asked = ask(apart, columns, residual, lean)
         if asked.p_value(chi2, dof) > level:
             continue
         asked = widened(columns, lean, asked)
@@ -265,34 +258,28 @@ def ask(
     return replace(found, amount=-found.amount)
 
 
-def lean_of(bias: FloatArray, active: BoolArray, n: int, group: str, index: int) -> FloatArray:
-    """Score that noise alone makes of a suspect's columns; none where it has a prior."""
-    place = layout(n)
-    part = place["compliance"]
-    if group != "compliance":
-        start = place["sensitivity"].start + 6 * index
-        part = slice(start, start + 6)
-    own = np.where(active[part], 0.0, bias[part])
-    return np.asarray(own[:3].sum(keepdims=True) if group == "gain" else own)
-
-
 def moving_zeros(group: str, columns: FloatArray, unit: float) -> Iterator[Suspect]:
     """Zeros of one sensor after the other, and all of them, that move; columns (rows, n, 3)."""
     for i in range(columns.shape[1]):
-        yield group, i, columns[:, i], unit
-    yield f"all {group}", 0, columns.reshape(len(columns), -1), unit
+        yield group, i, columns[:, i], unit, 0.0
+    yield f"all {group}", 0, columns.reshape(len(columns), -1), unit, 0.0
 
 
 def stated_suspects(
-    rig: Rig, columns: FloatArray, std: FloatArray, motions: int, priors: int
+    rig: Rig,
+    columns: FloatArray,
+    std: FloatArray,
+    motions: int,
+    priors: int,
+    pull: FloatArray,
 ) -> Iterator[Suspect]:
     """What a rig file states, group by group: exact values as columns, others as a shifted prior.
 
     columns : (rows, P), whitened, of all parameters; 0 in the last `priors` rows, which are those
-    of the parameters' own priors first. std : (P,), of these priors.
+    of the parameters' own priors first. std : (P,), of these priors. pull : (P,), as in `speaking`.
     """
     place, held = layout(rig.n, motions), np.isfinite(std) & (std > 0)
-    columns = np.where(std == 0, columns, 0.0)
+    columns, pull = np.where(std == 0, columns, 0.0), np.where(std == 0, pull, 0.0)
     shifted = np.flatnonzero(held)  # by one standard deviation
     columns[len(columns) - priors + np.arange(len(shifted)), shifted] = 1.0
     for group, where in place.items():
@@ -305,10 +292,11 @@ def stated_suspects(
             part = slice(start, start + width)
             if np.isfinite(std[part]).any():
                 unit = np.where(held[part], std[part], 1.0)
-                yield group, index, columns[:, part], unit
+                yield group, index, columns[:, part], unit, pull[part]
                 if group == "sensitivity":
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
-                    yield "gain", index, alike, unit[:1]
+                    own = pull[start : start + 3].sum(keepdims=True)
+                    yield "gain", index, alike, unit[:1], own
 
 
 def misstated_mountings(rig: Rig, rows: int, after: int = 0) -> Iterator[Suspect]:
@@ -325,4 +313,4 @@ def misstated_mountings(rig: Rig, rows: int, after: int = 0) -> Iterator[Suspect
         if len(own):
             shifted = np.zeros((rows, len(own)))
             shifted[first + own, np.arange(len(own))] = 1.0
-            yield "mounting", i, shifted, rig.rpy_std.ravel()[angled[own]]
+            yield "mounting", i, shifted, rig.rpy_std.ravel()[angled[own]], 0.0

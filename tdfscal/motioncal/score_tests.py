@@ -54,11 +54,11 @@ def suspicions(of: MovingEstimate) -> tuple[Suspicion, ...]:
     def widened(columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
         return _widened(fit, columns, lean, asked)
 
-    def noise() -> FloatArray:
-        return noise_scores(fit, fit.slope_at(fit.state))
-
-    suspects = [*_stated(fit), *_drifts(fit)]
-    return likeliest(speaking(of, suspects, noise, always=True, widened=widened))
+    pull = np.zeros(len(fit.active))
+    static = noise_scores(fit, fit.slope_at(fit.state))
+    pull[: len(static)] = static
+    suspects = [*_stated(fit, static), *_drifts(fit)]
+    return likeliest(speaking(of, suspects, pull, widened=widened))
 
 
 def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
@@ -92,11 +92,11 @@ def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked
     return replace(asked, statistic=np.minimum(asked.statistic, np.sum(along**2 / values[seen])))
 
 
-def _stated(fit: MovingFit) -> Iterator[Suspect]:
-    """What the rig file states."""
+def _stated(fit: MovingFit, pull: FloatArray) -> Iterator[Suspect]:
+    """What the rig file states; pull : (P,), by noise in the columns."""
     std, priors = fit.priors.still.full_std, len(fit.prior_residual)
     columns = np.pad(fit.all_slopes()[:, : len(std)], ((0, priors), (0, 0)))
-    yield from stated_suspects(fit.rig, columns, std, fit.still.motions, priors)
+    yield from stated_suspects(fit.rig, columns, std, fit.still.motions, priors, pull)
     yield from misstated_mountings(fit.rig, len(columns), priors - fit.still_priors)
 
 

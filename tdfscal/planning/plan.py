@@ -31,7 +31,8 @@ from tdfscal.planning.selection import (
     variances,
 )
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, faked_information
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.noisy_columns import faked_information
 
 
 @record
@@ -90,11 +91,11 @@ class Planner:
     def _held(self, sight: Sight) -> FloatArray:
         """Information (p, p) that stands before the plan: priors and recorded postures."""
         held = sight.prior()
-        if self.given is not None:
-            J = self.given.at.whitener @ self.given.jacobian
-            held = held + np.einsum("k,kmp,kmq->pq", self.given.weight, J, J)
+        if (given := self.given) is not None:
+            J = given.at.whitener @ given.jacobian
+            held = held + np.einsum("k,kmp,kmq->pq", given.weight, J, J)
             turns = slice(0, 3 * self.rig.n)
-            held[turns, turns] -= faked_information(self.given)
+            held[turns, turns] -= faked_information(given.at, given.state, given.weight)
             # Where noise fakes all there is, ignorance remains: 1 in units of its width.
             values, vectors = np.linalg.eigh(sight.wide[:, None] * held * sight.wide)
             half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]

@@ -19,7 +19,8 @@ from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, variances
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, evaluate, faked_information
+from tdfscal.selfcal.estimator import Fit, at_state, evaluate
+from tdfscal.selfcal.noisy_columns import faked_information
 from tdfscal.selfcal.outliers import fit_robust
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
@@ -225,7 +226,7 @@ def forecast(
     # With the noise in the levers: C is the inverse of the true information Λ, while the score
     # varies by Λ + N.
     cov = C[turns, turns]
-    cov = cov + cov @ faked_information(seen) @ cov
+    cov = cov + cov @ faked_information(seen.at, seen.state, seen.weight) @ cov
     angle_var = variances(cov, angle_rows(sight)[:, turns])
     std = np.where(sight.open[:, None], np.nan, np.sqrt(angle_var).reshape(-1, 3))
     if at is None:

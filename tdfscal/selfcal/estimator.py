@@ -12,6 +12,8 @@ With the estimates of zeros that move and of supports that give, and what they c
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from tdfscal.estimation.fit import Priors, factored_information, information, solve
@@ -28,12 +30,23 @@ from tdfscal.estimation.uncertainty import (
 )
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, pinned
-from tdfscal.model.parameters import State, deviation, retract, sensing, with_motions
-from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
-from tdfscal.numerics import so3
+from tdfscal.model.parameters import State, deviation, retract, with_motions
+from tdfscal.model.statics import (
+    Balance,
+    Postures,
+    balance,
+    features,
+    features_jacobian,
+)
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import STEPS, Solution, Spectrum, block_diagonal, triangular
+from tdfscal.numerics.least_squares import (
+    STEPS,
+    Solution,
+    Spectrum,
+    triangular,
+)
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.selfcal.noisy_columns import faked_information, noise_pull
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
@@ -80,6 +93,16 @@ class Fit:
         """Whitened residual (6 K + m,): the postures', then the priors'."""
         postures = (self.root @ self.residual[..., None]).ravel()
         return np.concatenate([postures, self.prior_residual])
+
+    @cached_property
+    def feature_pull(self) -> FloatArray:
+        """Score (q,) of the features that noise makes by standing in their own columns."""
+        return noise_pull(self.at, self.state, self.weight)
+
+    @property
+    def noise_pull(self) -> FloatArray:
+        """The same of all parameters (P,)."""
+        return self.feature_pull @ features_jacobian(self.state, self.at, self.rig.gravity)
 
     def whitened(self) -> tuple[FloatArray, FloatArray]:
         """Whitened residual (6 K + m,) and Jacobian (6 K + m, p)."""
@@ -157,14 +180,24 @@ def solve_statistic(
     start: State,
     priors: Priors,
     *,
+    pull: FloatArray | None = None,
     iterations: int = STEPS,
 ) -> Solution[State]:
-    """Gauss–Newton on the compressed postures and the priors."""
+    """Gauss–Newton on the compressed postures and the priors; pull : as in `solve`."""
 
     def psi(state: State) -> tuple[FloatArray, FloatArray]:
         return features(state, at, rig.gravity), features_jacobian(state, at, rig.gravity)
 
-    return solve(compressed, psi, priors, retract, start, priors.active, iterations=iterations)
+    return solve(
+        compressed,
+        psi,
+        priors,
+        retract,
+        start,
+        priors.active,
+        pull=pull,
+        iterations=iterations,
+    )
 
 
 def at_state(
@@ -206,14 +239,16 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     priors = Priors(pinned(rig), postures.motion)
     weight = np.ones(len(postures)) if weight is None else weight
     state, iterations, converged = with_motions(start, postures.motions), 0, False
-    for _ in range(_PASSES):
+    for looked in range(_PASSES):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
-        solution = solve_statistic(rig, at, statistic(at, weight), state, priors)
+        pull = noise_pull(at, state, weight) if looked else None
+        solution = solve_statistic(rig, at, statistic(at, weight), state, priors, pull=pull)
         iterations += solution.iterations
         step = deviation(solution.state, state)[priors.active]
         state = solution.state
         moved = np.linalg.norm(solution.jacobian @ step)
-        converged = solution.converged and bool(moved < _SETTLED * (1 + np.sqrt(solution.cost)))
+        settled = bool(moved < _SETTLED * (1 + np.sqrt(solution.cost)))
+        converged = solution.converged and settled and looked > 0
         if converged or not solution.converged:
             break
     return at_state(rig, postures, state, weight, iterations=iterations, converged=converged)
@@ -275,7 +310,8 @@ def evaluate(
     if birge > 1 or noise_from_residuals:
         dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
         dof += 0 if fit.rig.earlier is None else fit.rig.earlier.dof
-    faked, std = faked_information(fit), parameter_std(fit.active, posterior, parts)
+    faked = faked_information(fit.at, fit.state, fit.weight)
+    std = parameter_std(fit.active, posterior, parts)
     return of_shares(fit.state.rotation, shares, faked, parts, std, dof)
 
 
@@ -298,20 +334,6 @@ def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
         "hinge friction": through(np.broadcast_to(friction, turning.shape)),
         **prior_shares(fit, posterior),
     }
-
-
-def faked_information(fit: Fit) -> FloatArray:
-    """Information (3n, 3n) about the rotations that noise in the readings fakes.
-
-    JᵀWJ takes its levers from the measured forces, noise included: a sensor that feels nothing
-    but its own noise sideways would seem to know its yaw. The expectation of that part is
-    Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
-    """
-    M, B = sensing(fit.state), fit.at.wrench
-    W = fit.at.information * fit.weight[:, None, None]
-    C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
-    noise = M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2)
-    return block_diagonal(*so3.information_of_crossing(C, noise).sum(axis=0))
 
 
 def joint_posterior(

@@ -61,8 +61,8 @@ class Sampler:
         self.fit = fit
         self.inflate = max(1.0, birge)
         priors = Priors(fit.rig, fit.postures.motion)
-        compressed = statistic(fit.at, fit.weight)
-        self.profile = profile(fit.rig, fit.at, compressed, fit.state, priors)
+        compressed, pull = statistic(fit.at, fit.weight), fit.feature_pull
+        self.profile = profile(fit.rig, fit.at, compressed, fit.state, priors, pull=pull)
         _, values, right = np.linalg.svd(self.profile.root, full_matrices=False)
         keep = values > values[0] * len(values) * np.finfo(float).eps
         self.root = values[keep, None] * right[keep]  # R, up to a turn of its rows

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.fit import Priors, scored
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, parameter_count, retract, starting_state
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
@@ -84,6 +84,7 @@ def profile(
     state: State,
     priors: Priors,
     *,
+    pull: FloatArray | None = None,
     mixing: float = 0.0,
 ) -> Profile:
     """Eliminate all parameters but the rotations, linearised about a state.
@@ -91,6 +92,7 @@ def profile(
     Parameters
     ----------
     compressed : (≤ q, q), of the whitened design, as `estimator.statistic` forms it.
+    pull : (q,), part of the features' score that is taken away; default none.
     mixing : standard deviation of what may be added to every entry of each X. About a far state
         it stands for gain and crosstalk, whose columns belong to one rotation.
     """
@@ -109,11 +111,18 @@ def profile(
             [[rows, np.zeros((len(rows), 9 * n))], [np.zeros((9 * n, rows.shape[1])), free]]
         )
         below = np.concatenate([below, np.zeros((9 * n, 9 * n + 1))])
-    whole = np.concatenate([compressed @ linear, below])
+    of_postures = compressed @ linear
+    if pull is not None:
+        slope = features_jacobian(state, at, rig.gravity)
+        offset = scored(compressed, slope, priors(state)[1], priors.active, pull)
+        of_postures[:, -1] -= offset[: len(compressed)]
+        below[:, -1] -= offset[len(compressed) :]
+    whole = np.concatenate([of_postures, below])
     parts = spectrum(np.concatenate([compressed @ nuisance, rows]))
     best = -parts.root @ (parts.left.T @ whole)  # (nuisance parameters, 9n + 1)
     mapped, prior = linear + nuisance @ best, below + rows @ best
-    root = np.linalg.qr(np.concatenate([compressed @ mapped, prior]), mode="r")
+    of_postures += compressed @ (nuisance @ best)
+    root = np.linalg.qr(np.concatenate([of_postures, prior]), mode="r")
     return Profile(mapped, prior, nuisance @ parts.root, np.asarray(root))
 
 

@@ -44,7 +44,6 @@ from tdfscal.estimation.score_tests import (
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout, prior_std
 from tdfscal.model.postures import walk_modes
-from tdfscal.model.statics import balance, features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
@@ -67,7 +66,7 @@ def suspicions(
     """
     fit, parts = of.fit, of.parts
     suspects = list(_suspects(fit, time, temperature))
-    found = speaking(of, suspects, lambda: noise_scores(fit), other=UNDECLARED_FRICTION_SHARE)
+    found = speaking(of, suspects, fit.noise_pull, other=UNDECLARED_FRICTION_SHARE)
     if (
         chance(fit.root[:, :, 3:], parts, fit.white) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
         or of.quality.p_value < MISFIT
@@ -79,34 +78,12 @@ def suspicions(
     return likeliest([replace(doubt, move=None) for doubt in found])
 
 
-def noise_scores(fit: Fit) -> FloatArray:
-    """Expected scores (P,) of all parameters by the noise of the readings alone.
-
-    A column c(f) of the model, made of readings f with noise ν, has the expected score
-    E[cᵀ W e] = Σ_a σ_a² (∂c/∂f_a)ᵀ W (∂e/∂f_a) although its parameter is 0. The turns of the
-    sensors are free of it where the noise is isotropic (theory, section 3); gains and the
-    compliance are not, and with many noisy postures it passes for one.
-    """
-    state, g, root, seen = fit.state, fit.rig.gravity, fit.root, fit.at.seen
-    by_state = features_jacobian(state, fit.at, g)
-    std = np.sqrt(np.diagonal(seen.force_cov, axis1=2, axis2=3))  # (K, n, 3)
-    total = np.zeros(by_state.shape[1])
-    for i, a in np.argwhere(seen.measured):
-        force = seen.force.copy()
-        force[:, i, a] += std[:, i, a]
-        moved = balance(replace(seen, force=force), state, fit.at.centre, g)
-        change = root @ ((moved.design - fit.at.design) @ by_state)
-        shift = root @ (fit.at.noise_force[:, i, :, a] * std[:, i, a, None])[..., None]
-        total += np.einsum("kap,ka->p", change, shift[..., 0])
-    return np.asarray(total * fit.dof / max(fit.rows, 1))
-
-
 def _suspects(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Iterator[Suspect]:
     """What the rig file states, and zeros that move."""
     rig, K, priors = fit.rig, len(fit.weight), len(fit.prior_residual)
     columns = np.pad(fit.slopes.reshape(ROWS * K, -1), ((0, priors), (0, 0)))
     std = prior_std(rig, fit.postures.motion)
-    yield from stated_suspects(rig, columns, std, fit.state.motions, priors)
+    yield from stated_suspects(rig, columns, std, fit.state.motions, priors, fit.noise_pull)
     yield from misstated_mountings(rig, len(columns))
     zeros = columns[:, layout(rig.n)["zero"]].reshape(-1, rig.n, 3)
     for group, shape in _shapes(fit, time, temperature):

@@ -33,7 +33,7 @@ def joint_least_squares(campaigns: list[Recorded]) -> tuple[FloatArray, FloatArr
     C, o, K = int(common.sum()), int((~common).sum()), len(campaigns)
     states = [nominal(rig)] * K
     for _ in range(12):
-        rows, residuals = [], []
+        rows, residuals, pull = [], [], np.zeros(C + K * o)
         for k, (item, state) in enumerate(zip(campaigns, states, strict=True)):
             assert item.postures is not None
             at = at_state(rig, item.postures, state, np.ones(len(item.postures)))
@@ -46,8 +46,12 @@ def joint_least_squares(campaigns: list[Recorded]) -> tuple[FloatArray, FloatArr
             wide[:, :C], wide[:, C + k * o : C + (k + 1) * o] = J[:, common], J[:, ~common]
             rows.append(wide)
             residuals.append(np.concatenate([r, at.prior_residual[kept]]))
+            by_noise = at.noise_pull[priors.active]
+            pull[:C] += by_noise[common]
+            pull[C + k * o : C + (k + 1) * o] += by_noise[~common]
         J, r = np.concatenate(rows), np.concatenate(residuals)
         scale = np.linalg.norm(J, axis=0)
+        r = r - np.linalg.lstsq((J / scale).T, pull / scale, rcond=None)[0]
         move = -np.linalg.lstsq(J / scale, r, rcond=None)[0] / scale
         moved = []
         for k, state in enumerate(states):

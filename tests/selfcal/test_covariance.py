@@ -10,7 +10,8 @@ from tdfscal.estimation.fit import information
 from tdfscal.estimation.uncertainty import EARLIER, NOISE, quality, without_faked
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
-from tdfscal.selfcal.estimator import evaluate, faked_information, fit
+from tdfscal.selfcal.estimator import evaluate, fit
+from tdfscal.selfcal.noisy_columns import faked_information
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
 
@@ -93,7 +94,7 @@ def test_faked_information_is_the_mean_of_what_noise_alone_shows() -> None:
             lever = B @ so3.hat(n)
             block = np.swapaxes(lever, 1, 2) @ W[k] @ lever
             total[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block
-    found = faked_information(result)
+    found = faked_information(result.at, result.state, result.weight)
     scale = np.sqrt(np.outer(np.diagonal(found), np.diagonal(found)))
     error = np.abs(total.mean(axis=0) - found) / scale
     assert error.max() < 5 * (total.std(axis=0) / scale).max() / np.sqrt(draws)
