@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, is_short, shortage, visible
 
 if TYPE_CHECKING:
-    from tdfscal.commands.options import Command, Progress
+    from tdfscal.commands.options import Command, Described, Progress
     from tdfscal.commands.result import Result
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
@@ -197,12 +197,9 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     logging.disable(logging.WARNING)  # matplotlib has words for a home without room
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose")
-    carried = _carried(asked, command.carries, json=json)
-    places = {
-        p: asked[p.name]
-        for p in command.parameters
-        if p.option.writes is not None and p.name in asked
-    }
+    files = [p for p in command.parameters if p.option.writes is not None and p.name in asked]
+    carried = _carried(asked, files, json=json)
+    places = [(asked[p.name], p.option.holds) for p in files if p.name in asked]
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():
@@ -216,7 +213,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         elif carried and written:
             hand_over(getattr(result, carried))
         else:
-            there = [str(path) for p, path in places.items() if written or p.option.holds == "html"]
+            there = [str(path) for path, holds in places if written or holds == "html"]
             text = _with_places(result.shown(whole=verbose), there)
     _listen(signal.SIG_IGN)  # all is done
     with reporting():
@@ -237,18 +234,18 @@ def _with_places(text: str, places: Sequence[str]) -> str:
     return f"{text}\nwrote {', '.join(others)}{' and ' if others else ''}{last}\n"
 
 
-def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:
+def _carried(asked: dict[str, Any], files: Sequence[Described], *, json: bool) -> str | None:
     """Take the `-` of an option away; return the text that standard output gets for it."""
     carried = None
-    for option in ("output", "html"):
-        if str(asked.get(option)) == "-":
-            if option not in dash or (json and option == "html"):
+    for file in files:
+        holds = file.option.holds if file.option.dash else ""
+        if str(asked[file.name]) == "-":
+            if not holds or (json and holds == "html"):
                 what = "the JSON object" if json else "the result in words"
-                raise UsageError(
-                    f"standard output has {what}", where=f"--{option} -", hint="name a file"
-                )
-            del asked[option]
-            carried = dash[option]
+                where = f"{file.flags[0]} -"
+                raise UsageError(f"standard output has {what}", where=where, hint="name a file")
+            del asked[file.name]
+            carried = holds
     return carried
 
 

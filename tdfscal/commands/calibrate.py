@@ -47,7 +47,7 @@ Own: TypeAlias = "SelfCalibration | MotionCalibration"
 _ENOUGH = 5
 
 
-@options.command("calibrate campaign -o calibration.yaml --html report.html", output="content")
+@options.command("calibrate campaign -o calibration.yaml --html report.html")
 def calibrate(
     paths: options.Paths,
     *,

@@ -59,7 +59,7 @@ class ExportResult(CommandResult):
         return f"ExportResult: {self.format} of {self.calibration.rig.name}, {where}"
 
 
-@options.command("export calibration.yaml --to urdf -o sensors.urdf", output="content")
+@options.command("export calibration.yaml --to urdf -o sensors.urdf")
 def export(
     calibration: options.OneCalibration,
     to: Annotated[Target, Option("format", names=("--to",), default=...)],

@@ -73,7 +73,7 @@ class InitResult(CommandResult):
         return self.description.mapping.supports if self.description.mapping else ()
 
 
-@options.command("init campaign/log.csv -o campaign/rig.yaml", output="yaml")
+@options.command("init campaign/log.csv -o campaign/rig.yaml")
 def init(
     paths: options.Paths,
     *,

@@ -51,7 +51,8 @@ class Option:
     default : on the command line, where it is another; `...` must be given. least, below : smallest
     number, and the first that is too large. shell : what the command line takes besides. reads : it
     names files to read. writes : endings of a file to write, any where there is none. holds : the
-    text of the result that it gets; nothing where the function writes it while it works.
+    text of the result that it gets; nothing where the function writes it while it works. dash : `-`
+    sends that to standard output.
     """
 
     help: str
@@ -65,6 +66,7 @@ class Option:
     reads: bool = False
     writes: tuple[str, ...] | None = None
     holds: str = ""
+    dash: bool = True
 
     @property
     def sentence(self) -> str:
@@ -135,14 +137,12 @@ class Described:
 class Command:
     """A function that is a command.
 
-    call : the function, behind the line that asks for it. example : a command line. carries :
-    options that take `-` for standard output, and the text of the result that it gets.
-    parameters : those that the command line has, in their order.
+    call : the function, behind the line that asks for it. example : a command line. parameters :
+    those that the command line has, in their order.
     """
 
     call: Callable[..., Result]
     example: str
-    carries: Mapping[str, str]
     parameters: tuple[Described, ...]
 
 
@@ -152,12 +152,12 @@ _LINE = "command"
 COMMANDS: dict[str, Command] = {}
 
 
-def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
+def command(example: str) -> Callable[[_Function], _Function]:
     """Make a function a command: outputs together or not at all, parameters in its docstring.
 
     What the system does not let be read or written is an error of this library too.
 
-    example : a command line, which begins with the command's name. carries : as in `Command`.
+    example : a command line, which begins with the command's name.
     """
 
     def make(function: _Function) -> _Function:
@@ -201,7 +201,7 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
-        COMMANDS[name] = Command(call, example, carries, tuple(p for p in each if p.shown))
+        COMMANDS[name] = Command(call, example, tuple(p for p in each if p.shown))
         return run  # type: ignore[return-value]
 
     return make
@@ -331,7 +331,7 @@ OneCalibration = Annotated[
 Several = CalibrationSource | Iterable[CalibrationSource]
 Begin = Annotated[
     Instant | None,
-    Option(f"use the log from T on: {_MOMENT}", str | None, "T", ("--from",)),
+    Option(f"use the log from T on: {_MOMENT}", str | None, "T"),
 ]
 End = Annotated[Instant | None, Option("use the log up to T", str | None, "T")]
 Page = Annotated[
@@ -342,6 +342,7 @@ Page = Annotated[
         "FILE",
         writes=PAGE_SUFFIXES,
         holds="html",
+        dash=False,
     ),
 ]
 Trials = Annotated[int | None, Option("Monte Carlo trials at most; 0 for none", least=0)]

@@ -126,7 +126,7 @@ Given = Annotated[
 ]
 
 
-@options.command("plan rig.yaml -o plan.csv --postures 24", output="content")
+@options.command("plan rig.yaml -o plan.csv --postures 24")
 def plan(
     rig: Annotated[PathLike, Option("a rig.yaml, or its folder", Path, "RIG")],
     *,

@@ -74,7 +74,7 @@ class ReportResult(CommandResult):
         return (differences(put_side_by_side(self.named).pairs),)
 
 
-@options.command("report calibration.yaml --html report.html", html="html")
+@options.command("report calibration.yaml --html report.html")
 def report(
     *files: Annotated[
         options.Several,

@@ -169,7 +169,7 @@ def _alone(earlier: Earlier) -> CampaignResult:
     )
 
 
-@options.command("update calibration.yaml this-month -o updated.yaml", output="content")
+@options.command("update calibration.yaml this-month -o updated.yaml")
 def update(
     calibration: options.OneCalibration,
     paths: options.Paths,
