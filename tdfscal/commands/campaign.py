@@ -6,7 +6,7 @@ import contextlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from tdfscal.errors import TdfscalError, UsageError, expect
@@ -35,7 +35,7 @@ PathLikes = PathLike | Sequence[PathLike]
 #: format, pages, exports and drafts by what wrote them.
 _OWN = re.compile(
     rb"""\A(?:\#[ ]tdfscal[ ]|time,fx,fy,fz,mx,my,mz,u_fx,|sensor,r_xx,r_xy,)
-    | \btdfscal[ ]\d[^\s,]*,[ ]method[ ]
+    | \btdfscal[ ]\d[^\s,]*,[ ]\w+[ ]calibration[ ]of[ ]
     | <meta[ ]name=generator[ ]content=tdfscal[ ]
     | ^[ ]*format:[ ]*tdfscal-
     | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
@@ -115,7 +115,6 @@ def resolve(
     homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
     if not logs and not (surveyed and homes.intersection(map(_real, paths))):
         raise no_log(paths, "there is no log here, nor a tracker's survey")
-    protect(logs)
     return Campaign(loaded, logs)
 
 
@@ -162,7 +161,17 @@ def find_logs(
     for path in found.values():
         if not path.is_dir():
             check_regular(path)
+    for path in (*paths, *found.values()):
+        protect((path, *_parts(path), (path if _is_folder(path) else path.parent) / RIG_NAME))
     return tuple(found.values())
+
+
+def _parts(path: Path) -> Iterator[Path]:
+    """Files of a recording that is a folder, those elsewhere too."""
+    if is_log(path) and path.is_dir():
+        yield from path.rglob("*")
+        with contextlib.suppress(TdfscalError):
+            yield from read_bag(path).files
 
 
 def _refuse_other(path: Path) -> None:
@@ -294,9 +303,10 @@ def rig_named(path: PathLike) -> LoadedRig:
 
 
 def _load(path: Path) -> LoadedRig:
-    """Load a rig file; no output replaces a point file that it names."""
+    """Load a rig file; no output replaces it, its point files, or the logs that lie beside it."""
     loaded = load_rig(path)
-    protect(loaded.tracker.paths if loaded.tracker else ())
+    points = loaded.tracker.paths if loaded.tracker else ()
+    protect((path, *points, *filter(_may_be_read, entries_of(path.absolute().parent))))
     return loaded
 
 
@@ -335,23 +345,3 @@ def is_own_result(path: Path) -> bool:
         file.seek(max(0, file.seek(0, 2) - _TAIL))
         return _QUANTITY in file.read()
     return False
-
-
-def inputs_read(paths: Iterable[Path], rig: Path | None = None) -> list[Path]:
-    """Return the files behind a command's arguments, in whatever state they are.
-
-    What tdfscal itself wrote into a folder is not read there, and a run made again replaces it.
-
-    paths : campaign folders, logs, recordings, each with its rig; other files. rig : a rig file
-    that is named, or its folder. The point files that it names are protected when it is read.
-    """
-    found = [] if rig is None else [rig]
-    for path in (*paths, *found):
-        with contextlib.suppress(OSError):
-            folder = _is_folder(path)
-            for log in filter(_may_be_read, path.iterdir()) if folder else (path,):
-                found += [log, *log.rglob("*")]
-                with contextlib.suppress(TdfscalError):
-                    found += read_bag(log).files if log.is_dir() else ()  # also named elsewhere
-            found.append((path if folder else path.absolute().parent) / RIG_NAME)
-    return found

@@ -28,6 +28,7 @@ from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexp
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.outputs import protect
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record
@@ -264,6 +265,7 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     """
     if len(paths) != 1 or (driven := read_plan(paths[0])) is None:
         return None
+    protect(paths)
     name, loaded = read_source(source)
     rig, given = loaded.loaded_rig(name), about_point(calibrated(loaded), point)
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:

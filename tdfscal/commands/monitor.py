@@ -116,9 +116,7 @@ class MonitorResult(CommandResult):
 def monitor(
     *files: Annotated[
         options.Several,
-        Option(
-            "calibration files and campaign folders of one rig", list[Path], "FILE…", reads=True
-        ),
+        Option("calibration files and campaign folders of one rig", list[Path], "FILE…"),
     ],
     html: options.Page = None,
     progress: options.Telling = silent,

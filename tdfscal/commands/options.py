@@ -1,7 +1,7 @@
 """A command's parameters, told once: Python's help, the command line, the reference follow.
 
-So do its files: no output may replace what a parameter reads, and a command's function only returns
-the result from which the files are written. And values as a command line or Python writes them.
+So do its files: a command's function only returns the result from which they are written. And
+values as a command line or Python writes them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from reprlib import repr as shortly
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from tdfscal.commands.campaign import PathLike, PathLikes, inputs_read, listed, one
+from tdfscal.commands.campaign import PathLike, PathLikes, one
 from tdfscal.commands.result import CalibrationSource, CommandResult, Result
 from tdfscal.errors import UsageError, expect, inaccessible, is_short
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
@@ -49,10 +49,10 @@ class Option:
     where that is not the annotation's; None there for what only Python has. metavar : what the
     help shows in its place. names : of the option, where they are not that of the parameter.
     default : on the command line, where it is another; `...` must be given. least, below : smallest
-    number, and the first that is too large. shell : what the command line takes besides. reads : it
-    names files to read. writes : endings of a file to write, any where there is none. holds : the
-    text of the result that it gets; nothing where the function writes it while it works. dash : `-`
-    sends that to standard output.
+    number, and the first that is too large. shell : what the command line takes besides. writes :
+    endings of a file to write, any where there is none. holds : the text of the result that it
+    gets; nothing where the function writes it while it works. dash : `-` sends that to standard
+    output.
     """
 
     help: str
@@ -63,7 +63,6 @@ class Option:
     least: float | None = None
     below: float = inf
     shell: str = ""
-    reads: bool = False
     writes: tuple[str, ...] | None = None
     holds: str = ""
     dash: bool = True
@@ -177,7 +176,8 @@ def command(example: str) -> Callable[[_Function], _Function]:
                 values[_LINE] = line
             try:
                 with together():
-                    _check_files(each, values)
+                    files = (p for p in each if p.option.writes is not None)
+                    check_outputs((p.flags[0], one(values[p.name]), p.option.writes) for p in files)
                     result: Result = function(*given.args, **given.kwargs)
                     if isinstance(result, CommandResult):
                         result = replace(result, command=line)
@@ -205,28 +205,6 @@ def command(example: str) -> Callable[[_Function], _Function]:
         return run  # type: ignore[return-value]
 
     return make
-
-
-def _check_files(parameters: Iterable[Described], values: Mapping[str, Any]) -> None:
-    """Refuse outputs that cannot be written, or that would replace what the command reads."""
-    reads, rig = list[Path](), None
-    outputs = dict[str, tuple[Path | None, tuple[str, ...]]]()
-    for parameter in parameters:
-        option, value = parameter.option, values[parameter.name]
-        if parameter.name == "rig":  # a file, or the folder that holds it
-            rig = one(value)
-        elif option.reads:
-            reads += _paths_in(value)
-        elif option.writes is not None:
-            outputs[parameter.flags[0]] = one(value), option.writes
-    check_outputs(outputs, inputs_read(reads, rig))
-
-
-def _paths_in(value: Any) -> list[Path]:
-    """Paths, not what is in memory."""
-    if isinstance(value, list | tuple):
-        return [path for one in value for path in _paths_in(one)]
-    return listed(value) if isinstance(value, str | os.PathLike) else []
 
 
 def _write_files(
@@ -318,15 +296,13 @@ def _moment(option: str, value: Instant) -> Moment:
 
 _MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time"
 
-Paths = Annotated[
-    PathLikes, Option("campaign folder, or log files", list[Path], "PATH", reads=True)
-]
+Paths = Annotated[PathLikes, Option("campaign folder, or log files", list[Path], "PATH")]
 RigFile = Annotated[
     PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
 ]
 OneCalibration = Annotated[
     CalibrationSource,
-    Option("calibration file", Path, "CALIBRATION", shell="- for stdin", reads=True),
+    Option("calibration file", Path, "CALIBRATION", shell="- for stdin"),
 ]
 Several = CalibrationSource | Iterable[CalibrationSource]
 Begin = Annotated[

@@ -122,7 +122,7 @@ Aim = Annotated[
 ]
 Given = Annotated[
     PathLikes,
-    Option("campaign or log recorded already; plan what is next", list[Path], "PATH", reads=True),
+    Option("campaign or log recorded already; plan what is next", list[Path], "PATH"),
 ]
 
 

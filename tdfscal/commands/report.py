@@ -78,7 +78,7 @@ class ReportResult(CommandResult):
 def report(
     *files: Annotated[
         options.Several,
-        Option("calibration files; - for stdin", list[Path], "FILE", reads=True),
+        Option("calibration files; - for stdin", list[Path], "FILE"),
     ],
     html: Annotated[
         PathLike | None,

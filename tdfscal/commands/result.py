@@ -24,6 +24,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
+from tdfscal.files.outputs import protect
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import FrozenInstanceError, record, replace
@@ -278,6 +279,7 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
             where=str(path),
             hint="name the .yaml or .json file that calibrate wrote",
         )
+    protect([path])
     return str(path), Calibration.of(load_file(path))
 
 

@@ -10,7 +10,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -142,28 +142,25 @@ def protect(inputs: Iterable[Path]) -> None:
             checked_place(path, outputs.protected)
 
 
-def check_outputs(
-    outputs: Mapping[str, tuple[Path | None, Sequence[str]]], inputs: Sequence[Path]
-) -> None:
-    """Refuse places of output before the work, and keep the inputs from any that follows.
+def check_outputs(outputs: Iterable[tuple[str, Path | None, Sequence[str] | None]]) -> None:
+    """Refuse places of output before the work; what is found to be an input later refuses them too.
 
-    outputs : by option, the file, None where it is not asked for; and what its name may end in,
-    nothing where that is free. inputs : every file that the command reads or would read.
+    outputs : option, file, None where it is not asked for; what its name may end in, nothing where
+    that is free.
 
-    Raises UsageError where a place cannot be written, is that of an input, is named twice, or the
-    name ends in what another kind of file has.
+    Raises UsageError where a place cannot be written, is named twice, or the name ends in what
+    another kind of file has.
     """
-    protect(inputs)
-    protected, options = _identities(inputs), dict[Path, str]()
-    if (current := _current.get()) is not None:
-        current.asked = [path for path, _ in outputs.values() if path is not None]
-    for option, (path, suffixes) in outputs.items():
+    options = dict[Path, str]()
+    for option, path, suffixes in outputs:
         if path is None:
             continue
         if suffixes:
             check_suffix(path, suffixes)
         with writing(path):
-            place = checked_place(path, protected)
+            place = checked_place(path, set())
+        if (current := _current.get()) is not None:
+            current.asked.append(path)
         other = options.setdefault(place, option)
         if other != option and path.name != "null":
             what, hint = f"{other} and {option} name one file", "give each a name of its own"
