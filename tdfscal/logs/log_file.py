@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 import numpy as np
 
 from tdfscal.errors import DataError, RigError, UsageError, is_short, shortage
-from tdfscal.files.rig.recorders import UNITS, Dimension, canonical, unit_factor
+from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -121,20 +121,11 @@ def make_request(
 
     axes : (n, 3), what their sensors measure; no field of another axis is looked at.
 
-    Raises RigError for a support without fields, or a unit that is not known.
+    Raises RigError for a support without fields.
     """
     declared = mapping is not None
     if mapping is None:
         mapping = LogMapping.default(tuple(supports))
-    declarations: tuple[tuple[Dimension, str, str], ...] = (
-        ("position", mapping.length_unit, "length_unit"),
-        ("force", mapping.force_unit, "force_unit"),
-        ("time", mapping.time_unit, "time.unit"),
-    )
-    for quantity, unit, place in declarations:
-        if unit_factor(quantity, unit) is None:
-            hint = f"use one of {', '.join(UNITS[quantity])}"
-            raise RigError(f"unknown unit {unit!r}", where=f"log.{place}", hint=hint)
     signals: dict[int, Signal] = {}
     for number, name in enumerate(supports):
         if name not in mapping.supports:
@@ -165,12 +156,6 @@ def signal_of(
     mapping: LogMapping, quantity: Literal["position", "force"], i: int, fields: tuple[str, ...]
 ) -> Signal:
     """The signal of support i, with factors where the mapping states them in place of its unit."""
-    name = mapping.supports[i]
-    if len(fields) not in (0, 1, 3):
-        raise RigError(
-            f"expected three fields, or one with members x, y, z, got {len(fields)}",
-            where=f"log.supports.{name}",
-        )
     unit, scales = mapping.length_unit, mapping.position_scale
     if quantity == "force":
         unit, scales = mapping.force_unit, mapping.force_scale
@@ -178,7 +163,7 @@ def signal_of(
     x, y, z = stated or (UNITS[quantity][canonical(unit)],) * 3
     sign = -1.0 if quantity == "force" and mapping.force_on == "sensor" else 1.0
     factors = (sign * x, sign * y, sign * z)
-    return Signal(name, quantity, fields, factors, None if stated else unit)
+    return Signal(mapping.supports[i], quantity, fields, factors, None if stated else unit)
 
 
 def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from tdfscal.errors import DataError, RigError
+from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.logs.log_file import Block, Piece, Request, Signal, missing_fields
+from tdfscal.logs.log_file import Block, Piece, Request, missing_fields
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 DATES: Final = (
@@ -117,19 +117,8 @@ _OFTEN: Final = 0.1
 def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     """Where each wanted column of a table is; without the time where postures have none.
 
-    Raises DataError where one is missing or there twice, RigError where the mapping names a field
-    twice: two sensors would read the same numbers.
+    Raises DataError where one is missing or there twice.
     """
-    seen: dict[str, Signal] = {}
-    for signal in request.signals:
-        for name in signal.own:
-            other = seen.setdefault(name, signal)
-            if other is not signal and {other.quantity, signal.quantity} != {"temperature"}:
-                raise RigError(
-                    f"field {name} is named twice, for the {other.quantity} of {other.support} "
-                    f"and for the {signal.quantity} of {signal.support}",
-                    where="log.supports",
-                )
     wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
     mapping = request.mapping
     if mapping.rows == "timeseries" or mapping.time_field in present:

@@ -284,7 +284,6 @@ def set_stage(
     truth: Truth | None = None,
 ) -> Stage:
     """Draw rigs, unless they are known, and postures, and let the terminal settle; (trials, K)."""
-    faults.check(options.faults, rig.n, options.count)
     truth_rng, posture_rng, error_rng = rng.spawn(3)
     if truth is None:
         truth = draw_truths(rig, options, truth_rng, trials)

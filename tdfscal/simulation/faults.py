@@ -6,12 +6,9 @@ was taken, so that the same code serves a time series and the means of dwells.
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import numpy.typing as npt
 
-from tdfscal.errors import UsageError
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Rig, Series
 from tdfscal.simulation import rotations
@@ -170,21 +167,6 @@ class Place:
 
     posture: FloatArray
     progress: FloatArray
-
-
-def check(faults: Faults, sensors: int, postures: int) -> None:
-    """Raise UsageError where a fault names a sensor, axis or posture that is not there."""
-    counts = {"sensor": sensors, "posture": postures, "axis": 3}
-    groups = (getattr(faults, f.name) for f in fields(faults))
-    each = [fault for group in groups if isinstance(group, tuple) for fault in group]
-    named = [(what, getattr(f, what)) for f in each for what in counts if hasattr(f, what)]
-    named += [("sensor", index) for pair in faults.swapped for index in pair]
-    for what, index in named:
-        if not 0 <= index < counts[what]:
-            raise UsageError(
-                f"a fault names {what} {index}, but there are {counts[what]}",
-                hint=f"count each {what} from 0 to {counts[what] - 1}",
-            )
 
 
 def sensitivity(faults: Faults, sensors: int) -> FloatArray:

@@ -257,17 +257,15 @@ def _check_block(
             hint="give the recordings themselves",
         )
     _check_known(names, list(recorder.supports or ()), *place, "supports")
-    taken: dict[str, str] = {}
-    for (name, what), used in recorder.fields.items():
+    warm, taken = recorder.temperature, dict[str, str]()
+    served = {(*place, "supports", *what): used for what, used in recorder.fields.items()}
+    served[*place, "temperature"] = tuple(dict.fromkeys(warm or ()))
+    for where, used in served.items():
         for field in used:
             if field in taken and field != _NOT_RECORDED:
-                raise fault(
-                    f"the field `{field}` already serves {taken[field]}",
-                    *(*place, "supports", name, what),
-                    hint="let each field serve one quantity",
-                )
-            taken[field] = f"log.supports.{name}.{what}"
-    warm = recorder.temperature
+                what = f"the field `{field}` already serves {taken[field]}"
+                raise fault(what, *where, hint="let each field serve one quantity")
+            taken[field] = ".".join(map(str, where))
     if warm is not None and len(warm) not in (1, len(names)):
         raise fault(
             f"names {len(warm)} fields for {len(names)} supports",

@@ -187,11 +187,7 @@ def test_a_header_that_comes_again(tmp_path: Path) -> None:
         read(tmp_path, text(HEADER, *ROWS, HEADER, *ROWS))
 
 
-def test_mapping_is_checked(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match="unknown unit 'inch'"):
-        read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, length_unit="inch"))
-    with pytest.raises(RigError, match="X is named twice"):
-        read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, force=(("X", "FY", "FZ"),)))
+def test_a_support_that_the_mapping_lacks(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no fields for support b"):
         read_log([write(tmp_path / "l.csv", b"")], MAPPING, ("b",))
 
