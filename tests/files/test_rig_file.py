@@ -163,6 +163,7 @@ FAULTS = [
     ("[z, x]", "[z, z]", "supports[1].axes", "twice"),
     ("[z, x]", "[z, w]", "supports[1].axes", "x"),
     ("[T1, T2, T3]", "[T1, T2]", "log.temperature", "2 fields"),
+    ("[T1, T2, T3]", "[T1, Fx1, T3]", "log.temperature", "already serves log.supports.ncp1"),
     ('"2026-11-21"', "21.11.2026", "campaign.date", "2026-11-21"),
     ("lateral: 1.0e-6", "lateral: -1.0e-6", "uncertainty.compliance.lateral", "greater"),
     ("barycenter:", "barycentre:", "terminal.barycentre", "`barycenter`"),
