@@ -26,14 +26,20 @@ from tdfscal.trackercal.judged_registration import (
     examine_axes,
     fit_survey,
 )
-from tdfscal.trackercal.noise import MEASURED_FILE, REFERENCE_FILE, point_noise
+from tdfscal.trackercal.noise import (
+    MEASURED_FILE,
+    REFERENCE_FILE,
+    Components,
+    estimate_components,
+    point_noise,
+    simulate_inputs,
+)
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
     match_points,
     relabellings,
     unmatched,
 )
-from tdfscal.trackercal.uncertainty import Components, estimate_components, simulate_inputs
 
 #: Typical errors of what is taken as exact: a workshop's drawing, m, and a sensor's body against
 #: its axes, rad.
