@@ -11,9 +11,9 @@ import numpy as np
 
 from tdfscal.catalogue.numbers import count, quantity, rounded, spans, upwards
 from tdfscal.estimation.uncertainty import EARLIER
-from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
+from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray

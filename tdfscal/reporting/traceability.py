@@ -13,9 +13,9 @@ from typing import Any
 from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import probability, rounded
-from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration, file_content, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
+from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
 from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding

@@ -8,9 +8,14 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
-from tdfscal.files.calibration.consistency import ALTERED, CHANGED, UNCONFIRMED, check
-from tdfscal.files.calibration.parameters import Parameters
-from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, key
+from tdfscal.files.calibration.parameters import (
+    ALTERED,
+    UNCONFIRMED,
+    Parameters,
+    check,
+    status_of,
+)
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
@@ -24,6 +29,8 @@ from tdfscal.records import BoolArray, FloatArray, Rotations
 Array = TypeVar("Array", BoolArray, FloatArray)
 
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
+#: What is said of a file that has a digest and was edited.
+_CHANGED = "the file was changed after tdfscal wrote it (its content_sha256 does not match)"
 
 
 def _read_only(array: Array) -> Array:
@@ -91,6 +98,7 @@ class Calibration(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        _check_method(self)
         check(self)
         return self
 
@@ -216,6 +224,25 @@ class Calibration(Strict):
         return embedded_rig(self.rig, Path(source))
 
 
+def _check_method(c: Calibration) -> None:
+    """Refuse a verdict, blocks and an equation that do not belong to what was found and done."""
+    if c.status != status_of((f.code, f.severity) for f in c.findings):
+        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
+    if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):
+        raise fault("lacks `estimator`, `fit` or `observability`, which the method `self` has")
+    if c.method == "tracker" and c.estimator is not None:
+        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
+    scaled = any(support.sensitivity is not None for support in c.supports)
+    if c.convention != (parts.CONVENTION_WITH_SENSITIVITY if scaled else parts.CONVENTION):
+        given = "some supports" if scaled else "no support"
+        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
+    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=False)):
+        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
+            raise fault("is missing, though the sensor lacks no axis", "supports", index)
+    if not c.determined.any():
+        raise fault("have no rotation, none of them", "supports")
+
+
 def defects(name: str, c: Calibration) -> tuple[Finding, ...]:
     """What whoever uses a calibration that goes by `name` must know; nothing where it is sound."""
     return (*below_accepted(name, c), *unsealed(name, c))
@@ -299,11 +326,11 @@ def _from_document(document: Document) -> Calibration:
         if intact:
             raise
         place = str(error.where).removeprefix(document.source).lstrip(", ") or "the top"
-        what = f"{CHANGED}; look at {place}: {error.what}"
+        what = f"{_CHANGED}; look at {place}: {error.what}"
         raise error.restated(what=what, where=document.source, hint=ALTERED) from None
     # Other programs write numbers in another notation, and no defaults of a later version.
     own = calibration.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     if not intact and stated != content_sha256(own):
-        raise DataError(CHANGED, where=document.source, hint=ALTERED)
+        raise DataError(_CHANGED, where=document.source, hint=ALTERED)
     calibration._read = True
     return calibration

@@ -17,12 +17,12 @@ from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.uncertainty import with_sources_of_earlier
 from tdfscal.files.calibration import evidence, statistics
 from tdfscal.files.calibration import parts as keys
-from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import (
     exact_moves_document,
     parameter_rows,
     parameters_document,
+    status_of,
     turn_parameters,
 )
 from tdfscal.files.rig.reading import LoadedRig
