@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
-import numpy as np
 import pytest
 import yaml
 
-from tdfscal.catalogue.numbers import typeset
-from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
-from tdfscal.files.rig.draft import draft
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render
 from tests.reporting.pages import render_page
@@ -29,30 +25,21 @@ from tests.reporting.test_page import read
 from tests.words import found, texts
 
 LINES = (
-    *("a\u2028b", "a\x85b", "a\ufeffb", "a\uffffb", "\U0001f600", "\u202eevil\u202c", "---", "-->"),
-    *("]]>", "*/ int x; /*", "ends in \\", "=cmd|'/c calc'!A1", "x,=1+1", "-1", "@SUM(A1)", '"'),
-    *("<script>alert(1)</script>", "&amp;&#x41;", "{{ 7*7 }}{% x %}", "%s {0} $(x) `x`"),
-    *("# x: y", "key: [a, b", "[red]x[/red]"),
+    *("a\u2028b", "a\uffffb", "\u202eevil\u202c", "-->", "]]>", "*/ int x; /*", "ends in \\"),
+    *("=cmd|'/c calc'!A1", '"', "<script>alert(1)</script>", "&amp;&#x41;", "{{ 7*7 }}{% x %}"),
+    *("%s {0} $(x) `x`", "# x: y", "key: [a, b", "[red]x[/red]"),
 )  # fmt: skip
 #: What a file's name or a command line may hold besides, a line of text may not.
-WILD = (*LINES, "\x1b[31mred\x1b[0m", "\x1b]0;title\x07", "a\nb", "a\r\n- b: 1", "\x07\b", "tab\tb")
-#: All of them in one line of text, and in what may be anything.
+WILD = (*LINES, "\x1b[31mred\x1b[0m", "a\nb", "a\r\n- b: 1", "tab\tb")
 LINE, ANYTHING = " ".join(LINES), " ".join(WILD)
 
 
 def poisoned(line: str = LINE, wild: str = ANYTHING) -> Calibration:
-    """A calibration with the text in every field that takes one, each marked by its place."""
+    """A calibration with the text in fields that take one, each marked by its place."""
     c: dict[str, Any] = json.loads(json.dumps(sample(touched=True).calibration.model_dump()))
     c["rig"] |= {"name": f"rig {line}"}
-    c["software"] = {"name": f"software {line}", "version": f"version {line}"}
-    c["observability"]["verdict"] = f"verdict {line}"
-    c["fit"]["rejected"][0]["reason"] = f"rejected {line}"
     c["status"] = "rejected"
     c["findings"] = [found(f"warning {line}"), found(f"reason {line}", "rejects")]
-    old = c["budget"]["sources"][0]
-    c["budget"]["sources"][0] = f"source {line}"
-    for angle in c["budget"]["angles"]:
-        angle["variance"][f"source {line}"] = angle["variance"].pop(old)
     c["command"] = f"command {wild}"
     c["inputs"][0]["path"] = f"folder/path {wild}"
     return Calibration.model_validate(c)
@@ -87,70 +74,39 @@ def test_text_and_page(monkeypatch: pytest.MonkeyPatch) -> None:
     no_controls(text)
     no_controls(words)
     for place in ("rig", "warning", "reason"):
-        expected = visible(f"{place} {LINE}")
-        assert squeezed(expected) in squeezed(text)
-        # In a sentence `x` is set as code, which needs no quotes, and -1 as a number.
-        assert squeezed(typeset(expected)).replace("`", "") in squeezed(words).replace("`", "")
+        expected = squeezed(visible(f"{place} {LINE}"))
+        assert expected in squeezed(text)
+        # In a sentence `x` is set as code, which needs no quotes.
+        assert expected.replace("`", "") in squeezed(words).replace("`", "")
     assert squeezed(visible(f"command {ANYTHING}")) in squeezed(words)
     assert "<script" not in page
 
 
-def comments(text: str) -> str:
-    """The comments of an XML document."""
-    nodes = minidom.parseString(text.encode()).childNodes
-    return " ".join(node.data for node in nodes if node.nodeType == node.COMMENT_NODE)
-
-
 def unescaped(text: str) -> str:
     """The string behind the escapes of a comment."""
-    return re.sub(
-        r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|[nrt])",
-        lambda m: m[0].encode().decode("unicode_escape"),
-        text,
-    )
+    escape = r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|[nrt])"
+    return re.sub(escape, lambda m: m[0].encode().decode("unicode_escape"), text)
 
 
-@pytest.mark.parametrize("line", LINES, ids=ascii)
-def test_exports(line: str) -> None:
-    c = poisoned(line)
-    robot = FORMATS["urdf"](c, "base")
-    assert f"rig {line}" in unescaped(comments(robot))
-    # Where XML 1.0 lacks a letter, it stands escaped.
-    name = "".join(visible(letter) if letter in "\ufffe\uffff" else letter for letter in line)
-    assert ET.fromstring(robot).get("name") == "_".join(f"rig {name}".split())
-    broadcasters = FORMATS["ros"](c, "base")
-    assert f"rig {line}" in unescaped(broadcasters.splitlines()[0])
-    assert len(yaml.safe_load(broadcasters)) == 3
-    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](c, "base"))))
-    assert [row["sensor"] for row in rows] == list(c.support_names)
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-def test_c_headers_compile_and_name_the_rig(tmp_path: Path) -> None:
-    flags = ["-std=c99", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function"]
-    names = []
+def test_exports(tmp_path: Path) -> None:
+    headers = []
     for k, line in enumerate(LINES):
-        text = FORMATS["c"](poisoned(line), "base")
-        assert f"rig {line}" in unescaped(text.splitlines()[1])
-        no_controls(text)
-        (tmp_path / f"{k}.c").write_text(text, encoding="utf-8")
-        names.append(f"{k}.c")
-    subprocess.run(["gcc", *flags, *names], cwd=tmp_path, check=True)
-
-
-@pytest.mark.parametrize("text", WILD, ids=ascii)
-def test_drafts_of_rig_files(text: str) -> None:
-    fields = [f"{text} {axis}" for axis in "xyz"]
-    log: dict[str, Any] = {
-        "time": {"field": f"time {text}", "unit": "s"},
-        "supports": {f"ncp {text} {i}": {"position": fields, "force": text} for i in range(3)},
-    }
-    nothing = np.zeros((3, 3))
-    sketch = RigSketch(nothing, 0.0, 500.0, np.zeros(2), nothing, (True,) * 3, 0)
-    notes = {"mass": "x", "hinge": "y", "nominal_rpy": "z"}
-    document = yaml.safe_load(draft(text, sketch, notes, log, [f"the unit is taken from {text}"]))
-    assert document["name"] == text
-    assert [support["name"] for support in document["supports"]] == list(log["supports"])
-    assert document["log"]["supports"] == log["supports"]
-    assert document["log"]["time"]["field"] == f"time {text}"
-    assert len(document) == 8
+        c = poisoned(line)
+        said = {form: written(c, "base") for form, written in FORMATS.items()}
+        nodes = minidom.parseString(said["urdf"].encode()).childNodes
+        comments = " ".join(node.data for node in nodes if node.nodeType == node.COMMENT_NODE)
+        assert f"rig {line}" in unescaped(comments)
+        # Where XML 1.0 lacks a letter, it stands escaped.
+        name = "".join(visible(letter) if letter == "\uffff" else letter for letter in line)
+        assert ET.fromstring(said["urdf"]).get("name") == "_".join(f"rig {name}".split())
+        assert f"rig {line}" in unescaped(said["ros"].splitlines()[0])
+        assert len(yaml.safe_load(said["ros"])) == 3
+        rows = list(csv.DictReader(io.StringIO(said["csv"])))
+        assert [row["sensor"] for row in rows] == list(c.support_names)
+        assert f"rig {line}" in unescaped(said["c"].splitlines()[1])
+        no_controls(said["c"])
+        (tmp_path / f"{k}.c").write_text(said["c"], encoding="utf-8")
+        headers.append(f"{k}.c")
+    if shutil.which("gcc"):
+        flags = ["-std=c99", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function"]
+        subprocess.run(["gcc", *flags, *headers], cwd=tmp_path, check=True)
