@@ -129,13 +129,6 @@ def test_supports_that_give_pass_where_declared_and_are_named_where_not() -> Non
             assert [cause.kind for cause in found.causes] == kinds
 
 
-def test_what_is_declared_as_uncertain_is_not_questioned() -> None:
-    known = seen(np.random.default_rng(6), hinge=at(3, 2, [3e-3, 0.0, 0.0]), tilt=1e-3)
-    assert known.examined().causes
-    for stated in (replace(STATED, hinge=3e-3), replace(STATED, datum=3e-3)):
-        assert not replace(known, rig=replace(known.rig, declared=stated)).examined().causes
-
-
 def test_all_hinges_too_far_apart_are_a_scale() -> None:
     case = seen(np.random.default_rng(7), 4)
     hinge = case.rig.hinge

@@ -64,20 +64,6 @@ def test_a_rig_file_with_the_wrong_unit_of_time(cli: Cli, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor", "known"), [("um", 1e3, True), ("mm", 1.0, False), ("m", 1e-3, False)]
-)
-def test_the_unit_of_length_goes_by_the_distances(
-    cli: Cli, tmp_path: Path, unit: str, factor: float, known: bool
-) -> None:
-    folder = written(tmp_path / "length", scaled(POSITIONS, factor))
-    if not known:
-        (folder / "rig.yaml").unlink()
-    found = told(cli, folder if known else folder / "log.csv")
-    assert found["mapping"]["log"]["length_unit"] == unit
-    assert any("1.039 m" in note for note in found["mapping_notes"]) == (known or unit == "m")
-
-
-@pytest.mark.parametrize(
     ("length", "force", "said", "known"),
     [
         ("µm", "N", "the NCPs are 0.001039 m apart", True),

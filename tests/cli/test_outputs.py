@@ -1,6 +1,5 @@
 """Outputs: never over an input, all together or none."""
 
-import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -124,38 +123,3 @@ def test_a_run_made_again_replaces_its_own_result_in_the_campaign(home: Path, cl
         assert cli(*line.split()).status == 0, line
     for made in (Path("C/plan.csv"), Path("C/w.mcap")):
         made.unlink()
-
-
-TARGETS = ("urdf", "ros", "csv", "c")
-
-
-@pytest.mark.slow
-def test_results_that_lie_in_a_campaign_are_left_alone(
-    home: Path, tmp_path: Path, cli: Cli
-) -> None:
-    folder = tmp_path / "C"
-    shutil.copytree(SAMPLES / "parquet", folder)
-    line = ("calibrate", folder, "--trials", 0, "-q", "--json", "-o", folder / "first.json")
-    first = json.loads(cli(*line).out)
-    for words in (
-        ("apply", "own.yaml", folder, "-o", folder / "w.csv"),
-        ("apply", "own.yaml", folder, "-o", folder / "w2.parquet"),
-        ("plan", folder, "-o", folder / "plan.csv", *FAST.split()),
-        ("export", "own.yaml", "--to", "csv", "-o", folder / "rotations.csv"),
-        ("apply", "own.yaml", folder, "-o", folder / "w3.mcap"),
-        ("validate", "own.yaml", folder, "--html", folder / "v.html"),
-        ("report", "own.yaml", "--html", folder / "r.html"),
-        ("monitor", "own.yaml", "turned", "--html", folder / "m.html"),
-        ("init", folder / "log.parquet", "-o", folder / "draft.yaml"),
-        *(
-            ("export", "own.yaml", "--to", to, "-o", folder / f"x.{to}{suffix}")
-            for to in TARGETS
-            for suffix in (".txt", ".csv", ".parquet", ".mcap")
-        ),
-    ):
-        seen = cli(*words)
-        assert seen.status == (words[0] == "monitor"), seen.err
-    for name in ("first.json", "draft.yaml", "r.html"):
-        shutil.copy(folder / name, folder / f"{name}.csv")
-    again = cli(*line, ends=0)
-    assert json.loads(again.out)["inputs"] == first["inputs"]

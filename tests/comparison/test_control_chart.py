@@ -143,15 +143,3 @@ def test_a_walk_is_foreseen_by_its_upper_bound() -> None:
     room = rig.acceptance.angle_std**2 - life.due.now**2
     assert life.due.month - 23 == pytest.approx(room / life.walk.high**2, rel=1e-9)
     assert life.due.month - 23 < room / 1e-3**2
-
-
-def test_no_date_beyond_what_the_history_foresees() -> None:
-    """Seven months at rest tell of fourteen more, forty of two years; two checks tell of none."""
-    life = lived(np.zeros((8, 9)), noise=1.0)
-    assert (life.due.month, life.due.earliest) == (None, 7 + 14)
-    assert lived(np.zeros((40, 9)), noise=1.0).due.earliest == 39 + 24
-    # Checks of one day, or of files copied on one, have no pace.
-    copied = lived(np.zeros((40, 9)), noise=1.0, gap=1e-4)
-    assert (copied.walk, copied.due.month, copied.due.earliest) == (None, None, None)
-    few = lived(np.zeros((2, 9)), noise=1.0)
-    assert (few.due.month, few.due.earliest) == (None, None)

@@ -92,14 +92,6 @@ def test_a_heavy_turn_is_one_sensors_in_one_campaign() -> None:
     assert np.abs(found.turn - turn).max() < 1.5e-3
 
 
-def test_no_sensor_is_blamed_for_what_two_did_together() -> None:
-    rig = reference_rig()
-    steps = [(4, 0, (3e-3, 0.0, 0.0)), (4, 1, (0.0, 3e-3, 0.0))]
-    campaigns, _ = history(rig, np.random.default_rng(8), months=5, postures_each=8, steps=steps)
-    (found,) = pool(campaigns).misfits
-    assert (found.campaign, found.cause, found.sensor) == ("04", None, None)
-
-
 def test_a_walk_widens_what_old_campaigns_say() -> None:
     rig = replace(reference_rig(), drift=Drift(angle=1e-3))
     campaigns, truth = history(rig, np.random.default_rng(4), months=4, walk=1e-3)

@@ -122,14 +122,6 @@ def test_what_two_have_in_common(first: str, second: str, expected: Relation) ->
     assert relation([*map(Recorded, first)], [*map(Recorded, second)]) == expected
 
 
-def test_parts_of_one_recording() -> None:
-    begin, end, most = (Recorded("a", span) for span in ((0.0, 10.0), (10.0, 20.0), (0.0, 15.0)))
-    assert relation([begin], [end]) == "apart"
-    assert relation([begin], [most]) == "same"
-    assert relation([begin], [most, Recorded("b")]) == "first"
-    assert relation([most], [begin, Recorded("b")]) == "overlapping"
-
-
 RIG = replace(reference_rig(), declared=replace(reference_rig().declared, force_noise=0.0))
 
 

@@ -65,12 +65,6 @@ def test_each_bin_holds_the_moments_of_its_samples(log: Log) -> None:
                 np.testing.assert_allclose(extremes, x.min(axis=0), rtol=1e-6, atol=1e-6)
 
 
-def test_the_cut_into_pieces_does_not_matter(log: Log) -> None:
-    t = log.force[0].time[0]
-    pieces = iter(cut(log, [t + 1.2345, t + 1.25, t + 4.0, t + 7.77]))
-    assert_same(reduce_to_bins([log]), reduce_to_bins(pieces))
-
-
 def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
     fine = reduce_to_bins([log], width=0.02)

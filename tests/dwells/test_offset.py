@@ -45,13 +45,3 @@ def test_clocks_that_run_apart_are_told_by_their_rate(log: Log, rate: float) -> 
     assert offset.large
     assert offset.running
     assert any("run apart by" in w for w in in_words(dwells.findings))
-
-
-def test_too_few_moves_say_nothing(log: Log) -> None:
-    def cut(series: Series) -> Series:
-        part = series.time < 20.0
-        return Series(series.time[part], series.value[part])
-
-    short = replace(log, position=tuple(map(cut, log.position)), force=tuple(map(cut, log.force)))
-    bins = reduce_to_bins([short])
-    assert motion_offset(bins, dwells_of_bins(bins)) is None

@@ -180,30 +180,6 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
     assert (np.abs(own - variance) < 0.02 * scale).all()
 
 
-def test_free_forces_are_those_of_weighted_least_squares() -> None:
-    root = RNG.normal(size=(3, 6, 6))
-    cov = np.eye(6) + root @ np.swapaxes(root, 1, 2)
-    columns, e = RNG.normal(size=(3, 6, 2)), RNG.normal(size=(3, 6))
-    value, covariance = least_squares.free_values(cov, columns, e)
-    for k in range(3):
-        W = np.linalg.inv(cov[k])
-        normal = columns[k].T @ W @ columns[k]
-        assert np.allclose(covariance[k], np.linalg.inv(normal), rtol=1e-10, atol=0)
-        assert np.allclose(
-            value[k], -np.linalg.solve(normal, columns[k].T @ W @ e[k]), rtol=1e-10, atol=0
-        )
-    V, rows = least_squares.whitener(cov, np.zeros((3, 6, 0)))
-    assert np.allclose(V @ cov @ np.swapaxes(V, 1, 2), np.eye(6), rtol=0, atol=1e-12)
-    assert np.array_equal(rows, [6, 6, 6])
-    # Two columns along one line take one direction only.
-    twice = np.concatenate([columns[:, :, :1], 2 * columns[:, :, :1]], axis=2)
-    _, rows = least_squares.whitener(cov, twice)
-    assert np.array_equal(rows, [5, 5, 5])
-    # Units of the free forces are of no consequence, nor those of other postures.
-    small = columns * np.array([1.0, 1e-12, 1e12])[:, None, None]
-    assert np.array_equal(least_squares.whitener(cov, small)[1], [4, 4, 4])
-
-
 def test_postures_are_reached_along_their_last_turn() -> None:
     """Still, still, about x, squeezed there, back about −x, about y."""
     turns = [[0, 0, 0], [0, 0, 0], [0.1, 0, 0], [0.1, 0, 0], [0.05, 0, 0], [0.05, 0.2, 0]]

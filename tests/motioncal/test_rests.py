@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.motioncal.blocks import blocks, rests_of
+from tdfscal.motioncal.blocks import rests_of
 from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
@@ -17,13 +17,6 @@ def test_the_stops_of_a_log_are_its_rests() -> None:
     rows = rests_of(slow, cut)[0]
     assert len(rows) == 8
     assert all(5.5 < (run.stop - run.start) * slow.step < 7.0 for run in rows)
-
-
-def test_a_motion_without_a_stop_has_none() -> None:
-    _, slow, cut = played(MovingOptions(rate=100.0))
-    assert rests_of(slow, cut) == ((),)
-    still = replace(slow, position=np.broadcast_to(slow.position[0], slow.position.shape))
-    assert [len(own) for own in rests_of(still, blocks(still, ~still.clipped))] == [1]
 
 
 def test_what_a_displaced_rest_does_to_the_balance_is_a_turn_of_its_own() -> None:

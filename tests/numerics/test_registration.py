@@ -10,7 +10,6 @@ from tdfscal.numerics.registration import (
     LARGEST_MEANINGFUL_STD,
     Registration,
     extend,
-    outlier_p_beside,
     register,
 )
 from tdfscal.records import FloatArray
@@ -71,39 +70,6 @@ def test_outliers_have_the_probability_of_their_law(off: float, worse: float) ->
     if off == 1e-3:
         assert fit.outlier_p.argmin() == 3
         assert fit.outlier_p[3] < 1e-6
-
-
-def test_outliers_beside_further_parameters() -> None:
-    """Brute force: linear least squares with the columns, with and without each point."""
-    y, x = points(6, 9)
-    fit = register(y, x, stacked(COV, 9))
-    centred = x - x.mean(axis=0)
-    columns = np.einsum("ij,njq->niq", fit.rotation, centred[:, :, None] * np.eye(3))
-    y = y + np.einsum("niq,q->ni", columns, [1e-3, -2e-3, 3e-3])
-    y[4] += [0, 2e-4, 0]
-    fit = register(y, x, stacked(COV, 9))
-    found = outlier_p_beside(fit, columns)
-
-    root = np.linalg.cholesky(np.linalg.inv(COV)).T
-    J = root @ np.concatenate([fit.jacobian, -columns], axis=2)
-    e = (root @ fit.residual[..., None])[..., 0]
-
-    def chi2(keep: FloatArray) -> float:
-        rows, rest = J[keep].reshape(-1, 9), e[keep].ravel()
-        step = np.linalg.lstsq(rows, -rest, rcond=None)[0]
-        return float(np.sum((rest + rows @ step) ** 2))
-
-    whole, dof = chi2(np.ones(9, dtype=bool)), 3 * 9 - 9
-    for j in range(9):
-        statistic = whole - chi2(np.arange(9) != j)
-        rest = (whole - statistic) / (dof - 3)
-        own, against = stats.chi2.sf(statistic, 3), stats.f.sf(statistic / 3 / rest, 3, dof - 3)
-        expected = max(own, against) if rest > 1 else own
-        assert found[j] == pytest.approx(expected, rel=1e-5, abs=1e-30)
-    assert found.argmin() == 4
-    assert found[4] < 1e-6
-    # By itself the fit blames its points for the stretch.
-    assert fit.outlier_p.min() > found[4]
 
 
 def test_an_extension_is_the_joint_least_squares() -> None:

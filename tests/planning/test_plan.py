@@ -51,18 +51,6 @@ def test_a_simulated_campaign_confirms_the_forecast(reference: Plan) -> None:
     assert scatter < 0.1 / 3
 
 
-def test_displacements_make_the_planned_forces() -> None:
-    rig = reference_rig()
-    request = Request(limits(rig, squeeze=800.0, stiffness=STIFFNESS), noise=1.0, candidates=50)
-    squeezed = make_plan(rig, request, 4, RNG(1))
-    moved = squeezed.position - squeezed.postures.place
-    assert np.abs(moved).max() > 0
-    assert np.allclose(moved * STIFFNESS, squeezed.postures.squeeze)
-    servoed = make_plan(rig, Request(limits(rig), candidates=50), 4, RNG(2))
-    assert servoed.postures.displacement(servoed.request.limits) is None
-    assert np.array_equal(servoed.position, servoed.postures.place)
-
-
 def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
     rig = reference_rig()
     options = Options(postures=8, squeeze=100.0, stiffness=2e6, recorder=Recorder(mean_sd=1.0))
@@ -75,20 +63,6 @@ def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
     assert plan.before is not None
     assert (plan.expected.rpy_std < plan.before.rpy_std).all()
     assert plan.expected.rpy_std.mean() < alone.expected.rpy_std.mean()
-
-
-@pytest.mark.slow
-def test_a_target_takes_as_few_postures_as_it_needs() -> None:
-    rig = reference_rig()
-    request = Request(limits(rig, squeeze=800.0), candidates=100)
-    told = list[str]()
-    plan = make_plan(rig, request, None, RNG(6), target=0.6e-3, progress=told.append)
-    assert len(told) > 1
-    assert plan.expected.rpy_std.max() <= 0.6e-3
-    fewer = make_plan(rig, request, len(plan) - 1, RNG(6))
-    assert fewer.expected.rpy_std.max() > 0.6e-3
-    with pytest.raises(NotIdentifiableError, match=r"0\.01 mrad, which is asked for"):
-        make_plan(rig, request, None, RNG(6), target=1e-5)
 
 
 def touching(roll: float) -> Rig:

@@ -1,7 +1,6 @@
 """The plan's CSV as a machine reads it, and the command."""
 
 import csv
-import json
 import re
 import shutil
 from pathlib import Path
@@ -122,17 +121,3 @@ def test_a_stiffness_says_what_it_changes(campaign: Path, tmp_path: Path, cli: C
     assert "scatter adds 200 N at random" in " ".join(stiff.split())
     mean = [float(re.findall(r"On average (\S+) mrad", out)[0]) for out in (servoed, stiff)]
     assert mean[1] < mean[0] / 2
-
-
-def test_an_unknown_home_and_a_stated_noise_are_said(
-    campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
-    rig = tmp_path / "rig" / "rig.yaml"
-    rig.parent.mkdir()
-    shutil.copy(campaign / "rig.yaml", rig)
-    options = (rig, "-o", tmp_path / "plan.csv", "--postures", "8", "--json")
-    seen = cli("plan", *options, ends=0)
-    assert "home is unknown (there is no log here" in seen.err
-    assert "--home X,Y,Z" in seen.err
-    assert json.loads(seen.out)["noise"] == 0.0  # the rig file states a force noise
-    assert not cli("plan", *options, "--home", "0,0,1", ends=0).err.count("warning")

@@ -129,23 +129,6 @@ def test_a_noisy_channel_is_no_slip_and_a_slip_no_noise() -> None:
     assert turned(slipping)
 
 
-def test_what_is_as_likely_as_another_is_named_beside_it() -> None:
-    """1 mrad under 1000 N is 1 N: in ten postures of five sensors a zero that jumps does alike."""
-    rig = simulation.make_rig(5)
-    options = Options(
-        squeeze=100.0,
-        postures=10,
-        recorder=Recorder(mean_sd=0.1),
-        faults=Faults(slips=(Slip(3, 6, (0.0, 1e-3, 0.0)),)),
-    )
-    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(21), 8)
-    found = [calibrated(batch, rig, i).suspicions for i in range(4)]
-    steps = [each[0].causes for each in found if each and each[0].kind in ("slip", "jump")]
-    assert len(steps) >= 2
-    for causes in steps:
-        assert ("sensor-slipped", ("ncp4",)) in [(cause.code, cause.subject) for cause in causes]
-
-
 FORCE = (25.0, -15.0, 40.0)
 
 

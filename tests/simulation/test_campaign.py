@@ -12,7 +12,7 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 
-from .rigs import SILENT, chi2_p, exact_rig, loose_rig, plausible, still
+from .rigs import SILENT, chi2_p, exact_rig, plausible, still
 
 
 def forces(log: Log) -> FloatArray:
@@ -48,16 +48,6 @@ def test_reading_is_the_force_in_the_sensors_axes() -> None:
             np.testing.assert_allclose(
                 reading[:, i], np.broadcast_to(expected, reading[:, i].shape), atol=1e-12 * 3e3
             )
-
-
-def test_zero_and_sensitivity_enter_the_reading() -> None:
-    rig = replace(loose_rig(), declared=DeclaredUncertainty(force_sensitivity=0.01))
-    campaign = simulate_campaign(rig, still(postures=2), np.random.default_rng(1))
-    truth = campaign.truth
-    for i in range(3):
-        seen = truth.rotation[i].T @ campaign.force[1, i]
-        expected = seen + truth.sensitivity[i] @ seen + truth.zero[i]
-        np.testing.assert_allclose(forces(campaign.log)[at_rest(campaign, 1)][0, i], expected)
 
 
 def test_rest_and_motion() -> None:

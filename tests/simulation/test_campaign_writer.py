@@ -153,21 +153,6 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
     assert loaded.tracker.paths[3] == tmp_path / "c/tracker/moves.csv"
 
 
-def test_truth_file(tmp_path: Path) -> None:
-    played = simulate_to_folder(tmp_path / "c", scenario="contact", postures=6, seed=3)
-    truth = yaml.safe_load((tmp_path / "c/truth.yaml").read_text())
-    assert played.campaign is not None
-    for i, support in enumerate(truth["supports"]):
-        assert support["name"] == f"ncp{i + 1}"
-        np.testing.assert_array_equal(support["rotation"], played.truth.rotation[i])
-        np.testing.assert_array_equal(support["rpy"], played.truth.rpy[i])
-        np.testing.assert_array_equal(support["zero"], played.truth.zero[i])
-    assert truth["terminal"]["mass"] == float(played.truth.mass)
-    assert truth["scenario"]["name"] == "contact"
-    assert truth["scenario"]["seed"] == 3
-    assert [c["posture"] for c in truth["scenario"]["options"]["faults"]["contacts"]] == [2, 4]
-
-
 def test_tracker_files(tmp_path: Path) -> None:
     played = simulate_to_folder(tmp_path / "c", scenario="tracker")
     assert sorted(digests(tmp_path / "c")) == [

@@ -106,16 +106,6 @@ def test_jolt_is_a_half_sine() -> None:
     assert total[:, 2].sum() * 0.01 == pytest.approx(lift * 0.4 * 2.0 / np.pi, rel=1e-2)
 
 
-def test_dead_axis_repeats_itself() -> None:
-    faulty = readings(campaign(Faults(dead_axes=(DeadAxis(2, 1, 3),))))
-    alive = readings(PLAIN)
-    late = PLAIN.start[3] <= TIME
-    assert np.unique(faulty[late, 2, 1]).size == 1
-    faulty[late, 2, 1] = alive[late, 2, 1]
-    switched = (PLAIN.end[2] < TIME) & (PLAIN.start[3] > TIME)
-    np.testing.assert_array_equal(faulty[~switched], alive[~switched])
-
-
 def test_saturation_clips_at_the_stated_capacity() -> None:
     played = run(make_rig(), "saturation", Options(postures=K), np.random.default_rng(0))
     plain = run(make_rig(), "self", Options(postures=K), np.random.default_rng(0))

@@ -78,10 +78,3 @@ def test_repeatability_and_drawing_enter() -> None:
     drawn = played.session.nominal.xyz[:4] - played.session.nominal.xyz[:4].mean(axis=0)
     off = found @ played.rotation @ truth.rotation[0] - drawn
     assert 1e-5 < np.std(off) < 1.5e-4
-
-
-def test_body_may_be_misaligned() -> None:
-    truth, played = survey(SurveyOptions(body_misalignment=2e-3))
-    twist = Rotation.from_matrix(np.swapaxes(truth.rotation, 1, 2) @ played.body).as_rotvec()
-    assert plausible(chi2_p(twist / 2e-3))
-    assert played.misalignment == 2e-3

@@ -42,12 +42,6 @@ def test_bias_is_students_t_with_its_degrees_of_freedom(runs: int) -> None:
     assert bias_probability(error) == pytest.approx(min(1.0, 9 * p.min()))
 
 
-def test_few_runs_are_rarely_called_biased() -> None:
-    """Nine angles of three runs each: one in a hundred, not one in ten as of a normal."""
-    found = np.array([bias_probability(RNG.normal(size=(3, 9))) < 0.01 for _ in range(2000)])
-    assert found.mean() < 0.01 + 3.3 * np.sqrt(0.01 / 2000)
-
-
 @pytest.mark.parametrize("bound", ["", "<", ">"])
 def test_one_more_run_is_called_different_at_the_stated_rate(bound: str) -> None:
     draws = np.exp(RNG.normal(size=(4000, 17)))

@@ -20,7 +20,6 @@ from tdfscal.trackercal.noise import (
     range_covariance,
 )
 from tdfscal.trackercal.point_matching import MatchedPoints
-from tests.words import in_words
 
 from .world import rotation
 
@@ -94,20 +93,6 @@ def test_noise_is_the_instruments_unless_the_file_states_it() -> None:
     assert np.allclose(D[others], isotropic(3e-5, 5), rtol=1e-12, atol=0)
 
 
-def test_points_without_a_statement_have_the_largest_one() -> None:
-    stated = np.full((6, 3), np.nan)
-    stated[2], stated[4] = [1e-4, 2e-4, 3e-4], [2e-4, 1e-4, 1e-4]
-    points = but(matched(2), measured_std=stated, reference_std=stated)
-    C, D = point_noise(points, None, {}).totals(6)
-    largest = np.diag(np.array([2e-4, 2e-4, 3e-4]) ** 2)
-    for total in (C, D):
-        assert np.allclose(total[0], largest, rtol=1e-12, atol=0)
-        assert np.allclose(total[4], np.diag(stated[4] ** 2), rtol=1e-12, atol=0)
-    C, D = point_noise(matched(2), None, {}).totals(6)
-    assert not C.any()
-    assert not D.any()
-
-
 def test_rounded_coordinates_are_uniform_within_their_last_digit() -> None:
     points = but(matched(3), measured_resolution=1e-4, reference_resolution=1e-3)
     digits = 1e-4 * np.round(np.random.default_rng(0).uniform(size=400_000) * 1e3 % 1, 9)
@@ -148,13 +133,6 @@ def test_noise_of_the_residuals_counts_what_they_determined() -> None:
     assert known.sigma is None
     assert known.p_value == pytest.approx(stats.chi2.sf(known.chi2, dof), rel=1e-9)
     assert known.dof == dof
-
-
-def test_an_instrument_that_the_file_speaks_for_is_said() -> None:
-    files = of_files(matched(13), 1e-5)
-    assert in_words(register(*files).findings) == ()
-    assert register(*of_files(matched(13)), instrument=TRACKER).findings == ()
-    assert len(in_words(register(*files, instrument=TRACKER).findings)) == 1
 
 
 def four(shape: FloatArray, off: FloatArray) -> MatchedPoints:

@@ -86,13 +86,6 @@ def test_variants_of_the_formats(tmp_path: Path, text: str) -> None:
     assert read.xyz == pytest.approx(1e-3 * METRES, rel=1e-15)
 
 
-def test_other_encodings(tmp_path: Path) -> None:
-    text = PLAIN.replace("P1", "Prüfpunkt")
-    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
-        read = read_points(write(tmp_path, text, encoding), length_unit="m")
-        assert read.point[0] == "Prüfpunkt"
-
-
 PLAIN_U = "group,point,x [mm],y [mm],z [mm],ux,uy,uz\n"
 
 

@@ -114,18 +114,6 @@ def test_a_perfect_fit_has_the_uncertainty_of_what_is_written(name: str, off: fl
     assert result.sigma == pytest.approx(1e-9, rel=1e-6)  # a nanometre, the least there is
 
 
-def test_noise_is_never_below_the_last_digit() -> None:
-    """Points that happen to fit better than their rounding allows know no better for it."""
-    x, digit = CAD["targets"], 1e-6
-    names = ["frame"] * 4, LABELS[:4]
-    measured = replace(points(*names, x + np.array([1.0, 2, 3])), resolution=digit)
-    result = register(measured, points(*names, x))
-    assert result.sigma == pytest.approx(digit / np.sqrt(12), rel=1e-9)
-    stated = replace(measured, std=np.full((4, 3), 1e-9))
-    sharper = register(stated, points(*names, x))
-    assert sharper.rpy_std == pytest.approx(result.rpy_std, rel=1e-5)
-
-
 def test_points_are_paired_as_asked() -> None:
     measured, reference, R, _ = pair(20)
     other = replace(measured, group=("station",) * 6)

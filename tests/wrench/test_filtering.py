@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal.records import FloatArray
-from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered
+from tdfscal.wrench.filtering import Smoother, Walk, filter_for, filtered
 from tdfscal.wrench.samples_in_motion import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
@@ -21,14 +21,6 @@ def test_gain_solves_the_riccati_equation(walk: Walk) -> None:
         gain = ahead / (ahead + walk.r)
         p = (1 - gain) * ahead
     assert walk.gain == pytest.approx(gain, rel=1e-12)
-
-
-@each
-def test_noise_that_is_left(walk: Walk) -> None:
-    noise = np.random.default_rng(0).standard_normal((400_000, 1))
-    left, smooth = (walk.noise_left(smooth=s) for s in (False, True))
-    assert Causal(walk)(noise)[100:].std() == pytest.approx(left, rel=0.015)
-    assert Smoother(walk)(noise)[100:].std() == pytest.approx(smooth, rel=0.015)
 
 
 @each

@@ -87,11 +87,3 @@ def test_pieces_give_what_the_whole_gives() -> None:
         assert np.abs(v1 - v2).max() < 1e-4
     at_rest_v = values(at_rest(given, aligned(shaken(pieces(200.0, 200.0, whole)), Tally())))[1]
     assert np.abs(v1 - at_rest_v).max() > 50.0
-
-
-def test_a_stretch_too_short_for_a_window_is_taken_as_at_rest() -> None:
-    rig = replace(GIVEN.rig, inertia=UncertainValue.exact(np.eye(3)))
-    short = [log(100.0, 100.0, 0.0, 0.1)]
-    _, v1 = values(in_motion(replace(GIVEN, rig=rig), aligned(short, Tally())))
-    _, v2 = values(at_rest(GIVEN, aligned(short, Tally())))
-    assert np.array_equal(v1, v2)

@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
 from tdfscal.model.calibrated import Calibrated, independent
-from tdfscal.model.parameters import layout
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
-from tdfscal.wrench.contact_wrench import single, wrenches
+from tdfscal.wrench.contact_wrench import wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
 from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned, derivative_kernels, motion
 
@@ -61,31 +60,6 @@ def test_what_is_declared_per_posture_adds_to_a_samples_uncertainty() -> None:
     once = wrenches(given(DeclaredUncertainty(positioner=1e-5), 0.0), *standing(3)).std
     assert np.allclose(twice, 2 * once, rtol=1e-9, atol=0)
     assert (once[:, 3:5] > 0).all()
-
-
-def test_positioner_noise_turns_the_weight_against_the_sensors() -> None:
-    """Scatter over drawn positions against the stated standard uncertainty."""
-    declared = DeclaredUncertainty(positioner=1e-4)
-    calibrated = given(declared, 0.0)
-    time, position, force = standing(4000)
-    drawn = position + 1e-4 * np.random.default_rng(0).normal(size=position.shape)
-    stated = wrenches(calibrated, time[:1], position[:1], force[:1]).std[0]
-    # The pose alone: what a sensor pushes, it pushes in the base, whatever the pose.
-    value = wrenches(calibrated, time, drawn, force).value
-    assert np.abs(value[:, 3:5].std(axis=0) / stated[3:5] - 1).max() < 5 / np.sqrt(2 * 4000)
-
-
-def test_friction_with_a_direction_counts_as_one_of_any() -> None:
-    tau, std = 0.3, 0.1
-    calibrated = given()
-    place = layout(3)["friction"].start
-    cov = calibrated.covariance.copy()
-    cov[place, place] = std**2
-    state = replace(calibrated.state, friction=np.asarray(tau))
-    seen = single(replace(calibrated, state=state, covariance=cov), *standing(2)[1:])
-    assert seen.moment_var == pytest.approx(9 * (tau**2 + std**2) / 3)
-    assert not seen.approach.any()
-    assert seen.measured.all()
 
 
 def test_an_unmeasured_axis_leaves_open_what_it_reaches() -> None:

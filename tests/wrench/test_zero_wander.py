@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import tdfscal
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.model.postures import ZeroAge, zero_motion
+from tdfscal.model.postures import ZeroAge
 from tdfscal.records import Drift, FloatArray, Log, Series
 from tdfscal.simulation import Campaign, Options, Recorder, make_rig, simulate_campaign
 from tdfscal.wrench.samples_in_motion import Samples
@@ -105,18 +105,6 @@ def test_zeros_that_move_count_from_where_they_held() -> None:
     assert unknown(at)[0].tolist() == [0.0]
     assert np.isinf(unknown(at)[1]).all()
     assert moved_zeros(Drift(), 0.0, ZeroAge(9.0), warm) is None
-
-
-def test_the_postures_of_a_later_log_see_the_same_variance() -> None:
-    """What `validate` takes of a log, and what `apply` does: one law."""
-    drift, age, n = Drift(time=2e-3, temperature=0.1, walk=0.05), ZeroAge(400.0, 1.5), 2
-    time, celsius = np.array([10.0, 60.0, 300.0]), np.array([[20.0] * 2, [21.0] * 2, [19.0] * 2])
-    motion = zero_motion(drift, time, celsius, n, age)
-    assert motion is not None
-    of_postures = np.sum((motion.value * motion.std) ** 2, axis=2) + motion.remainder
-    of_samples = moved_zeros(drift, 10.0, age, lambda t: celsius[np.searchsorted(time, t)])
-    assert of_samples is not None
-    np.testing.assert_allclose(of_postures, of_samples(time), rtol=1e-9)
 
 
 RATE = 1.0e-3  # N/s, std of a slope

@@ -83,12 +83,6 @@ def test_split_in_two(tmp_path: Path, absent: str | None) -> None:
     assert [entry.integrity for entry in log.inputs] == ["verified"] * 2
 
 
-def test_a_topic_that_is_stated_and_not_there(tmp_path: Path) -> None:
-    folder = by_hand(tmp_path / "bag", topics_with_message_count=topics({"/lost": 5, "/none": 0}))
-    with pytest.raises(DataError, match=r"0 messages of /lost are there .* states 5"):
-        read_log([folder], MAPPING, SUPPORTS)
-
-
 @pytest.mark.parametrize(
     ("changes", "match"),
     [

@@ -25,7 +25,6 @@ from tests.files.logs.log_making import (
     rosbag2,
     write,
 )
-from tests.words import in_words
 
 TRUTH = make_truth()
 POINT = "geometry_msgs/msg/PointStamped"
@@ -95,15 +94,6 @@ def test_a_sqlite_file_alone_is_a_log(tmp_path: Path) -> None:
     path = without_definitions(sqlite_bag(tmp_path / "bag"))
     assert is_log(path)
     assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
-
-
-def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
-    folder = sqlite_bag(tmp_path / "bag")
-    (path,) = folder.glob("*.db3")
-    (folder / "bag_1.db3").write_bytes(path.read_bytes())
-    log = read_log([folder], MAPPING, SUPPORTS)
-    assert_holds(log, TRUTH)
-    assert any("also holds bag_1.db3" in warning for warning in in_words(log.findings))
 
 
 OTHER = "geometry_msgs/msg/Point"

@@ -2,11 +2,7 @@
 
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 from tdfscal.logs import read_log
-from tdfscal.logs.clock import Clock
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     point_stamped,
@@ -45,20 +41,6 @@ def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
     assert "header times of /p are -37 s off the recorder's" in in_words(off.findings)[0]
     assert "of 60 messages of /p, 2 have a header time that departs" in in_words(off.findings)[1]
     assert "by 0.5 s at most" in in_words(off.findings)[1]
-
-
-def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
-    even = np.arange(2000) * 0.01
-    time = np.concatenate([even, even + 20.49, even + 41.0])  # gaps of 0.5 s and 0.52 s
-    pieces = np.split(time, [700, 1400, 2100, 3900, 4100])  # of one interval, or with a gap
-    found = []
-    for parts in (pieces, [time]):
-        clock = Clock("t", "timeseries")
-        assert all(clock.ascending(part) is None for part in parts)
-        found.append(clock.finish())
-    assert found[0] == found[1]
-    assert (found[0][0].code, found[0][0].values["gaps"]) == ("stream-gaps", 2)
-    assert found[0][0].size == pytest.approx(0.52)
 
 
 def dying(begin: int, end: int, rate: float = 20.0) -> bytes:

@@ -43,21 +43,6 @@ def one_support(position: str, force: str) -> LogMapping:
     return LogMapping(("a",), ((position,),), ((force,),))
 
 
-def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
-    channels = {
-        "/a": ("json", "x", b"{}"),
-        "/a.b": ("json", "x", b"{}"),
-    }
-    messages = [
-        ("/a", 10, json.dumps({"list": [{"p": {"x": 1, "y": 2, "z": 3}}]}).encode()),
-        ("/a.b", 20, json.dumps({"f": {"x": 4, "y": 5, "z": 6}}).encode()),
-    ]
-    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
-    log = read_log([path], one_support("/a.list[0].p", "/a.b.f"), ("a",))
-    np.testing.assert_array_equal(log.position[0].value, [[1.0, 2.0, 3.0]])
-    np.testing.assert_array_equal(log.force[0].value, [[4.0, 5.0, 6.0]])
-
-
 @pytest.mark.parametrize(
     ("kind", "path"),
     [

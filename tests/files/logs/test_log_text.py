@@ -182,9 +182,6 @@ def test_last_line_without_end_is_read_where_its_last_number_is_whole(
     assert [f.values["byte"] for f in log.findings] == [len("\n".join(lines[:-1])) + 1]
 
 
-def test_a_header_that_comes_again(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"line 4.* the recorder was started anew"):
-        read(tmp_path, text(HEADER, *ROWS, HEADER, *ROWS))
 
 
 def test_a_support_that_the_mapping_lacks(tmp_path: Path) -> None:

@@ -83,17 +83,6 @@ def test_dates_with_times_are_clocks(
     assert not info.problems
 
 
-def test_german_dates_with_decimal_commas(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    frame = FRAME.assign(time=stamps(lambda t: t.strftime("%d.%m.%Y %H:%M:%S,%f")))
-    frame.to_csv(path, index=False, sep=";", decimal=",")
-    mapping = describe_logs([path]).mapping
-    assert mapping is not None
-    # Random numbers do not add up to a weight.
-    mapping = replace(mapping, force_on="terminal", force_unit="N", length_unit="m")
-    assert_same(path, mapping, BEGIN)
-
-
 @pytest.mark.parametrize(
     ("cell", "match"),
     [
