@@ -12,7 +12,6 @@ from tdfscal.simulation import (
     Campaign,
     Contact,
     Crosstalk,
-    DeadAxis,
     Drift,
     Faults,
     Gain,

@@ -182,8 +182,6 @@ def test_last_line_without_end_is_read_where_its_last_number_is_whole(
     assert [f.values["byte"] for f in log.findings] == [len("\n".join(lines[:-1])) + 1]
 
 
-
-
 def test_a_support_that_the_mapping_lacks(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no fields for support b"):
         read_log([write(tmp_path / "l.csv", b"")], MAPPING, ("b",))
