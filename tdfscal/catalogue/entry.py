@@ -101,7 +101,7 @@ class _Words(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if "|" in format_spec:
-            said = ", ".join(value) if isinstance(value, tuple) else str(value)
+            said = ", ".join(value) if isinstance(value, list | tuple) else str(value)
             if isinstance(value, float):
                 said = without_exponent(said)
             return format_spec.split("|")[0 if value else 1].replace("~", visible(said))

@@ -10,6 +10,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import BoolArray, FloatArray, Rig
 
 #: An angle known better than half its prior owes more to the data than to the prior.
@@ -80,18 +81,33 @@ class Observability:
 
     @property
     def unseen(self) -> Finding:
-        """The angles that are not determined; the first's cause stands for all. There is one."""
+        """Which angles are determined and which not; the first's cause stands for all of these."""
         first = self.weak[0]
-        names = self._open
-        if len(self.weak) == len(self.angles):
-            names = ["any angle of any sensor"]
-        values = {**first.finding.values, "angles": names, "first": first.angle.name}
+        stand = [angle for angle in self.angles if angle.identified]
+        values: dict[str, Value] = {
+            "angles": self._named(self._open),
+            "first": first.angle.name,
+            "determined": self._named(stand),
+            "worst": INTERVAL_FACTOR * max((angle.std for angle in stand), default=0.0),
+        }
+        values = {**first.finding.values, **values}
         return replace(first.finding, code=_OF_ALL[first.finding.code], values=values)
 
+    def _named(self, angles: list[Angle]) -> list[str]:
+        """Names of angles, in short where they are every sensor's."""
+        if len(angles) == len(self.angles):
+            return ["any angle of any sensor"]
+        supports, of = dict.fromkeys(a.support for a in self.angles), dict[str, list[str]]()
+        for angle in angles:
+            of.setdefault(angle.angle, []).append(angle.support)
+        whole = [name for name, own in of.items() if len(own) == len(supports)]
+        names = [a.name for a in angles if a.angle not in whole]
+        return [f"{' and '.join(whole)} of every sensor", *names] if whole else names
+
     @property
-    def _open(self) -> list[str]:
-        """Names of the weak angles of sensors that have to be determined."""
-        return [w.angle.name for w in self.weak if w.angle.support not in self.undetermined]
+    def _open(self) -> list[Angle]:
+        """The weak angles of sensors that have to be determined."""
+        return [w.angle for w in self.weak if w.angle.support not in self.undetermined]
 
     @property
     def findings(self) -> list[Finding]:

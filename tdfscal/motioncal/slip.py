@@ -9,6 +9,9 @@ A step that is misplaced leaves a pulse, by which the noise of a quiet log tells
 its score is asked for at every instant. With q(t) the weighted residual, brought back to time under
 the taper, it is Σ c(t) q(t) over all t from the instant on. The information changes slowly, and is
 worked out at some instants.
+
+What touches for a moment, or a move that the model does not follow, has an edge too. A step is
+believed where what lies beyond a second on either side of it shows it as well.
 """
 
 from __future__ import annotations
@@ -37,8 +40,12 @@ from tdfscal.wrench.samples_in_motion import derivatives
 
 #: Instants all over the log at which the information of a step is worked out.
 _SPLITS = 24
+#: Share of the largest information of a free wrench below which it is rounding.
+_ROUNDING = 1e-9
 #: Instants on either side that a local cubic takes in for the change of a force.
 _HALF = 3
+#: Middles of smooth pulses of a free wrench, 2 s long, about a step, s.
+_PULSES = np.linspace(-1.0, 1.0, 5)
 #: Fall of χ² within which the instant lies with 95 %.
 _WITHIN = float(chi2_quantile(0.95, 1))
 
@@ -50,8 +57,8 @@ class Step:
     group : rotation, zero or delay. support : of which sensor. between : s, times between which it
     lies with 95 %. amount, std : (g,), rad in the BCS, N in the sensor's frame, or s. move :
     (p + rests,), of the other unknowns with it. statistic : fall of χ². p_value : that noise gives
-    as much anywhere in the log. worth : statistic less what its unknowns are worth. wrench : (F, 6)
-    of every block, by the step and the move.
+    as much anywhere in the log, with and without what lies about it. worth : statistic less what
+    its unknowns are worth. wrench : (F, 6) of every block, by the step and the move.
     """
 
     group: str
@@ -120,6 +127,25 @@ class _Steps:
         known = sums[:, :, k + 1 :] @ self.root
         return np.asarray(sums[:, :, :k] - known @ np.swapaxes(known, 1, 2))
 
+    def beyond(self, place: int, some: IntArray) -> float:
+        """Statistic of some columns from a place on, beside a free wrench about that place."""
+        rows, k = list[FloatArray](), len(some)
+        for number, item in enumerate(self.fit.designs):
+            away = self.fit.slow.time[item.block.index][:, None] - self.time[place] - _PULSES
+            shape = np.where(np.abs(away) < 1, np.cos(np.pi * away / 2) ** 2, 0.0)
+            pulses = np.einsum("fw,ab->fawb", item.block.transform(shape), np.eye(6))
+            step = self.wrench(number, place - int(self.first[number]), some)
+            both = np.concatenate([step, pulses.reshape(*step.shape[:2], -1)], axis=2)
+            columns = item.white(both, self.fit.noise)
+            rows.append(np.concatenate([columns, self.white[number]], axis=1))
+        own, r, J = np.split(np.concatenate(rows), np.array([0, 1]) + k + 6 * len(_PULSES), axis=1)
+        known, score = own.T @ J @ self.root, (own.T @ r)[:, 0]
+        left = own.T @ own - known @ known.T
+        taken = left[:k, k:] @ np.linalg.pinv(left[k:, k:], rcond=_ROUNDING, hermitian=True)
+        floor = NOISE_ONLY * float(np.sum(own[:, :k] ** 2))
+        asked = ask(left[:k, :k] - taken @ left[k:, :k], score[:k] - taken @ score[k:], floor)
+        return float(asked.statistic)
+
     def removed(
         self, place: int, some: IntArray, amount: FloatArray, move: FloatArray
     ) -> list[ComplexArray]:
@@ -173,12 +199,10 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
         _at_its_best(steps, group, support, own, places, information[:, own[:, None], own], tests)
         for group, support, own in suspects
     ]
+    found = [step for step in found if step.p_value <= CHANGED_RIG]
     found.sort(key=lambda step: step.worth, reverse=True)
-    best = found[0]
-    if best.p_value > CHANGED_RIG:
-        return ()
-    near = [step for step in found[1:] if best.worth - step.worth < CAUSES_APART]
-    return (best, *(step for step in near if step.group != "delay"))
+    near = [step for step in found[1:] if found[0].worth - step.worth < CAUSES_APART]
+    return (*found[:1], *(step for step in near if step.group != "delay"))
 
 
 def _at_its_best(
@@ -208,6 +232,9 @@ def _at_its_best(
     near = np.flatnonzero(curve > curve[place] - _WITHIN)
     ends = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]]
     amount, statistic = -asked.amount, float(asked.statistic)
+    p_value = tests * float(chi2_sf(statistic, size))
+    if p_value <= CHANGED_RIG:
+        p_value = max(p_value, tests * float(chi2_sf(steps.beyond(place, own), size)))
     move = -steps.root @ (steps.root.T @ (sums[0, :, size + 1 :].T @ amount))
     return Step(
         group=group,
@@ -217,7 +244,7 @@ def _at_its_best(
         std=asked.std,
         move=move,
         statistic=statistic,
-        p_value=min(1.0, tests * float(chi2_sf(statistic, size))),
+        p_value=min(1.0, p_value),
         # Unknowns count as in `likeliest` (Schwarz 1978).
         worth=statistic - size * float(np.log(max(steps.fit.rows, 2))),
         wrench=tuple(steps.removed(place, own, amount, move)),

@@ -117,19 +117,11 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
 
 
 def _advice(attempt: Attempt) -> Iterator[str]:
-    """The error's own first, then what each other weak turn asks for, then which way to find it."""
-    seen = attempt.seen
+    """The error's own first, then what other weak turns ask for, of each code the first."""
+    seen, own = attempt.seen, attempt.error.hint or ""
     weak = [] if seen is None else [weakness.finding for weakness in seen.observability.weak]
-    # One cure for several turns differs by its numbers only: of each code the first.
     cures = {finding.code: cure(finding) for finding in reversed(weak)}
-    told = dict.fromkeys((attempt.error.hint or "", *reversed(cures.values())))
-    yield from (begun(text, ".") for text in told if text)
-    if weak:
-        given = " --given LOG" if isinstance(seen, Undetermined) else " --motion"
-        yield (
-            f"`tdfscal plan RIG{given} -o plan.csv` chooses what to drive next, so that every turn "
-            "is determined."
-        )
+    yield from (begun(text, ".") for text in (own, *reversed(cures.values())) if text)
 
 
 def _turns(seen: Seen) -> tuple[Table | Items, ...]:
