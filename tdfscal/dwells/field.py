@@ -53,7 +53,8 @@ def mark_changes(signal: Signals, noise: Noise, marked: BoolArray) -> BoolArray:
     limit = threshold(signal, noise)
     for scale, (width, difference) in enumerate(differences(signal.value, SCALES)):
         np.abs(difference, out=difference)
-        excess = (difference - limit[scale][:, None]).max(axis=0)
+        difference -= limit[scale][:, None]
+        excess = difference.max(axis=0)
         free = clean(marked, 2 * width)
         for first, last in zip(*runs((excess > 0) & free), strict=True):
             peak = first + int(np.argmax(excess[first:last]))

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 
@@ -318,11 +319,7 @@ def mapped(
 
 def ahead(stream: Generator[Item, None, None]) -> Generator[Item, None, None]:
     """The same stream, computed in a thread of its own."""
-    with ThreadPoolExecutor(1, thread_name_prefix="ahead") as pool, closing(stream):
-        waiting = pool.submit(next, stream, _END)
-        try:
-            while (item := waiting.result()) is not _END:
-                waiting = pool.submit(next, stream, _END)
-                yield cast(Item, item)
-        finally:
-            pool.shutdown(wait=True)  # before the stream is closed
+    results = mapped(lambda _: next(stream, _END), repeat(None), 1)
+    with closing(stream), closing(results):  # the thread ends before the stream is closed
+        while (item := next(results)) is not _END:
+            yield cast(Item, item)
