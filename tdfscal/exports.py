@@ -92,17 +92,14 @@ static inline void tdfscal_force_bcs(int i, const double reading[3], double forc
 def frame(name: str, c: Calibration) -> str:
     """A parent frame's name; UsageError where URDF or ROS cannot hold it, or a sensor has it."""
     if not _FRAME.fullmatch(name):
-        raise UsageError(
+        what, hint = (
             f"{name!r} is no name of a frame",
-            where="--parent",
-            hint="use letters, digits, _ and /, a letter first",
+            "use letters, digits, _ and /, a letter first",
         )
+        raise UsageError(what, where="--parent", hint=hint)
     if name in map(sensor_frame, c.support_names):
-        raise UsageError(
-            f"{name} is the frame of a sensor itself",
-            where="--parent",
-            hint="name the frame that the sensors stand in",
-        )
+        what, hint = f"{name} is the frame of a sensor itself", "name the frame that they stand in"
+        raise UsageError(what, where="--parent", hint=hint)
     return name
 
 

@@ -76,11 +76,8 @@ def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> Flo
     travel = np.full((rig.n, 3), np.inf)
     for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
         if name is not None and name not in rig.supports:
-            raise UsageError(
-                f"there is no support {name!r}",
-                where="travel",
-                hint=f"the rig has {', '.join(rig.supports)}",
-            )
+            hint = f"the rig has {', '.join(rig.supports)}"
+            raise UsageError(f"there is no support {name!r}", where="travel", hint=hint)
         if len(value) not in (1, 3):
             raise UsageError(
                 f"{len(value)} ranges are given", where="travel", hint="give one, or x, y and z"

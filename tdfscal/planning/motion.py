@@ -152,11 +152,11 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
 def _check(rig: Rig, request: MovingRequest) -> None:
     check_limits(rig, request.limits)
     if not _SHORTEST <= request.duration <= _LONGEST:
-        raise UsageError(
-            f"the motion is to last {request.duration:g} s",
-            where="duration",
-            hint=f"give {_SHORTEST:g} to {_LONGEST:g} s",
+        what, hint = (
+            f"it is to last {request.duration:g} s",
+            f"give {_SHORTEST:g} to {_LONGEST:g} s",
         )
+        raise UsageError(what, where="duration", hint=hint)
     if not 0.0 < request.speed < np.inf:
         raise UsageError(
             f"the speed limit is {request.speed:g} m/s", where="speed", hint="give m/s above 0"

@@ -139,10 +139,8 @@ class Planner:
     def select(self, count: int) -> IntArray:
         """Choose `count` candidates, the one that tells most first."""
         if count > len(self.pool):
-            raise UsageError(
-                f"{count} postures are to be chosen from {len(self.pool)} candidates",
-                hint="ask for more candidates",
-            )
+            what = f"{count} postures are to be chosen from {len(self.pool)} candidates"
+            raise UsageError(what, hint="ask for more candidates")
         if count not in self._selected:
             base = self.held + count * self.scatter
             chosen, covariance = choose(self.rows, base, self.objective, count)
@@ -278,7 +276,5 @@ def _check(rig: Rig, request: Request) -> None:
     if not 0.0 <= request.noise < np.inf:
         raise UsageError(f"the noise is {request.noise:g} N", hint="give newtons, 0 or more")
     if request.noise == 0.0 and rig.declared.force_noise == 0.0:
-        raise UsageError(
-            "neither the request nor the rig states a force noise",
-            hint="state what a posture's mean force will scatter by",
-        )
+        what = "neither the request nor the rig states a force noise"
+        raise UsageError(what, hint="state what a posture's mean force will scatter by")

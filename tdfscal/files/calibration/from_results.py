@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 @record
 class Provenance:
-    """Where a result comes from."""
+    """Where a result comes from, as the file's keys have it."""
 
     rig: LoadedRig
     inputs: tuple[InputFile, ...]
@@ -271,15 +271,9 @@ def _file(
             "format": keys.CALIBRATION_FORMAT,
             "status": status,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            "measured": origin.measured,
-            "campaigns": origin.campaigns,
-            "history": origin.history,
+            **vars(origin),
             "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
             "software": {"name": "tdfscal", "version": __version__},
-            "command": origin.command,
-            "seed": origin.seed,
-            "inputs": origin.inputs,
-            "clocks": origin.clocks,
             "convention": keys.CONVENTION_WITH_SENSITIVITY if scaled else keys.CONVENTION,
             "supports": _supports(rig, angles, own),
             "covariance": {

@@ -46,11 +46,9 @@ class PointFile(Strict):
         named = [(point.group, point.point) for point in self.points]
         for index, (name, point) in enumerate(zip(named, self.points, strict=True)):
             if (first := named.index(name)) < index:
-                raise fault(
-                    f"{'/'.join(name)} is points[{first}] already",
-                    *("points", index),
-                    hint="give each point of a group a name of its own",
-                )
+                what = f"{'/'.join(name)} is points[{first}] already"
+                hint = "give each point of a group a name of its own"
+                raise fault(what, "points", index, hint=hint)
             if len({u is None for u in (point.ux, point.uy, point.uz)}) > 1:
                 what = "gives some of ux, uy, uz only"
                 raise fault(what, "points", index, hint="give all three or none")

@@ -96,10 +96,8 @@ def check_inertia(matrix: FloatArray) -> None:
         raise fault("must be a symmetric matrix", hint="make Ixy = Iyx and so on")
     smallest, middle, largest = np.linalg.eigvalsh(unit) * scale
     if smallest <= 0:
-        raise fault(
-            f"must be positive definite; its smallest principal moment is {smallest:.4g}",
-            hint="check the signs of the products of inertia",
-        )
+        what = f"must be positive definite; its smallest principal moment is {smallest:.4g}"
+        raise fault(what, hint="check the signs of the products of inertia")
     if largest - middle > smallest + 1e-9 * scale:
         raise fault(
             f"is the inertia of no body: the principal moment {largest:.4g} exceeds the sum of "
@@ -195,10 +193,8 @@ class Support(Strict):
     @classmethod
     def _open(cls, given: tuple[float, float, float]) -> tuple[float, float, float]:
         if min(given) <= 0:
-            raise fault(
-                "must be above 0: an angle known exactly leaves nothing to calibrate",
-                hint="write how well the mounting is known, or leave it out",
-            )
+            what = "must be above 0: an angle known exactly leaves nothing to calibrate"
+            raise fault(what, hint="write how well the mounting is known, or leave it out")
         return given
 
 
@@ -262,17 +258,12 @@ def check_hinges(names: Sequence[str], hinges: FloatArray) -> None:
     extent = np.linalg.svd(hinges - hinges.mean(axis=0), compute_uv=False)
     for i, j in combinations(range(len(names)), 2):
         if np.linalg.norm(hinges[i] - hinges[j]) <= _STRAIGHT * extent[0]:
-            raise fault(
-                f"the hinges of `{names[i]}` and `{names[j]}` coincide",
-                *("supports", j, "hinge"),
-                hint="each NCP holds the terminal at a hinge of its own",
-            )
+            what = f"the hinges of `{names[i]}` and `{names[j]}` coincide"
+            hint = "each NCP holds the terminal at a hinge of its own"
+            raise fault(what, "supports", j, "hinge", hint=hint)
     if extent[1] <= _STRAIGHT * extent[0]:
-        raise fault(
-            "the hinges lie on one line, which leaves the terminal free to turn about it",
-            "supports",
-            hint="check the hinge coordinates",
-        )
+        what = "the hinges lie on one line, which leaves the terminal free to turn about it"
+        raise fault(what, "supports", hint="check the hinge coordinates")
 
 
 def _each_its_own(what: str, values: Sequence[str | None], *place: str) -> None:
@@ -328,11 +319,11 @@ class RigFile(Strict):
         check_hinges(names, np.array([support.hinge for support in self.supports]))
         check_recorders(names, self.log or ())
         if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):
-            raise fault(
+            what, hint = (
                 "zeros that follow a temperature need one",
-                *("drift", "temperature"),
-                hint="name the log's field with log.temperature",
+                "name its field in the log block",
             )
+            raise fault(what, "drift", "temperature", hint=hint)
         return self
 
     @property
