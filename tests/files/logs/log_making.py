@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
@@ -103,58 +103,33 @@ def mcap_bytes(
     *,
     encoding: str = "cdr",
     frames: Sequence[str] = ("tdfs",),
-    compression: CompressionType = CompressionType.ZSTD,
-    chunk_size: int = 4096,
-    index_types: IndexType = IndexType.ALL,
-    chunking: bool = True,
     summary: bool = True,
-    data_crc: bool = False,
+    **how: Any,
 ) -> bytes:
-    """All streams by log time; frames: the forces' frame_id, in turn."""
+    """All streams by log time; frames: the forces' frame_id, in turn; how: of mcap's writer."""
     target = io.BytesIO()
-    writer = Writer(
-        target,
-        chunk_size=chunk_size,
-        compression=compression,
-        index_types=index_types,
-        use_chunking=chunking,
-        use_statistics=summary,
-        use_summary_offsets=summary,
-        repeat_channels=summary,
-        repeat_schemas=summary,
-        enable_data_crcs=data_crc,
-    )
+    parts = ("use_statistics", "use_summary_offsets", "repeat_channels", "repeat_schemas")
+    usual: dict[str, Any] = {"chunk_size": 4096, "compression": CompressionType.ZSTD}
+    writer = Writer(target, **(usual | dict.fromkeys(parts, summary) | how))
     writer.start(profile="ros2", library="tests")
     writer.add_attachment(1, 2, "photo", "application/octet-stream", b"\1\2\3")
     writer.add_metadata("notes", {"key": "value"})
-    events: list[tuple[float, int, bytes]] = []
-    kinds = {"point": "geometry_msgs/msg/PointStamped", "wrench": "geometry_msgs/msg/WrenchStamped"}
-    schemas = {
-        key: writer.register_schema(kind, "ros2msg", definition(kind))
-        if encoding == "cdr"
-        else writer.register_schema(kind, "jsonschema", b"{}")
-        for key, kind in kinds.items()
-    }
-    for i, name in enumerate(SUPPORTS):
-        points = writer.register_channel(f"/{name}/position", encoding, schemas["point"])
-        wrenches = writer.register_channel(f"/{name}/wrench", encoding, schemas["wrench"])
-        for k, (seconds, xyz) in enumerate(zip(truth.time, truth.position[i], strict=True)):
-            data = (
-                point_stamped(seconds, xyz)
-                if encoding == "cdr"
-                else json.dumps({"point": dict(zip("xyz", xyz, strict=True)), "k": k}).encode()
+    channels: dict[str, int] = {}
+    for k, (seconds, topic, kind, cdr) in enumerate(events(truth, frames)):
+        if topic not in channels:
+            schema = ("ros2msg", definition(kind)) if encoding == "cdr" else ("jsonschema", b"{}")
+            channels[topic] = writer.register_channel(
+                topic, encoding, writer.register_schema(kind, *schema)
             )
-            events.append((seconds, points, data))
-        for k, (seconds, xyz) in enumerate(zip(truth.force_time, truth.force[i], strict=True)):
-            data = (
-                wrench_stamped(seconds, xyz, frames[k % len(frames)])
-                if encoding == "cdr"
-                else json.dumps({"force": dict(zip("xyz", xyz, strict=True)), "k": k}).encode()
-            )
-            events.append((seconds, wrenches, data))
-    for sequence, (seconds, channel, data) in enumerate(sorted(events, key=lambda e: e[0])):
+        data = cdr
+        if encoding == "json":
+            message: Any = STORE.deserialize_cdr(cdr, kind)
+            point = "Point" in kind
+            three = message.point if point else message.wrench.force
+            numbers = {axis: getattr(three, axis) for axis in "xyz"}
+            data = json.dumps({"point" if point else "force": numbers, "k": k}).encode()
         ns = round(seconds * 1e6) * 1000
-        writer.add_message(channel, ns, data, ns, sequence)
+        writer.add_message(channels[topic], ns, data, ns, k)
     writer.finish()  # type: ignore[no-untyped-call]
     return target.getvalue()
 
@@ -182,7 +157,9 @@ def ros(kind: str) -> tuple[str, str, bytes]:
     return "cdr", kind, definition(kind)
 
 
-def events(truth: Truth) -> Iterator[tuple[float, str, str, bytes]]:
+def events(
+    truth: Truth, frames: Sequence[str] = ("tdfs", "sensor", "s")
+) -> Iterator[tuple[float, str, str, bytes]]:
     """Time, topic, type and CDR of each message; strings move what follows them."""
     point, wrench = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
     found = []
@@ -190,8 +167,8 @@ def events(truth: Truth) -> Iterator[tuple[float, str, str, bytes]]:
         for t, xyz in zip(truth.time, truth.position[i], strict=True):
             found.append((t, f"/{name}/position", point, point_stamped(t, xyz)))
         for k, (t, xyz) in enumerate(zip(truth.force_time, truth.force[i], strict=True)):
-            frame = ("tdfs", "sensor", "s")[k % 3]
-            found.append((t, f"/{name}/wrench", wrench, wrench_stamped(t, xyz, frame)))
+            data = wrench_stamped(t, xyz, frames[k % len(frames)])
+            found.append((t, f"/{name}/wrench", wrench, data))
     yield from sorted(found, key=lambda event: event[0])
 
 

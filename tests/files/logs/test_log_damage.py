@@ -70,7 +70,7 @@ def test_bit_flips(kind: Kind) -> None:
 def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
     tmp_path: Path, chunking: bool, summary: bool
 ) -> None:
-    content = mcap_bytes(make_truth(3), chunking=chunking, summary=summary)
+    content = mcap_bytes(make_truth(3), use_chunking=chunking, summary=summary)
     path = tmp_path / "log.mcap"
     starts = record_starts(content)
     whole = read_log([write(path, content)], MAPPING, SUPPORTS)

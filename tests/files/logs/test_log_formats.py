@@ -144,7 +144,8 @@ FORMS = {
     },
     **{
         f"unchunked {summary} {crc}": mcap(
-            "verified" if crc else "unverified", chunking=False, summary=summary, data_crc=crc
+            "verified" if crc else "unverified",
+            use_chunking=False, summary=summary, enable_data_crcs=crc,
         )
         for summary in (True, False)
         for crc in (True, False)
