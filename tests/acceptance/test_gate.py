@@ -62,9 +62,7 @@ def test_sensors_that_are_not_determined_are_not_judged() -> None:
     ("birge", "used", "rejected", "reasons"),
     [(1.51, 10, 0, 1), (0.3, 8, 1, 1), (1.0, 18, 2, 0), (1.6, 10, 5, 2), (1.0, 0, 0, 0)],
 )
-def test_residuals_and_rejected_postures(
-    birge: float, used: int, rejected: int, reasons: int
-) -> None:
+def test_residuals_and_postures(birge: float, used: int, rejected: int, reasons: int) -> None:
     assert len(judge(RIG, FINE, birge, used=used, rejected=rejected)) == reasons
 
 

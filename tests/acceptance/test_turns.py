@@ -53,9 +53,7 @@ def test_an_open_angle_leaves_open_what_it_turns_and_nothing_else() -> None:
         ([0, np.radians(-80), 0], (False, False, False)),
     ],
 )
-def test_a_turn_has_the_name_of_the_angle_that_turns_about_its_axis(
-    rpy: list[float], own: tuple[bool, bool, bool]
-) -> None:
+def test_a_turn_is_named_by_its_angle(rpy: list[float], own: tuple[bool, bool, bool]) -> None:
     (names,) = turn_names(matrix(np.array([rpy])))
     for name, angle, axis, same in zip(names, ("roll", "pitch", "yaw"), "XYZ", own, strict=True):
         assert name == (angle if same else f"turn about {axis}")

@@ -133,9 +133,7 @@ ALONE = [0, 1, 2, 3, 5, 6, 7, 8, 9]
         (slice(4, 5), 7, list(range(K))),  # too few samples to tell
     ],
 )
-def test_dwells_without_scatter_are_frozen_where_the_others_have_some(
-    rows: slice, count: int, left: list[int]
-) -> None:
+def test_dwells_without_scatter_are_frozen(rows: slice, count: int, left: list[int]) -> None:
     dwells = standing(sound(), 300.0, 1, 1, rows)
     assert kept(RIG, replace(dwells, count=np.full((K, 3), count))) == left
 

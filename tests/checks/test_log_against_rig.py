@@ -221,9 +221,7 @@ def test_names_in_a_circle_are_said_with_the_way_back(step: int) -> None:
         ("Fx of ncp1 and Fz of ncp2 exchanged", lambda f: _channels(f)),
     ],
 )
-def test_a_rewiring_does_what_it_says(
-    words: str, change: Callable[[FloatArray], FloatArray]
-) -> None:
+def test_rewirings_as_they_say(words: str, change: Callable[[FloatArray], FloatArray]) -> None:
     ways = (*rewired_sensors(MADE.supports), *exchanged_channels(MADE))
     (wiring,) = (way for way in ways if way.words == words)
     assert np.array_equal(wiring.signals(SEEN.force), change(SEEN.force))

@@ -48,9 +48,7 @@ STDS = {"hinge": 3e-5, "zero": 0.3, "mass": 0.4, "barycentre": 1e-3}
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("quantity", "std"), STDS.items())
-def test_a_difference_is_one_beyond_both_uncertainties(
-    quantity: str, std: float, sign: int
-) -> None:
+def test_differences_beyond_both_uncertainties(quantity: str, std: float, sign: int) -> None:
     limit = sign * CONTRADICTION * np.sqrt(2) * std
     assert contradictions(RIG, shifted(quantity, 0.99 * limit)) == ()
     (found,) = contradictions(RIG, shifted(quantity, 1.01 * limit))
@@ -73,9 +71,7 @@ def test_a_rig_is_one_in_whichever_frame_its_terminal_is_drawn() -> None:
 
 
 @pytest.mark.parametrize("compared", [other_rig, contradictions, different_constants])
-def test_an_exchanged_sensor_is_told_where_both_files_name_theirs(
-    compared: Callable[[Rig, Rig], Any],
-) -> None:
+def test_an_exchanged_sensor_is_told_by_its_serial(compared: Callable[[Rig, Rig], Any]) -> None:
     def with_sensors(*serials: str | None) -> Rig:
         return replace(RIG, sensors=tuple(SensorInfo(serial, "F-1") for serial in serials))
 

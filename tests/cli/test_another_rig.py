@@ -24,9 +24,7 @@ def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(tmp_path: Path, 
     assert "the hinge of" in " ".join(done.out.split())
 
 
-def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
-    tmp_path: Path, cli: Cli
-) -> None:
+def test_a_part_that_the_calibration_has_not_seen(tmp_path: Path, cli: Cli) -> None:
     target = tmp_path / "begin.yaml"
     log = tdfscal.info(SAMPLES / "parquet").description.dwells
     assert log is not None

@@ -147,9 +147,7 @@ ENDS = {
         ("export THIS --to urdf", "calibration"),
     ],
 )
-def test_a_file_of_another_kind_ends_alike_with_every_command(
-    line: str, kind: str, home: Path, cli: Cli
-) -> None:
+def test_files_of_another_kind_end_alike(line: str, kind: str, home: Path, cli: Cli) -> None:
     (home / "binary.csv").write_bytes(bytes(range(128, 256)) * 20)
     for name, ends in ENDS.items():
         if ends[kind]:

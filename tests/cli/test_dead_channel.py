@@ -58,9 +58,7 @@ def test_a_dead_channel_is_named_declared_and_used(tmp_path: Path, cli: Cli) -> 
     assert "ncp3" in done.out
 
 
-def test_the_parts_before_and_behind_a_jump_are_joined_as_the_cure_says(
-    tmp_path: Path, cli: Cli
-) -> None:
+def test_the_parts_before_and_behind_a_jump_are_joined(tmp_path: Path, cli: Cli) -> None:
     campaign, before, found = (tmp_path / name for name in ("campaign", "before.yaml", "f.json"))
     cli("simulate", campaign, "--scenario", "zero-shift", "--seed", 5, "-q")
     calibrate = ("calibrate", campaign, "--trials", 0, "-q")

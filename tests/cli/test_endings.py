@@ -73,9 +73,7 @@ def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
 
 @needs_full
 @pytest.mark.parametrize("line", ["--help", "--version", "calibrate --help"])
-def test_help_that_does_not_arrive_is_one_line(
-    line: str, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_that_does_not_arrive(line: str, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", full())
         seen = cli(*line.split(), ends=2)
@@ -83,9 +81,7 @@ def test_help_that_does_not_arrive_is_one_line(
     assert seen.err.count("\n") == 1
 
 
-def test_a_result_is_utf8_whatever_the_terminal_is(
-    cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_is_utf8_on_any_terminal(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     raw = io.BytesIO()
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))

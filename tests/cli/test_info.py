@@ -14,9 +14,7 @@ LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mca
 
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
-def test_the_guess_reads_the_same_numbers_as_the_rig_file(
-    cli: Cli, tmp_path: Path, log: Path
-) -> None:
+def test_the_guess_reads_as_the_rig_file(cli: Cli, tmp_path: Path, log: Path) -> None:
     found = cli.json("info", log, ends=0)
     assert found["problems"] == []
     own = log.parent / "rig.yaml"

@@ -45,9 +45,7 @@ def told(cli: Cli, path: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ns", 1e9)])
-def test_the_unit_of_time_goes_by_the_interval(
-    cli: Cli, tmp_path: Path, unit: str, factor: float
-) -> None:
+def test_unit_of_time_by_the_interval(cli: Cli, tmp_path: Path, unit: str, factor: float) -> None:
     folder = written(tmp_path / "alone", scaled([0], factor), NAMES.replace("t_s", "clock"))
     (folder / "rig.yaml").unlink()
     found = told(cli, folder / "log.csv")

@@ -87,9 +87,7 @@ def test_a_pattern_names_what_is_no_check_too(
     assert first == again
 
 
-def test_months_are_pooled_and_updated_to_the_same_numbers(
-    months: Path, files: list[Path], tmp_path: Path, cli: Cli
-) -> None:
+def test_pools_are_as_updates(months: Path, files: list[Path], tmp_path: Path, cli: Cli) -> None:
     """The truth lies within the stated uncertainty."""
     known = folders(months, 0, 3)
     pooled = tmp_path / "pooled.yaml"
@@ -119,9 +117,7 @@ def monitored(cli: Cli, status: int, *arguments: object) -> Any:
     return cli.json("monitor", *arguments, "-q", ends=status)
 
 
-def test_a_turned_sensor_alarms_and_is_named_in_its_month(
-    months: Path, files: list[Path], cli: Cli
-) -> None:
+def test_a_turned_sensor_alarms_in_its_month(months: Path, files: list[Path], cli: Cli) -> None:
     result = monitored(cli, 1, *files)
     (alarm,) = result["alarms"]
     assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
@@ -141,9 +137,7 @@ def test_a_turned_sensor_alarms_and_is_named_in_its_month(
 
 
 @pytest.mark.slow
-def test_calibrations_that_stand_on_each_other_are_taken_apart(
-    months: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_chains_of_updates_are_taken_apart(months: Path, tmp_path: Path, cli: Cli) -> None:
     """Campaigns, their calibrations one by one, and a chain of updates tell one story.
 
     Of months that scatter as stated: by how much more is counted of campaigns without what the rig
@@ -167,9 +161,7 @@ def test_calibrations_that_stand_on_each_other_are_taken_apart(
     assert "not named" in lost.err
 
 
-def test_a_noisy_month_is_named_and_turns_no_sensor(
-    months: Path, files: list[Path], tmp_path: Path, cli: Cli
-) -> None:
+def test_a_noisy_month_is_named(months: Path, files: list[Path], tmp_path: Path, cli: Cli) -> None:
     base, *known = files[:4]
     (last,) = folders(months, 4, 5)
     sound = monitored(cli, 0, base, *known)
@@ -210,7 +202,7 @@ def edited(folder: Path, target: Path, **changes: Any) -> Path:
     return target
 
 
-def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_together(
+def test_campaigns_that_are_apart(
     months: Path, files: list[Path], tmp_path: Path, cli: Cli
 ) -> None:
     (first, second, *_), base = folders(months, 0, 3), files[0]

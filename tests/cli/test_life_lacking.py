@@ -51,9 +51,7 @@ def truth(folder: Path) -> list[Any]:
     return [s["rpy"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
 
 
-def test_an_undetermined_sensor_stays_null_in_pool_and_update(
-    months: dict[str, list[Path]], tmp_path: Path, cli: Cli
-) -> None:
+def test_an_undetermined_sensor(months: dict[str, list[Path]], tmp_path: Path, cli: Cli) -> None:
     folders = months["lacking"][:2]
     pooled = calibrated(cli, tmp_path / "pooled.json", *folders)
     first, last = tmp_path / "0.json", tmp_path / "1.json"
@@ -76,9 +74,7 @@ def test_an_undetermined_sensor_stays_null_in_pool_and_update(
     assert any(warning.startswith("ncp3: no check") for warning in texts(result))
 
 
-def test_a_sensor_determined_in_one_campaign_keeps_its_angles(
-    months: dict[str, list[Path]], tmp_path: Path, cli: Cli
-) -> None:
+def test_one_that_was_determined(months: dict[str, list[Path]], tmp_path: Path, cli: Cli) -> None:
     """Two channels die after the first campaign, which still tells how the sensor is mounted."""
     mixed = [months["whole"][0], *months["lacking"][1:3]]
     found = calibrated(cli, tmp_path / "mixed.json", *mixed)

@@ -36,9 +36,7 @@ def set_to(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda table: recorded(table, {name: function(table[name].to_numpy())})
 
 
-def test_a_warning_of_the_log_is_stored_and_shown_once_a_stream(
-    campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_warning_is_stored_and_shown_once(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     edit(campaign, repeated)
     target = tmp_path / "c.json"
     seen = cli("calibrate", campaign, "-o", target, "--trials", 0, "-qv", ends=0)
@@ -79,9 +77,7 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
         assert seen.status == 3
 
 
-def test_a_copy_by_another_clock_in_another_format_is_refused(
-    campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_copy_in_another_format_is_refused(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     table = pq.read_table(campaign / "log.parquet")
     later = set_to("time", lambda time: time + 12345.678)(table)
     csv.write_csv(later, campaign / "log2.csv")
@@ -90,9 +86,7 @@ def test_a_copy_by_another_clock_in_another_format_is_refused(
     assert not (tmp_path / "b.json").exists()
 
 
-def test_forces_seconds_behind_the_positions_are_named(
-    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_forces_far_behind(campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By every command that takes dwells or motion, and before anything is fitted."""
     seconds = -9.0
     sound = shutil.copytree(campaign, tmp_path / "sound")
@@ -124,9 +118,7 @@ def test_forces_seconds_behind_the_positions_are_named(
 
 
 @pytest.mark.parametrize(("date", "told"), [("2018-06-15", True), ("2025-06-15", False)])
-def test_a_date_that_the_logs_clock_contradicts_is_told(
-    date: str, told: bool, tmp_path: Path
-) -> None:
+def test_a_date_that_the_clock_contradicts(date: str, told: bool, tmp_path: Path) -> None:
     campaign = shutil.copytree(SAMPLES / "mcap", tmp_path / "campaign")
     rig = yaml.safe_load((campaign / "rig.yaml").read_text())
     (campaign / "rig.yaml").write_text(yaml.safe_dump(rig | {"campaign": {"date": date}}))

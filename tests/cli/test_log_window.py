@@ -71,9 +71,7 @@ def test_a_part_is_what_a_log_cut_by_hand_is(campaign: Path) -> None:
         (["--to", "2026-11-21 09:30"], "clock has no dates"),
     ],
 )
-def test_what_is_no_part_of_the_log(
-    options: list[str], said: str, campaign: Path, cli: Cli
-) -> None:
+def test_no_part_of_the_log(options: list[str], said: str, campaign: Path, cli: Cli) -> None:
     done = cli("calibrate", campaign, *options, "-o", campaign / "out.yaml", "-q")
     assert done.status == (3 if "sample" in said else 2)
     assert said in done.err

@@ -39,9 +39,7 @@ def lasting(document: dict[str, Any]) -> dict[str, Any]:
     {c.command: c for c in CASES if c.status < 2}.values(),
     ids=lambda case: case.line,
 )
-def test_python_and_json_are_the_same_numbers(
-    case: Case, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_python_and_json_are_the_same(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     """And with `-q`, which stands wherever there is progress, little is said beside the result."""
     quiet = ["-q"] if "quiet" in {p.name for p in COMMANDS[case.command].params} else []
     seen = run(capsys, *case.line.split(), "--json", *quiet)
@@ -110,9 +108,7 @@ def test_a_calibration_against_itself_is_drawn(sample: tdfscal.Calibration) -> N
 
 
 @pytest.mark.usefixtures("here")
-def test_a_calibration_in_memory_is_as_good_as_its_file(
-    sample: tdfscal.Calibration, tmp_path: Path
-) -> None:
+def test_a_calibration_serves_as_its_file(sample: tdfscal.Calibration, tmp_path: Path) -> None:
     made = sample
     made.save(tmp_path / "c.json")
     read = tdfscal.load_calibration(tmp_path / "c.json")

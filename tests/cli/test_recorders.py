@@ -129,9 +129,7 @@ def calibrated(months: list[Path]) -> Calibration:
     return calibrate([months[0]], trials=0)
 
 
-def test_two_recorders_become_one_table_of_wrenches(
-    months: list[Path], calibrated: Calibration
-) -> None:
+def test_two_recorders_make_one_table(months: list[Path], calibrated: Calibration) -> None:
     """On the clock of the positions, which counts from 0, and as far as both ran."""
     table = apply(calibrated, [months[1]]).to_frame()
     assert 0.4 < table["time"].iloc[0] < 0.6

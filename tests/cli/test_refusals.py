@@ -91,9 +91,7 @@ LONG = ("swapped axes", "an axis of opposite sign", "swapped sensors")
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in FAULTS]
 )
-def test_refused_in_one_paragraph_without_a_file(
-    name: str, campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_refused_without_a_file(name: str, campaign: Path, tmp_path: Path, cli: Cli) -> None:
     fault, status, word = FAULTS[name]
     fault(campaign)
     target = tmp_path / "result.yaml"

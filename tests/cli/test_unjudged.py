@@ -91,9 +91,7 @@ def unjudged(result: Any) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("name", "why"), [("slipped", "ncp2"), ("saturated", "capacity")])
-def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
-    home: Path, checks: Any, cli: Cli, name: str, why: str
-) -> None:
+def test_the_latest_is_not_unseen(home: Path, checks: Any, cli: Cli, name: str, why: str) -> None:
     """Beside two campaigns, whose numbers stay what they are."""
     result = monitored(cli, 1, home / "sound1", home / "sound2", home / name)
     ((subject, text),) = unjudged(result)
@@ -103,9 +101,7 @@ def test_the_latest_campaign_is_not_called_free_of_alarm_unseen(
     assert result["checks"] == checks
 
 
-def test_a_month_whose_log_is_cut_short_counts_and_says_so(
-    home: Path, base: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_month_that_is_cut_short(home: Path, base: Path, tmp_path: Path, cli: Cli) -> None:
     """In a history, a pool and an update, each once, with the second at which the log ends."""
     cut = write(tmp_path, "cut", 4, options=replace(REST, rows="timeseries"))
     log = cut / "log.csv"
@@ -121,9 +117,7 @@ def test_a_month_whose_log_is_cut_short_counts_and_says_so(
     assert len(monitored(cli, 0, *sound, cut)["checks"]) == 3
 
 
-def test_a_month_in_motion_that_is_rejected_takes_no_part(
-    home: Path, checks: Any, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_rejected_month_in_motion(home: Path, checks: Any, tmp_path: Path, cli: Cli) -> None:
     """Touched for a third of its time; the same month untouched is counted."""
     touched = replace(MOTION, touches=(Touch(8.0, 18.0, (20.0, -30.0, 40.0)),))
     free, held = (
@@ -137,9 +131,7 @@ def test_a_month_in_motion_that_is_rejected_takes_no_part(
     assert result["checks"] == checks
 
 
-def test_an_update_by_several_months_blames_the_one_that_is_at_fault(
-    home: Path, base: Path, tmp_path: Path
-) -> None:
+def test_an_update_blames_the_month_at_fault(home: Path, base: Path, tmp_path: Path) -> None:
     """Not the last: one that slipped is left out, one that fits in itself alone ends it."""
     later = write(tmp_path, "later", 7)
     turned = replace(REST, rpy=RPY + np.outer([0, 1, 0], [0, 4e-3, 0]))
@@ -167,9 +159,7 @@ def at_capacity(folder: Path) -> int:
     return int(np.any(np.concatenate(full, axis=1), axis=1).sum())
 
 
-def test_a_validation_names_the_postures_that_it_does_not_rest_on(
-    home: Path, base: Path, cli: Cli
-) -> None:
+def test_a_validation_names_what_it_leaves_out(home: Path, base: Path, cli: Cli) -> None:
     result = cli.json("validate", base, home / "saturated", "-q")
     assert result["holds"]
     (found,) = (f for f in result["findings"] if f["code"] == "postures-left-out")
@@ -214,9 +204,7 @@ def test_months_that_cannot_be_read_stop_neither_history_nor_pool_nor_update(
         assert beside["supports"] == json.loads(json.dumps(expected["supports"]))
 
 
-def test_a_survey_whose_log_is_missing_says_that_all_rests_on_it(
-    home: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_a_survey_whose_log_is_missing_says_so(home: Path, tmp_path: Path, cli: Cli) -> None:
     """Unless the survey is asked for; both as a calibration and as a check of a history."""
     bare = Path(shutil.copytree(home / "sound3", tmp_path / "bare"))
     (bare / "log.csv").unlink()

@@ -173,9 +173,7 @@ def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
 
 
 @pytest.mark.parametrize("off", [-30.0, 3.5])
-def test_a_stated_offset_that_the_moves_contradict_is_refused(
-    pair: tuple[Tracks, Tracks], off: float
-) -> None:
+def test_a_contradicted_offset_is_refused(pair: tuple[Tracks, Tracks], off: float) -> None:
     with pytest.raises(DataError) as refused:
         find_clock(*pair, stated(off - 81234.5, 0.5), "daq")
     assert code(refused.value) == "recorder-clock-misstated"
@@ -184,7 +182,7 @@ def test_a_stated_offset_that_the_moves_contradict_is_refused(
 
 
 @pytest.mark.parametrize(("off", "rate_std"), [(-1.0, 0.0), (1.0, 1e-3)])
-def test_an_offset_stated_within_its_uncertainty_is_mended(
+def test_a_stated_offset_is_mended(
     pair: tuple[Tracks, Tracks], off: float, rate_std: float
 ) -> None:
     clock = find_clock(*pair, stated(off - 81234.5, 0.5, rate_std), "daq")

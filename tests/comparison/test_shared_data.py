@@ -195,9 +195,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return out
 
 
-def test_a_pool_and_an_update_name_the_sources_beneath_the_campaigns_before(
-    made: dict[str, Path],
-) -> None:
+def test_a_pool_and_an_update_name_the_sources_beneath(made: dict[str, Path]) -> None:
     read = {name: tdfscal.load_calibration(made[name]) for name in ("a", "pooled", "ab")}
     budgets = {name: c.to_dict()["budget"] for name, c in read.items()}
     sources = {name: set(budget["sources"]) for name, budget in budgets.items()}
@@ -225,9 +223,7 @@ def test_an_update_against_what_it_stands_on(made: dict[str, Path], cli: Cli) ->
     assert codes(apart) == []
 
 
-def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
-    made: dict[str, Path], tmp_path: Path, cli: Cli
-) -> None:
+def test_an_edited_copy_is_known_again(made: dict[str, Path], tmp_path: Path, cli: Cli) -> None:
     """One posture less and six digits: no file of it is the same."""
     for whole in ("ab", "pooled"):
         done = cli.json("compare", made["recut"], made[whole], "-q")
@@ -241,9 +237,7 @@ def test_a_pool_and_an_update_know_an_edited_copy_of_what_they_stand_on(
     assert codes(*apart["comparisons"]) == []
 
 
-def test_a_log_from_before_the_calibration_says_nothing_of_what_came_since(
-    made: dict[str, Path], tmp_path: Path, cli: Cli
-) -> None:
+def test_a_log_before_the_calibration(made: dict[str, Path], tmp_path: Path, cli: Cli) -> None:
     said = cli.json("validate", made["b"], made["edited"], "-q", ends=0)
     assert said["verdict"] == "not contradicted"
     assert "log-before-calibration" in codes(said)

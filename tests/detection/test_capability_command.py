@@ -125,9 +125,7 @@ def test_a_stated_contact_must_be_seen(places: Places, cli: Cli, tmp_path: Path)
         assert (seen, "contact-unseen" in codes(document)) == (status, bool(status))
 
 
-def test_zeros_that_drift_without_bound_have_no_threshold(
-    places: Places, cli: Cli, tmp_path: Path
-) -> None:
+def test_unbounded_zeros_have_no_threshold(places: Places, cli: Cli, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text((places.free / "rig.yaml").read_text() + "drift: {time: .inf}\n")
     status, found = asked(cli, places.calibration, places.free, "--rig", rig)
@@ -165,9 +163,7 @@ def test_what_cannot_be_asked(places: Places, cli: Cli, line: tuple[str, str], s
     assert not seen.out
 
 
-def test_moves_that_shake_beyond_the_threshold_reject_the_path(
-    places: Places, cli: Cli, tmp_path: Path
-) -> None:
+def test_moves_that_shake_reject_the_path(places: Places, cli: Cli, tmp_path: Path) -> None:
     write_campaign(campaign(make_rig(), vibration=40.0), tmp_path / "shaken", format="parquet")
     status, document = asked(cli, places.calibration, tmp_path / "shaken")
     said = next(f for f in document["findings"] if f["code"] == "moves-beyond")

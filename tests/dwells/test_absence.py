@@ -72,9 +72,7 @@ def test_the_cause_is_named_and_the_advice_helps(name: str) -> None:
 
 @pytest.mark.parametrize("quantity", ["position", "force"])
 @pytest.mark.parametrize("share", [0.01, 0.3])
-def test_zeros_in_place_of_readings_are_named_whether_dwells_are_found_or_not(
-    quantity: str, share: float
-) -> None:
+def test_zeros_in_place_of_readings_are_always_named(quantity: str, share: float) -> None:
     rng = np.random.default_rng(0)
 
     def dropped(series: Series) -> FloatArray:

@@ -35,9 +35,7 @@ def changed(log: Log, position: int | None, force: int | None, rows: IntArray) -
 
 @pytest.mark.parametrize("digits", [(None, None), (6, 3), (7, 2)])
 @pytest.mark.parametrize("order", [np.arange(12), np.arange(12)[::-1], np.array([3, 7])])
-def test_a_second_export_counts_once(
-    digits: tuple[int | None, int | None], order: IntArray
-) -> None:
+def test_second_exports_count_once(digits: tuple[int | None, int | None], order: IntArray) -> None:
     log = postures()
     dwells = find_dwells([log, changed(log, *digits, order)])
     once = find_dwells(log)

@@ -180,9 +180,7 @@ def test_csv(c: Calibration) -> None:
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_every_export_says_that_a_file_was_edited_and_whose_certificate_had_ended(
-    to: str, tmp_path: Path, cli: Cli
-) -> None:
+def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> None:
     rig = PLAIN.rig.model_dump(mode="json", exclude_none=True)
     rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-31"}
     path = saved(changed(PLAIN, rig=rig), tmp_path, "c.json")
@@ -266,9 +264,7 @@ def test_no_sensor_is_its_own_parent() -> None:
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
 @pytest.mark.parametrize("c", [CELL, DRIVEN], ids=["cell", "driven"])
-def test_what_is_lacking_or_turned_is_said(
-    c: Calibration, to: str, tmp_path: Path, cli: Cli
-) -> None:
+def test_what_is_lacking_is_said(c: Calibration, to: str, tmp_path: Path, cli: Cli) -> None:
     done = cli("export", saved(c, tmp_path, "c.yaml"), "--to", to, ends=0)
     for said in cautions(c):
         assert said in done.out

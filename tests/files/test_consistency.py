@@ -45,9 +45,7 @@ REDUNDANT = [
 
 
 @pytest.mark.parametrize(("number", "by", "source", "named"), REDUNDANT)
-def test_a_number_that_moved_is_found_at_its_place(
-    number: str, by: float, source: str, named: str
-) -> None:
+def test_a_moved_number_is_found(number: str, by: float, source: str, named: str) -> None:
     for step in (by, -by):
         said = refused(edited(WHOLE, (number, nudged(step))))
         assert said == (place_of(named), f"disagrees with {source}")

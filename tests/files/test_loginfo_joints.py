@@ -50,9 +50,7 @@ def recorded(path: Path, names: list[str], effort: str) -> tuple[Path, np.ndarra
         ("ncp{i}_{a}", "zero", "/tdfs3/wrench.wrench.force"),  # no sensor reads nothing but 0
     ],
 )
-def test_joints_named_by_axis_are_paired_with_wrenches_or_their_efforts(
-    tmp_path: Path, form: str, effort: str, force: str
-) -> None:
+def test_joints_named_by_axis(tmp_path: Path, form: str, effort: str, force: str) -> None:
     names = [form.format(i=i + 1, a=a) for i in range(NCPS) for a in "xyz"]
     path, position = recorded(tmp_path / "log.mcap", names, effort)
     mapping = describe_logs([path]).guess.mapping

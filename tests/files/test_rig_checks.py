@@ -71,9 +71,7 @@ log:
         ('files: "daq*.csv"', 'files: "daq*.csv", rows: postures', "log[1].rows", "no time"),
     ],
 )
-def test_several_recorders_give_each_quantity_once(
-    old: str, new: str, place: str, word: str
-) -> None:
+def test_recorders_give_each_quantity_once(old: str, new: str, place: str, word: str) -> None:
     assert APART.count(old) == 1
     with pytest.raises(RigError, match=re.escape(word)) as refused:
         parse_rig((MINIMAL + APART.replace(old, new)).encode(), "rig.yaml")

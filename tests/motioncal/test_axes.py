@@ -67,9 +67,7 @@ def test_no_free_force_is_left_and_white_noise_stays_white(
     assert whole == pytest.approx(np.broadcast_to(np.eye(len(found.seen)), whole.shape), abs=1e-9)
 
 
-def test_a_dead_channel_costs_what_it_told_and_no_more(
-    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
-) -> None:
+def test_a_dead_channel(half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]]) -> None:
     campaign, slow, cut = half_minute
     priors = MovingPriors(campaign.rig, slow, DELAY)
     whole = estimate(fit_moving(priors, cut, true_state(campaign))).uncertainty
@@ -85,9 +83,7 @@ def test_a_dead_channel_costs_what_it_told_and_no_more(
 
 
 @pytest.mark.parametrize("cells", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_load_cells_stay_undetermined_and_the_others_stand(
-    four: tuple[MovingCampaign, Slow, tuple[Block, ...]], cells: int
-) -> None:
+def test_load_cells(four: tuple[MovingCampaign, Slow, tuple[Block, ...]], cells: int) -> None:
     """Of two, a push along their joining line turns with the terminal, and hardly shows."""
     campaign, slow, _ = four
     known = 4 - cells
@@ -104,9 +100,7 @@ def test_load_cells_stay_undetermined_and_the_others_stand(
         assert found.residual.after[:, 0].max() < 3.0  # N; the free forces are hundreds
 
 
-def test_what_contradicts_the_declaration_is_named(
-    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
-) -> None:
+def test_wrong_declarations(half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]]) -> None:
     campaign, slow, _ = half_minute
     rig, dead = lacking(campaign.rig, slow, (2, 1))
     with pytest.raises(DataError, match=r"y axis of the sensor of ncp3 .* follows the load"):

@@ -67,9 +67,7 @@ def test_a_log_without_a_stop_becomes_a_calibration(
         tdfscal.validate(target, minute, samples="static")
 
 
-def test_a_sensor_that_turned_before_a_motion_is_named_and_nothing_touched_it(
-    minute: Path, tmp_path: Path
-) -> None:
+def test_a_sensor_that_turned_before_a_motion_is_named(minute: Path, tmp_path: Path) -> None:
     """By an update as by a history: the earlier angles do not make a contact of it."""
     known = tdfscal.calibrate(minute, trials=0)
     turned = shutil.copytree(minute, tmp_path / "turned")

@@ -90,9 +90,7 @@ def test_a_clock_that_jumps_ahead_is_told_from_a_pause() -> None:
     ],
     ids=["rounded positions", "stands still", "too short", "recorded too slowly"],
 )
-def test_a_log_that_cannot_do_it_says_why(
-    options: MovingOptions, error: type[Exception], word: str
-) -> None:
+def test_unusable_logs_say_why(options: MovingOptions, error: type[Exception], word: str) -> None:
     with pytest.raises(error, match=word):
         calibrated(options)
 

@@ -23,9 +23,7 @@ def minute() -> tuple[MovingCampaign, MovingFit]:
     return fitted(MovingOptions(), 3)
 
 
-def test_a_minute_of_motion_calibrates_and_says_how_well(
-    minute: tuple[MovingCampaign, MovingFit],
-) -> None:
+def test_a_minute_of_motion_says_how_well(minute: tuple[MovingCampaign, MovingFit]) -> None:
     campaign, fit = minute
     assert fit.converged
     found = estimate(fit)

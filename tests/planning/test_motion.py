@@ -167,9 +167,7 @@ def test_the_files_and_the_command(tmp_path: Path, cli: Cli) -> None:
     ],
     ids=["too short", "no speed", "too weak", "nothing squeezes"],
 )
-def test_what_cannot_be_is_refused(
-    change: dict[str, object], error: type[Exception], word: str
-) -> None:
+def test_what_cannot_be(change: dict[str, object], error: type[Exception], word: str) -> None:
     request = replace(REQUEST, **({"duration": 20.0} | change))  # type: ignore[arg-type]
     with pytest.raises(error, match=word):
         plan_motion(RIG, request, np.random.default_rng(0))

@@ -86,9 +86,7 @@ def places(file: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_home_is_where_the_recording_stands(
-    turned: bool, campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_home_is_of_the_recording(turned: bool, campaign: Path, tmp_path: Path, cli: Cli) -> None:
     folder = shutil.copytree(campaign, tmp_path / "rig")
     document = yaml.safe_load((folder / "rig.yaml").read_text())
     if turned:  # a drawing's frame: its x lies along the BCS's y

@@ -45,9 +45,7 @@ def test_a_certificate_that_had_ended_is_a_warning() -> None:
 @pytest.mark.parametrize(
     ("size", "apart", "named"), [((0.8, 0.7), 0, 2), ((0.8, 0.7), 1, 0), ((0.3, 1.1), 0, 1)]
 )
-def test_what_is_exact_adds_up_in_each_angle(
-    size: tuple[float, float], apart: int, named: int
-) -> None:
+def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int) -> None:
     """In quadrature, in units of the claim at k = 1: 0.8 and 0.7 of one angle exceed it."""
     c = sample().calibration
     half = half_widths(c).max() / coverage_factor(0.95)
@@ -98,9 +96,7 @@ def test_conformity_stands_beside_the_rule() -> None:
     assert facts(c)["Contact wrench"] == "not judged: the result is rejected"
 
 
-def test_a_tare_that_is_trusted_is_named_with_what_an_error_of_it_does(
-    request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
+def test_what_an_error_of_the_tare_does(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """One component of the zeros that is off by 1 N does no more than all of them in squares."""
     right = request.getfixturevalue("sample")
     told = re.search(

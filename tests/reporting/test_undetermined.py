@@ -67,9 +67,7 @@ def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
     assert "tdfscal plan RIG --given LOG -o plan.csv" in read(page).words  # as code
 
 
-def test_calibrate_writes_a_page_but_no_calibration(
-    tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_calibrate_writes_a_page(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     options = replace(FLOATING, rows="postures", postures=8)
     campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(1))

@@ -41,9 +41,7 @@ def upright(request: pytest.FixtureRequest) -> Calibration:
     return from_self(result, provenance(loaded))
 
 
-def test_the_file_states_neither_uncertainty_nor_interval(
-    upright: Calibration, tmp_path: Path
-) -> None:
+def test_the_file_states_no_uncertainty(upright: Calibration, tmp_path: Path) -> None:
     read = load_calibration(saved(upright, tmp_path, "c.yaml"))
     for i, support in enumerate(read.supports):
         assert support.rpy_interval is not None
@@ -52,9 +50,7 @@ def test_the_file_states_neither_uncertainty_nor_interval(
             assert [value is None for value in stated] == open_
 
 
-def test_frame_text_and_page_leave_it_out(
-    upright: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frame_text_and_page(upright: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     sketch(monkeypatch)
     frame = InPython.of(upright).to_frame()
     own = frame["support"] == f"s{UPRIGHT}"

@@ -25,9 +25,7 @@ def disturbed(seed: int, added: FloatArray) -> SelfCalibration:
 
 
 @pytest.mark.parametrize(("seed", "support", "axis", "size"), [(5, 0, 1, 1.2), (8, 1, 0, 5.0)])
-def test_the_sensor_of_a_noisy_channel_is_named(
-    seed: int, support: int, axis: int, size: float
-) -> None:
+def test_a_noisy_channel_is_named(seed: int, support: int, axis: int, size: float) -> None:
     """1.2 N, nine times the stated 0.14 N, is a thousandth of the load at most."""
     added = np.zeros((16, 3, 3))
     added[:, support, axis] = size * np.random.default_rng(seed).standard_normal(16)

@@ -27,9 +27,7 @@ def campaign(sensors: int, seed: int, faults: Faults, noise: float = 0.0) -> Sel
 
 
 @pytest.mark.parametrize(("sensors", "seed", "alike"), [(3, 1, True), (4, 2, False)])
-def test_sideways_contact_at_a_third_of_the_postures_is_found(
-    sensors: int, seed: int, alike: bool
-) -> None:
+def test_sideways_contact_at_a_third_is_found(sensors: int, seed: int, alike: bool) -> None:
     """60 N; those that push the same way pull the fit to themselves."""
     rng = np.random.default_rng(seed)
     contacts = []

@@ -79,9 +79,7 @@ _QUICK = ("a channel in kgf", "two channels", "a sign")
         ),
     ],
 )
-def test_one_mistake_is_named_instead_of_advice_on_postures(
-    name: str, n: int, squeeze: float
-) -> None:
+def test_one_mistake_is_named_in_place_of_advice(name: str, n: int, squeeze: float) -> None:
     change, words = MISTAKES[name]
     with pytest.raises(DataError, match=words):
         fitted(RIGS[n], recorded(n, squeeze, change))

@@ -96,9 +96,7 @@ PLAIN_U = "group,point,x [mm],y [mm],z [mm],ux,uy,uz\n"
         (PLAIN_U + "ncp1,P1,1,2,3,0.1,0.2,0.3\n", [1e-4, 2e-4, 3e-4], []),
     ],
 )
-def test_expanded_uncertainties_are_halved_and_said_so(
-    tmp_path: Path, text: str, std: list[float], said: list[str]
-) -> None:
+def test_u95_is_halved(tmp_path: Path, text: str, std: list[float], said: list[str]) -> None:
     read = read_point_file(write(tmp_path, text), length_unit="mm")
     assert read.points.xyz == pytest.approx(1e-3 * METRES[:1], rel=1e-15)
     assert read.points.std is not None
@@ -178,9 +176,7 @@ def test_zeros_throughout_state_no_uncertainty(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("delimiter", "blank"), [(", ", ", , , "), (",", "")])
 @pytest.mark.parametrize(("sigma", "k"), [("1.0 sigma", 1.0), ("2.00 Sigma", 2.0), ("k = 3", 3.0)])
-def test_spatial_analyzer_uncertainties(
-    tmp_path: Path, delimiter: str, blank: str, sigma: str, k: float
-) -> None:
+def test_sa_uncertainties(tmp_path: Path, delimiter: str, blank: str, sigma: str, k: float) -> None:
     text = SA_U.format(d=delimiter, blank=blank, sigma=sigma)
     read = read_point_file(write(tmp_path, text), length_unit=None)
     assert (read.points.group, read.points.point) == (("ncp1", "ncp1"), ("P1", "P2"))
@@ -202,9 +198,7 @@ def test_spatial_analyzer_uncertainties(
         ("Unit: mm\nPoint;X;Y;Z\nP1;1,0;2,0;3,0\nP2;4;5;6\n;;;\n", ("P1", "P2")),
     ],
 )  # fmt: skip
-def test_texts_of_instruments_and_inspection_software(
-    tmp_path: Path, text: str, point: tuple[str, str]
-) -> None:
+def test_texts_of_instruments(tmp_path: Path, text: str, point: tuple[str, str]) -> None:
     read = read_points(write(tmp_path, text), length_unit="mm")
     assert read.point == point
     assert read.xyz == pytest.approx(1e-3 * METRES, rel=1e-15)

@@ -88,9 +88,7 @@ REFUSED: list[tuple[str, Callable[..., object], str, str]] = [
 
 
 @pytest.mark.parametrize(("what", "change", "code", "said"), REFUSED)
-def test_a_session_that_cannot_be_right_is_refused(
-    what: str, change: Callable[..., object], code: str, said: str
-) -> None:
+def test_wrong_sessions(what: str, change: Callable[..., object], code: str, said: str) -> None:
     survey = make_survey(18, positioner=0.0 if what == "instrument" else 1e-5)
     with pytest.raises(DataError) as caught:
         calibrate(survey.with_session(**{what: change(getattr(survey.session, what))}))

@@ -97,9 +97,7 @@ def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
     assert write_wrenches(target, [good], {}) == 3
 
 
-def test_supports_renamed_in_a_circle_are_said(
-    calibration: Path, campaign: Path, tmp_path: Path, cli: Cli
-) -> None:
+def test_supports_in_a_circle(calibration: Path, campaign: Path, tmp_path: Path, cli: Cli) -> None:
     circled(campaign)
     told = "ncp1 taken from ncp3 and ncp2 taken from ncp1 and ncp3 taken from ncp2"
     target = tmp_path / "c.yaml"

@@ -67,9 +67,7 @@ def test_a_mistake_in_the_log_is_named_before_a_tare_or_a_change(name: str, *, t
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "kN"), (1e3, "N")])
 @pytest.mark.parametrize("zero", [0.0, 40.0])
-def test_forces_in_another_unit_are_no_change_of_the_load(
-    factor: float, unit: str, zero: float
-) -> None:
+def test_forces_in_another_unit_are_no_load(factor: float, unit: str, zero: float) -> None:
     """Also where zeros are stated that outweigh the whole terminal in kN."""
     rig = replace(RIG, zero=replace(RIG.zero, value=RIG.zero.value + zero))
 

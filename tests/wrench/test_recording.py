@@ -46,9 +46,7 @@ def frames(path: Path) -> set[str]:
         return {decoded.header.frame_id for *_, decoded in reader.iter_decoded_messages()}
 
 
-def test_simulated_and_applied_wrenches_are_in_the_frames_of_the_exports(
-    applied: Path, tmp_path: Path
-) -> None:
+def test_wrenches_are_in_the_frames_of_the_exports(applied: Path, tmp_path: Path) -> None:
     tdfscal.simulate(tmp_path / "campaign", format="mcap", postures=3, rate=20.0)
     text = tdfscal.export(applied / "c.yaml", to="ros").text
     nodes = (node["ros__parameters"] for node in yaml.safe_load(text).values())

@@ -128,9 +128,7 @@ def drifting() -> Campaign:
 
 
 @pytest.mark.parametrize(("clock", "later"), [(1.76e9, 2 * HOUR), (0.0, 0.0)])
-def test_drift_counts_from_the_calibration(
-    drifting: Campaign, tmp_path: Path, clock: float, later: float
-) -> None:
+def test_drift_since_then(drifting: Campaign, tmp_path: Path, clock: float, later: float) -> None:
     """By the clocks of both logs; without them, from as long before as the calibration lasted."""
     c, middle = drifting, 0.5 * (drifting.end[11] + drifting.start[12])
     used = replace(c, log=shifted(c.log, 0.0, middle, clock))

@@ -67,9 +67,7 @@ def test_bit_flips(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize(("chunking", "summary"), [(True, True), (False, False)])
-def test_an_mcap_file_cut_anywhere_is_read_to_its_sound_end(
-    tmp_path: Path, chunking: bool, summary: bool
-) -> None:
+def test_an_mcap_file_cut_anywhere(tmp_path: Path, chunking: bool, summary: bool) -> None:
     content = mcap_bytes(make_truth(3), use_chunking=chunking, summary=summary)
     path = tmp_path / "log.mcap"
     starts = record_starts(content)
@@ -143,9 +141,7 @@ def whole(name: str) -> bytes:
 
 @pytest.mark.parametrize("share", [0.0, 1e-9, 0.5, 0.71, 0.98])
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_file_cut_short_is_read_to_its_sound_end_or_said_to_be(
-    tmp_path: Path, name: str, share: float
-) -> None:
+def test_a_file_cut_short_is_read_to_its_end(tmp_path: Path, name: str, share: float) -> None:
     _, mapping, to_sound_end = FORMATS[name]
     content, truth = whole(name), make_truth(SAMPLES)
     path = write(tmp_path / name, content[: math.ceil(share * len(content))])

@@ -45,9 +45,7 @@ def assert_lacks(log: Log, whole: Log) -> None:
 
 
 @pytest.mark.parametrize("cell", [None, "nan", ""])
-def test_csv_without_the_columns_or_with_nothing_in_them(
-    folders: dict[str, Path], tmp_path: Path, cell: str | None
-) -> None:
+def test_csv_without_columns(folders: dict[str, Path], tmp_path: Path, cell: str | None) -> None:
     folder, path = folders["csv"], tmp_path / "log.csv"
     rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
     gone = [rows[0].index(name) for name in LACKING]
@@ -90,8 +88,6 @@ def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
-def test_an_axis_said_not_to_measure_that_follows_the_load(
-    folders: dict[str, Path], form: str
-) -> None:
+def test_an_unmeasured_axis_that_follows_the_load(folders: dict[str, Path], form: str) -> None:
     with pytest.raises(DataError, match="declared as not measured, but its reading follows"):
         read(folders[form] / f"log.{form}", folders[form], AXES)

@@ -58,9 +58,7 @@ def one_support(position: str, force: str) -> LogMapping:
     ],
 )
 @pytest.mark.parametrize("little", [True, False])
-def test_gathering_agrees_with_rosbags(
-    kind: str, path: tuple[MessagePath, ...], little: bool
-) -> None:
+def test_gathering_is_rosbags(kind: str, path: tuple[MessagePath, ...], little: bool) -> None:
     rng = np.random.default_rng(5)
     raw = [bytes(random_message(kind, rng, little)) for _ in range(50)]
     types = definitions(kind, "ros2msg", definition(kind).decode())

@@ -74,9 +74,7 @@ PREAMBLES = (
 
 @pytest.mark.parametrize("preamble", PREAMBLES)
 @pytest.mark.parametrize("separator", [",", ";"])
-def test_the_table_is_found_below_whatever_stands_above(
-    tmp_path: Path, preamble: str, separator: str
-) -> None:
+def test_the_table_below_a_preamble(tmp_path: Path, preamble: str, separator: str) -> None:
     content = text(preamble, HEADER, *ROWS).decode().replace(",", separator).encode()
     assert_plain(read(tmp_path, content))
     (stream,) = describe_logs([tmp_path / "log.csv"]).contents[0].streams
@@ -171,9 +169,7 @@ def test_fault_far_down_has_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("end", ["", "\n\x1a"])
-def test_last_line_without_end_is_read_where_its_last_number_is_whole(
-    tmp_path: Path, end: str
-) -> None:
+def test_last_line_without_end(tmp_path: Path, end: str) -> None:
     lines = [HEADER, *(f"{k},1,2,3,4,5,{k * 1.25:.3f}" for k in range(1, 9))]
     whole = "\n".join(lines).encode()
     log = read(tmp_path, whole + end.encode())

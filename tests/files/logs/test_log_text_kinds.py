@@ -37,9 +37,7 @@ def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> N
 
 @pytest.mark.parametrize("delimiter", [" ", ",", ";", "\t", "|"])
 @pytest.mark.parametrize("preamble", ["", "# no names here\n"])
-def test_columns_without_a_header_have_numbers(
-    tmp_path: Path, delimiter: str, preamble: str
-) -> None:
+def test_columns_without_a_header(tmp_path: Path, delimiter: str, preamble: str) -> None:
     path = tmp_path / "log.dat"
     np.savetxt(path, FRAME.to_numpy(), delimiter=delimiter)
     path.write_text(preamble + path.read_text())
@@ -71,9 +69,7 @@ CLOCKS: list[tuple[Callable[[datetime], str], float]] = [
 
 
 @pytest.mark.parametrize(("write", "ahead"), CLOCKS)
-def test_dates_with_times_are_clocks(
-    tmp_path: Path, write: Callable[[datetime], str], ahead: float
-) -> None:
+def test_dates_are_clocks(tmp_path: Path, write: Callable[[datetime], str], ahead: float) -> None:
     path = tmp_path / "log.csv"
     FRAME.assign(time=stamps(write)).to_csv(path, index=False)
     assert_same(path, None, BEGIN + ahead)
@@ -104,9 +100,7 @@ def test_dates_that_are_none(tmp_path: Path, cell: str, match: str) -> None:
 
 @pytest.mark.parametrize("second", ["+99:99", ""])
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_zones_are_possible_and_in_all_rows_or_none(
-    tmp_path: Path, second: str, suffix: str
-) -> None:
+def test_zones_are_in_all_rows_or_none(tmp_path: Path, second: str, suffix: str) -> None:
     path = tmp_path / f"log.{suffix}"
     time = [f"2026-11-21T10:00:{k:02}+01:00" for k in range(50)]
     time[40] = time[40].replace("+01:00", second)
@@ -130,9 +124,7 @@ def turns(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame] = lambda f:
 
 
 @pytest.mark.parametrize("block", [1 << 10, 8 << 20])
-def test_streams_that_take_turns(
-    tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_streams_take_turns(tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each signal has the samples of its own rows, at their times, over blocks of any size."""
     monkeypatch.setattr("tdfscal.logs.text_file._BLOCK", block)
     turns(tmp_path / "log.csv")
