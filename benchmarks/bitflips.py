@@ -69,7 +69,8 @@ KINDS = (
     Kind("chunks, zstd", ".mcap", lambda: mcap_bytes(TRUTH)),
     Kind("chunks, lz4", ".mcap", lambda: mcap_bytes(TRUTH, compression=CompressionType.LZ4)),
     Kind("chunks, plain", ".mcap", lambda: mcap_bytes(TRUTH, compression=CompressionType.NONE)),
-    Kind("no chunks, CRC", ".mcap", lambda: mcap_bytes(TRUTH, use_chunking=False, enable_data_crcs=True)),
+    Kind("no chunks, CRC", ".mcap", lambda: mcap_bytes(
+        TRUTH, use_chunking=False, enable_data_crcs=True)),
     Kind("snappy, dictionaries", ".parquet", _parquet),
     Kind("zstd, pages v2", ".parquet", lambda: _parquet(
         compression="zstd", data_page_version="2.0", use_dictionary=False)),
