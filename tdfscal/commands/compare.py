@@ -2,74 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, told
+from tdfscal.catalogue import documents
 from tdfscal.commands import options
 from tdfscal.commands.options import Option, silent
-from tdfscal.commands.result import Calibration, CommandResult, by_column, read_sources, sources_of
-from tdfscal.comparison.compatibility import Comparison, judged_together
+from tdfscal.commands.result import CommandResult, by_column, read_sources, sources_of
+from tdfscal.comparison.compatibility import Comparison
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.compared import compared
-from tdfscal.files.calibration.document import defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import ANGLES
-from tdfscal.reporting.layout import Drawing
-from tdfscal.reporting.several import comparison_document, comparison_report
-from tdfscal.reporting.text import render
+from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.reporting.several import Several, against_first, comparison_document, several_report
+from tdfscal.reporting.traceability import Making
 
 
 @record(eq=False)
 class CompareResult(CommandResult):
-    """The first calibration against each of the others, always the later minus the earlier one.
+    """The first calibration against each of the others, always the later minus the earlier one."""
 
-    comparisons : one each. remarks : of each, on the data that both stand on, their rigs'
-    papers. defects : what must be known of each calibration by itself.
-    """
+    compared: Several
 
-    comparisons: tuple[Comparison, ...]
-    remarks: tuple[tuple[Finding, ...], ...]
-    defects: tuple[Finding, ...]
+    @property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """One for each calibration but the first."""
+        return self.compared.pairs
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Whether each pair agrees, what keeps it from that, and what must be known of each."""
-        each = zip(self.comparisons, self.remarks, strict=True)
+        each = zip(self.comparisons, self.compared.remarks, strict=True)
         said = (_of_pair(pair) + remarks for pair, remarks in each)
-        return (*(found for pair in said for found in pair), *self.defects)
+        return (*(found for pair in said for found in pair), *self.compared.defects)
 
     @property
     def verified(self) -> bool:
         """Every pair agrees, and none of it was rejected."""
-        return all(pair.verified for pair in self.comparisons)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What must be known of each calibration by itself."""
-        return tuple(map(told, self.defects))
+        return self.compared.verified
 
     @property
     def exit_status(self) -> int:
         """1 unless all are accepted and compatible."""
         return 0 if self.verified else 1
 
-    @property
-    def text(self) -> str:
-        """Verdict, differences and E_n of each pair."""
-        each = zip(self.comparisons, self.remarks, strict=True)
-        said = "\n".join(render(comparison_report(pair, said)) for pair, said in each)
-        return f"{said}\nAs a page, side by side: tdfscal report A B… --html FILE\n"
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
+        """Lay out verdict, differences and E_n of each pair."""
+        return several_report(self.compared, Making(self.command, ()), drawings)
 
     def document(self) -> dict[str, Any]:
         """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
-        for pair, said in zip(self.comparisons, self.remarks, strict=True):
-            own = (one for one in self.defects if set(one.subject) & set(pair.names))
+        for pair, said in zip(self.comparisons, self.compared.remarks, strict=True):
+            own = (one for one in self.compared.defects if set(one.subject) & set(pair.names))
             found = documents((*_of_pair(pair), *said, *own))
             each.append(comparison_document(pair) | {"findings": found})
         return {"verified": self.verified, "comparisons": each}
@@ -85,11 +73,10 @@ class CompareResult(CommandResult):
         return by_column("of against support angle difference std en", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
-        """Return one figure per pair: differences with expanded uncertainty."""
+        """Return the figure of all differences with expanded uncertainty."""
         from tdfscal.reporting.figures.angles import differences
 
-        each = enumerate(self.comparisons, 1)
-        return tuple(differences([pair], f"comparison-{k}") for k, pair in each)
+        return (differences(self.comparisons),)
 
 
 @options.command("compare last-month.yaml calibration.yaml")
@@ -119,20 +106,7 @@ def compare(
     sources = sources_of(*files)
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
-    return against_first(read_sources(sources))
-
-
-def against_first(read: Sequence[tuple[str, Calibration]]) -> CompareResult:
-    """Compare the first of calibrations, each with its name, with each of the others."""
-    first, order = read[0], read[0][1].rotations()
-    pairs, remarks = list[Comparison](), list[tuple[Finding, ...]]()
-    for other in read[1:]:
-        earlier, later = sorted((first, other), key=lambda named: named[1].measured.record().end)
-        pair, remark = compared(later, earlier, order)
-        pairs.append(pair)
-        remarks.append(remark)
-    known = tuple(found for name, c in read for found in defects(name, c))
-    return CompareResult(judged_together(pairs), tuple(remarks), known)
+    return CompareResult(against_first(read_sources(sources)))
 
 
 def _of_pair(pair: Comparison) -> tuple[Finding, ...]:

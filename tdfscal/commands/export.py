@@ -16,7 +16,6 @@ from tdfscal.files.calibration.document import below_accepted
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
-from tdfscal.reporting.layout import Drawing
 
 Target = Literal["urdf", "ros", "csv", "c"]
 
@@ -49,10 +48,6 @@ class ExportResult(CommandResult):
     def table(self) -> dict[str, list[Any]]:
         """One row per angle that is exported, in rad."""
         return self.calibration.table()
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the calibration's figures."""
-        return self.calibration.drawings()
 
     def __repr__(self) -> str:
         where = f"in {self.output}" if self.output else f"{len(self.content)} characters"

@@ -15,7 +15,6 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
 from tdfscal.logs.describe import LogInfo, describe_logs
-from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_document, as_text
 
 
@@ -48,13 +47,6 @@ class InfoResult(CommandResult):
             for f in stream.fields
         )
         return by_column("path stream field type unit count low high", rows)
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the dwells, where some are found."""
-        from tdfscal.reporting.figures.timeline import found
-
-        dwells = self.description.dwells
-        return (found(dwells),) if dwells is not None and len(dwells) else ()
 
 
 @options.command("info campaign/log.csv")

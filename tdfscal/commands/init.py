@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, find_logs
-from tdfscal.commands.info import InfoResult
 from tdfscal.commands.options import silent
 from tdfscal.commands.result import CommandResult
 from tdfscal.dwells.find import no_dwell
@@ -18,7 +17,6 @@ from tdfscal.files.rig.reading import parse_rig, unconfirmed
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
-from tdfscal.reporting.layout import Drawing
 
 _GRAVITY = 9.80665
 
@@ -63,10 +61,6 @@ class InitResult(CommandResult):
         """One row per support: hinge in m, nominal mounting in rad."""
         columns = (self._supports, *self.sketch.hinge.T, *self.sketch.nominal_rpy.T)
         return dict(zip(["support", "x", "y", "z", "roll", "pitch", "yaw"], columns, strict=True))
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the dwells, where some are found."""
-        return InfoResult(self.description).drawings()
 
     @property
     def _supports(self) -> tuple[str, ...]:

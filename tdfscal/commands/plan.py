@@ -78,12 +78,6 @@ class PlanResult(CommandResult):
 
         return pd.read_csv(io.StringIO(self.content), comment="#")
 
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the uncertainties to expect."""
-        from tdfscal.reporting.figures.angles import planned
-
-        return (planned(self.plan),)
-
 
 Target = Annotated[
     float | None,

@@ -58,12 +58,6 @@ class RegisterResult(CommandResult):
         columns = (r.names, *r.residual.T, np.linalg.norm(r.residual, axis=1))
         return dict(zip(("point", "x", "y", "z", "length"), columns, strict=True))
 
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the residuals."""
-        from tdfscal.reporting.figures.residuals import registered
-
-        return (registered(self.registration),)
-
 
 @options.command("register measured.csv drawing.csv --unit mm")
 def register(

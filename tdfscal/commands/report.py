@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike
-from tdfscal.commands.compare import CompareResult, against_first
+from tdfscal.commands.compare import CompareResult
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import (
     ANGLE_COLUMNS,
@@ -22,7 +22,7 @@ from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import put_side_by_side, several_report
+from tdfscal.reporting.several import against_first, by_date, several_report
 from tdfscal.reporting.traceability import Making
 
 
@@ -43,15 +43,15 @@ class ReportResult(CommandResult):
         """The oldest against each of the others, where there are several."""
         if len(self.named) == 1:
             return None
-        return against_first(sorted(self.named, key=lambda named: named[1].measured.record().end))
+        return CompareResult(against_first(sorted(self.named, key=by_date)))
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out the one, or all side by side."""
         from tdfscal.reporting.calibration import calibration_report
 
-        if len(self.named) > 1:
-            return several_report(put_side_by_side(self.named), self.making, drawings)
-        return replace(calibration_report(self.named[0][1], drawings), summary=())
+        if self._compared is None:
+            return replace(calibration_report(self.named[0][1], drawings), summary=())
+        return replace(several_report(self._compared.compared, self.making, drawings), summary=())
 
     def document(self) -> dict[str, Any]:
         """Return the content of all files, and how several compare, as JSON values."""
@@ -67,11 +67,7 @@ class ReportResult(CommandResult):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        from tdfscal.reporting.figures.angles import differences
-
-        if len(self.named) == 1:
-            return self.named[0][1].drawings()
-        return (differences(put_side_by_side(self.named).pairs),)
+        return (self._compared or self.named[0][1]).drawings()
 
 
 @options.command("report calibration.yaml --html report.html")

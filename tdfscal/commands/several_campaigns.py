@@ -38,7 +38,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.records import Measured, Rig
 from tdfscal.reporting.history import sentence as alarm_sentence
-from tdfscal.reporting.history import short
+from tdfscal.reporting.layout import short
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.result import SelfCalibration

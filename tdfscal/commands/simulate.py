@@ -14,7 +14,6 @@ from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
 from tdfscal.records import ANGLES
-from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
 #: What the help says of the scenarios.
@@ -53,13 +52,6 @@ class SimulateResult(CommandResult):
         each = zip(self.run.rig.supports, self.run.truth.rpy, strict=True)
         rows = ((name, *one) for name, rpy in each for one in zip(ANGLES, rpy, strict=True))
         return by_column("support angle value", rows)
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the true turns from the nominal mounting."""
-        from tdfscal.reporting.figures.angles import truth
-
-        rig = self.run.rig
-        return (truth(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
 
 
 @options.command("simulate campaign --scenario contact")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -48,16 +47,10 @@ def day(month: float) -> str:
     return f"{date_of(month):%Y-%m-%d}"
 
 
-def short(names: Sequence[str]) -> tuple[str, ...]:
-    """The files' names without their folders, where these still tell one from another."""
-    last = tuple(PurePath(name).name for name in names)
-    return last if len(set(last)) == len(last) else tuple(names)
-
-
 def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
     since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
-    tail = f"({short(life.names)[alarm.onset]}; {p_text(alarm.p_value)})"
+    tail = f"({layout.short(life.names)[alarm.onset]}; {p_text(alarm.p_value)})"
     if alarm.kind == "load":
         return (
             f"the load has changed {_since(life, alarm)}: mass or barycentre is not what it was "
@@ -88,7 +81,7 @@ def _since(life: Life, alarm: Alarm) -> str:
     onset = day(life.month[alarm.onset])
     if not len(before):
         return f"by {onset}"
-    last, names = day(life.month[before[-1]]), short(life.names)
+    last, names = day(life.month[before[-1]]), layout.short(life.names)
     last, onset = (names[before[-1]], names[alarm.onset]) if last == onset else (last, onset)
     return f"between {last} and {onset}"
 

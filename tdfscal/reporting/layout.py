@@ -7,8 +7,9 @@ add nothing of their own. Below stand the parts that several reports share.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -247,6 +248,12 @@ def told_clock(
         rate += ", no better known than stated"
     offset = with_std(clock.offset, clock.offset_std, "+")
     return f"its clock is {offset} s from the first one's, and faster by {rate}"
+
+
+def short(names: Sequence[str]) -> tuple[str, ...]:
+    """The files' names without their folders, where these still tell one from another."""
+    last = tuple(PurePath(name).name for name in names)
+    return last if len(set(last)) == len(last) else tuple(names)
 
 
 def utc(instant: str) -> str:

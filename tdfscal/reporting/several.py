@@ -1,25 +1,24 @@
-"""Several calibrations side by side and over time; two compared."""
+"""Calibrations compared and side by side: verdict, differences, which of them to keep."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import p_text, probability, with_std
+from tdfscal.catalogue.numbers import p_text, with_std
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
-from tdfscal.files.calibration.compared import compared
+from tdfscal.files.calibration.compared import Named, compared
 from tdfscal.files.calibration.document import Calibration, defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import half_widths, within
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, mrad
+from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import Making, content_facts, making_of, measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
@@ -28,8 +27,9 @@ _RULE = (
     "Two calibrations are compatible where neither the χ² of all differences together nor that of "
     "any sensor by itself is less probable than {limit}, so that of sound calibrations "
     f"{INCOMPATIBLE:.0%} at most are called incompatible. E_n, a difference divided by its "
-    f"expanded uncertainty ({_K}), only shows where they differ: of many angles some exceed 1 by "
-    "chance."
+    f"expanded uncertainty U ({_K}), only shows where they differ: of many angles some exceed 1 by "
+    "chance. A change of one angle as large as in the column detectable would have been seen with "
+    f"{DETECTION_POWER:.0%} probability."
 )
 _DEPARTED = (
     "Validate the newest on a held-out log (tdfscal validate).",
@@ -38,29 +38,33 @@ _DEPARTED = (
 )
 
 
-@record
+@record(eq=False)
 class Several:
-    """Calibrations in the order of measurement; letters stand for the files in tables.
+    """Calibrations by their names, and the first compared with each of the others.
 
-    pairs : each later one minus the first. remarks : on the data that some have in common.
+    pairs : always the later minus the earlier one. remarks : of each pair, on the data that both
+    stand on, their rigs' papers.
     """
 
-    names: tuple[str, ...]
-    letters: tuple[str, ...]
-    content: tuple[Calibration, ...]
+    named: tuple[Named, ...]
     pairs: tuple[Comparison, ...]
-    remarks: tuple[Finding, ...] = ()
+    remarks: tuple[tuple[Finding, ...], ...]
 
     @property
-    def agrees(self) -> bool:
-        """Every later one is a result of its own and of the same rig, compatible with the first."""
-        return self.verdict == "COMPATIBLE"
+    def defects(self) -> tuple[Finding, ...]:
+        """What must be known of each calibration by itself."""
+        return tuple(found for name, c in self.named for found in defects(name, c))
+
+    @property
+    def verified(self) -> bool:
+        """Every pair agrees, and nothing keeps it from being two results of one rig."""
+        return all(pair.verified for pair in self.pairs)
 
     @property
     def verdict(self) -> str:
-        """In words, at one level for all pairs with the first (Bonferroni)."""
+        """In words, at one level for all pairs (Bonferroni)."""
         obstacles = [pair.obstacle for pair in self.pairs if pair.obstacle]
-        rejected = not all(c.accepted for c in self.content)
+        rejected = not all(c.accepted for _, c in self.named)
         if any(found.rejects for found in obstacles):
             return "NOT COMPARABLE"
         if not all(pair.compatible for pair in self.pairs if np.isfinite(pair.p_value)):
@@ -70,57 +74,52 @@ class Several:
         return "COMPATIBLE"
 
 
-def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
-    """Order by the date of measurement and compare.
+def by_date(named: Named) -> float:
+    """End of the data that a calibration stands on, s since 1970."""
+    return named[1].measured.record().end
 
-    Raises DataError where there is one only, or where their supports differ.
+
+def against_first(named: Sequence[Named]) -> Several:
+    """Compare the first of calibrations with each of the others.
+
+    Raises DataError where their supports differ.
     """
-    ordered = sorted(calibrations, key=lambda pair: pair[1].measured.record().end)
-    letters = tuple(letter(i) for i in range(len(ordered)))
-    content = tuple(c for _, c in ordered)
-    first, *later = zip(letters, content, strict=True)
-    found = [compared(each, first) for each in later]
-    remarks = list[Finding]()
-    for _, said in found:
-        remarks += (one for one in said if one not in remarks)
-    names, pairs = tuple(name for name, _ in ordered), judged_together([pair for pair, _ in found])
-    return Several(names, letters, content, pairs, tuple(remarks))
-
-
-def letter(index: int) -> str:
-    """A to Z, then A2 to Z2 and so on."""
-    turn, place = divmod(index, 26)
-    return ascii_uppercase[place] + (str(turn + 1) if turn else "")
+    first, order = named[0], named[0][1].rotations()
+    ordered = [sorted((first, other), key=by_date) for other in named[1:]]
+    found = [compared(later, earlier, order) for earlier, later in ordered]
+    pairs = judged_together([pair for pair, _ in found])
+    return Several(tuple(named), pairs, tuple(remarks for _, remarks in found))
 
 
 def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] = ()) -> Report:
-    """Lay out several calibrations: verdict, files, angles, differences, the rule, each origin."""
-    each = list(zip(view.letters, view.names, view.content, strict=True))
-    files = tuple((mark, f"{name}: {_described(c)}") for mark, name, c in each)
+    """Lay out verdict, files, angles, each pair's differences, the rule, where each comes from."""
     rule = ("Decision rule", _RULE.format(limit=f"{view.pairs[0].limit:.2g}"))
-    verdict = view.verdict
-    keep = (_keep(view),) if verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
+    said = tuple(begun(_verdict(pair), ".") for pair in view.pairs)
+    keep = (_keep(view),) if view.verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
+    files = Facts(tuple((name, _described(c)) for name, c in view.named))
+    pairs = tuple(block for pair in view.pairs for block in _pair(pair))
     return Report(
-        title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
-        subtitle=f"{len(view.names)} calibrations side by side, in the order of measurement",
-        verdict=verdict,
-        accepted=view.agrees,
-        provisional=any(c.status == "provisional" for c in view.content),
-        reasons=tuple(begun(_verdict(step), ".") for step in view.pairs if not step.verified),
+        title=" and ".join(dict.fromkeys(c.rig.name for _, c in view.named)),
+        subtitle=f"{len(view.named)} calibrations side by side",
+        verdict=view.verdict,
+        accepted=view.verified,
+        provisional=any(c.status == "provisional" for _, c in view.named),
+        claim=" ".join(said) if view.verified else "",
+        reasons=() if view.verified else said,
+        summary=(files, *pairs),
         sections=(
-            Section("Calibrations", (Facts(files),)),
+            Section("Calibrations", (files,)),
             *layout.illustrated(drawings, {}),
-            Section("Angles and differences", (_angles(view), _differences(view), *_en(view))),
+            Section("Differences", pairs),
+            Section("Angles", (_angles(view),)),
             making.section(rule, title="Where this verdict comes from", page_only=False),
-            *(
-                making_of(c).section(*content_facts(c), title=f"Where {mark} comes from")
-                for mark, _, c in each
-            ),
+            *(making_of(c).section(*content_facts(c), title=f"Where {name} comes from")
+              for name, c in view.named),
         ),
-        created=layout.utc(making.created),
         warnings=_warnings(view),
         advice=keep or _advice(view.pairs),
-    )
+        created=layout.utc(making.created),
+    )  # fmt: skip
 
 
 def _described(c: Calibration) -> str:
@@ -131,11 +130,11 @@ def _described(c: Calibration) -> str:
 
 def _keep(view: Several) -> str:
     """Which of calibrations that agree stays in use, and why; best those with nothing open."""
-    sound = [pair for pair in zip(view.letters, view.content, strict=True) if pair[1].accepted]
+    sound = sorted((each for each in view.named if each[1].accepted), key=by_date)
     if not sound:
         return "Use none of them: calibrate again."
-    named = [pair for pair in sound if pair[1].status == "accepted"] or sound
-    first, best = named[0], min(named, key=lambda pair: half_widths(pair[1]).max())
+    named = [each for each in sound if each[1].status == "accepted"] or sound
+    first, best = named[0], min(named, key=lambda each: half_widths(each[1]).max())
     keep = f"Keep {first[0]} in use: no change beyond the uncertainties was seen since"
     if within(best[1]) == within(first[1]):
         return f"{keep}."
@@ -143,22 +142,20 @@ def _keep(view: Several) -> str:
 
 
 def _warnings(view: Several) -> tuple[str, ...]:
-    named = list(zip(view.letters, view.content, strict=True))
-    found = [sentence(one) for name, c in named for one in defects(name, c)]
     own = {"sha256", "campaign", "stated_limits"}
-    rigs = [c.rig.model_dump(exclude=own) for c in view.content]
-    if any(rig != rigs[0] for rig in rigs):
-        found.append("the rig files differ between these calibrations")
-    return (*found, *map(sentence, view.remarks))
+    rigs = [c.rig.model_dump(exclude=own) for _, c in view.named]
+    differ = ["the rig files differ between these calibrations"] * (rigs.count(rigs[0]) < len(rigs))
+    remarks = dict.fromkeys(sentence(one) for pair in view.remarks for one in pair)
+    return (*map(sentence, view.defects), *differ, *remarks)
 
 
 def _angles(view: Several) -> Table:
-    order = view.content[0].rotations()
-    each = [in_order_of(order, c.rotations()) for c in view.content]
+    order = view.named[0][1].rotations()
+    each = [in_order_of(order, c.rotations()) for _, c in view.named]
     cells = [mrad_with(so3.to_rpy(one.rotation), rpy_std(one)) for one in each]
+    header = ("sensor", "angle", *layout.short([name for name, _ in view.named]))
     caption = f"Angles in mrad with expanded uncertainty, {_K}"
-    rows = by_angle(order.supports, *cells)
-    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
+    return Table(caption, header, by_angle(order.supports, *cells), left=2)
 
 
 def mrad_with(value: Any, std: Any, sign: str = "") -> layout.Cell:
@@ -166,39 +163,25 @@ def mrad_with(value: Any, std: Any, sign: str = "") -> layout.Cell:
     return lambda i, j: with_std(1e3 * value[i, j], 1e3 * COVERAGE_FACTOR * std[i, j], sign)
 
 
-def _differences(view: Several) -> Table:
-    """Each later one minus the first; of two that are no separate results without uncertainty."""
-    cells = [
-        mrad_with(pair.rpy, pair.rpy_std, "+")
-        if np.isfinite(pair.p_value)
-        else mrad(pair.rpy, "+.2f")
-        for pair in view.pairs
-    ]
-    rows = by_angle(view.pairs[0].supports, *cells)
-    caption = f"Differences in mrad with expanded uncertainty, {_K}"
-    return Table(caption, ("sensor", "angle", *map(_minus, view.pairs)), rows, left=2)
-
-
-def _minus(pair: Comparison) -> str:
-    return " − ".join(pair.names)
-
-
-def _en(view: Several) -> tuple[Table, ...]:
-    """E_n of each later one against the first, where the two are separate results."""
-    pairs = [pair for pair in view.pairs if np.isfinite(pair.p_value)]
-    if not pairs:
-        return ()
-    rows = by_angle(pairs[0].supports, *(_marked(pair.en) for pair in pairs))
-    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
-    header = ("sensor", "angle", *map(_minus, pairs))
-    return (Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2),)
+def _pair(c: Comparison) -> tuple[Block, ...]:
+    """Differences with their uncertainties and E_n; of no two results the differences alone."""
+    caption = f"{c.names[0]} minus {c.names[1]}, mrad"
+    if not np.isfinite(c.p_value):
+        rows = by_angle(c.supports, mrad(c.rpy, "+.2f"))
+        return (Table(caption, ("sensor", "angle", "difference"), rows, left=2),)
+    cells = (mrad_with(c.rpy, c.rpy_std, "+"), _marked(c.en), mrad(c.detectable, ".2f"))
+    header = ("sensor", "angle", "difference ± U", "E_n", "detectable")
+    table = Table(f"{caption}, {_K}", header, by_angle(c.supports, *cells), left=2)
+    return (
+        table,
+        f"All angles together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. The sensor that "
+        f"differs most, by itself: {p_text(c.alone)}. Compatible where neither is below "
+        f"{c.limit:.2g}.",
+    )
 
 
 def _marked(en: Any) -> layout.Cell:
-    def cell(i: int, j: int) -> str:
-        return f"{'! ' if en[i, j] > 1 else ''}{en[i, j]:.2f}" if np.isfinite(en[i, j]) else "–"
-
-    return cell
+    return lambda i, j: f"{'! ' * bool(en[i, j] > 1)}{en[i, j]:.2f}"
 
 
 def comparison_document(c: Comparison) -> dict[str, Any]:
@@ -230,35 +213,3 @@ def _advice(pairs: Sequence[Comparison]) -> tuple[str, ...]:
     apart = any(found.rejects for found in obstacles)
     cures = dict.fromkeys(begun(cure(found), ".") for found in obstacles if cure(found))
     return (*cures, *(_DEPARTED if departs and not apart else ()))
-
-
-def comparison_report(c: Comparison, remarks: Sequence[Finding] = ()) -> Report:
-    """Lay out differences, their uncertainties and E_n of one pair; of no two results the first."""
-    columns = {"difference": mrad(c.rpy, "+.3f")}
-    caption, rule = (
-        f"{c.names[0]} minus {c.names[1]}, the later minus the earlier, mrad",
-        list[str](),
-    )
-    if np.isfinite(c.p_value):
-        columns |= {
-            "U": mrad(COVERAGE_FACTOR * c.rpy_std),
-            "E_n": _marked(c.en),
-            "detectable": mrad(c.detectable),
-        }
-        caption += f"; U with {_K}"
-        rule = [
-            f"All angles together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. The sensor that "
-            f"differs most, by itself: {p_text(c.alone)}.",
-            f"Compatible where neither probability is below {c.limit:.2g}: of sound calibrations "
-            f"{INCOMPATIBLE:.0%} at most are then called incompatible.",
-            "A change of one angle as large as in the column detectable would have been seen with "
-            f"{DETECTION_POWER:.0%} probability.",
-        ]
-    header, rows = ("sensor", "angle", *columns), by_angle(c.supports, *columns.values())
-    said = (*([" ".join(rule)] if rule else ()), *(f"{sentence(one)}." for one in remarks))
-    return Report(
-        title=begun(_verdict(c)),
-        accepted=c.verified,
-        sections=(Section("Differences", (Table(caption, header, rows, left=2), *said)),),
-        advice=_advice([c]),
-    )

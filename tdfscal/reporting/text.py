@@ -19,7 +19,7 @@ _LISTS = ("Warnings", "What next")
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
 #: Where no line ends, and what stands there meanwhile.
-_TOGETHER, _FIXED = re.compile(r"(?<=±) | (?=%|mrad\b)"), "\u00a0"
+_TOGETHER, _FIXED = re.compile(r"(?<=±) | (?=±|%|mrad\b)"), "\u00a0"
 _NARROWEST = 8
 #: Columns that facts need beside their names; else they stand below.
 _BESIDE = 32

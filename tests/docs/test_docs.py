@@ -94,7 +94,7 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     gallery = (tmp_path / "site" / "gallery.html").read_text(encoding="utf-8")
-    assert gallery.count("_images/") >= 8
+    assert gallery.count("_images/") >= 6
     assert "Figure size" not in gallery
     assert all(
         (tmp_path / "site" / f"{page}.html").is_file() for page in (*PAGES, "notebook", "gallery")

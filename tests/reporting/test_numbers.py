@@ -9,7 +9,7 @@ from tdfscal.catalogue.numbers import p_text, typeset, with_std
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render as as_page
 from tdfscal.reporting.layout import Report
-from tdfscal.reporting.several import comparison_report, put_side_by_side, several_report
+from tdfscal.reporting.several import against_first, several_report
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.traceability import Making
 from tdfscal.reporting.validation import validation_report
@@ -20,7 +20,7 @@ from tests.reporting.test_several import FEBRUARY, JANUARY, MARCH
 from tests.reporting.test_validation_claim import validation as tared
 from tests.reporting.test_validation_page import origin_of_check, validation
 
-SEVERAL = put_side_by_side([("j", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
+SEVERAL = against_first([("j", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
 REPORTS: dict[str, Callable[[], Report]] = {
     "touched": lambda: calibration_report(sample(touched=True).calibration),
     "six supports": lambda: calibration_report(sample(n=6).calibration),
@@ -28,7 +28,6 @@ REPORTS: dict[str, Callable[[], Report]] = {
     "tracker": lambda: calibration_report(surveyed()[0]),
     "joint": lambda: calibration_report(surveyed()[1]),
     "several": lambda: several_report(SEVERAL, Making("", ())),
-    "compared": lambda: comparison_report(SEVERAL.pairs[1]),
     "valid": lambda: validation_report(validation(0.0), (), origin_of_check()),
     "touched since": lambda: validation_report(validation(60.0), (), origin_of_check()),
     "turned since": lambda: validation_report(tared(8e-3), ()),

@@ -17,8 +17,6 @@ from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import Budget
 from tdfscal.numerics import so3
-from tdfscal.planning.motion import MovingPlan
-from tdfscal.planning.plan import Plan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import (
@@ -115,7 +113,7 @@ def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> None:
     ax.barh(place, turn, height=0.62, color=style.BLUE, **style.EDGE)
 
 
-def differences(pairs: Sequence[Comparison], name: str = "differences") -> Drawing:
+def differences(pairs: Sequence[Comparison]) -> Drawing:
     """Differences of the angles with their expanded uncertainty, k = 2, a whisker per pair."""
     least = min(pairs, key=lambda pair: pair.p_value)
     title = " and ".join(
@@ -124,7 +122,7 @@ def differences(pairs: Sequence[Comparison], name: str = "differences") -> Drawi
     if len(pairs) > 1:
         title = f"Change of each angle against {pairs[0].names[1]}"
     said = f"{begun(sentence(least.obstacle or least.finding))}."
-    return Drawing(name, title, said, lambda: _differences(pairs))
+    return Drawing("differences", title, said, lambda: _differences(pairs))
 
 
 def _differences(pairs: Sequence[Comparison]) -> Figure:
@@ -144,34 +142,6 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
                 beside(ax, pair.names[0], x, at, 4)
     ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
     return fig
-
-
-def planned(plan: Plan | MovingPlan) -> Drawing:
-    """Standard uncertainty to expect of each angle."""
-
-    def paint() -> Figure:
-        fig, (ax,), place = by_angle(plan.rig.supports)
-        ax.barh(
-            place, 1e3 * plan.expected.rpy_std.ravel(), height=0.6, color=style.BLUE, **style.EDGE
-        )
-        ax.set_xlabel("standard uncertainty, mrad")
-        return fig
-
-    said = f"Angles are expected within {1e3 * plan.expected.largest:.3g} mrad each."
-    return Drawing("plan", "Uncertainty to expect", said, paint)
-
-
-def truth(supports: tuple[str, ...], rpy: FloatArray, nominal: FloatArray) -> Drawing:
-    """Turn from the nominal mounting; rpy, nominal : (n, 3), rad."""
-    turn = 1e3 * so3.wrapped(rpy - nominal).ravel()
-
-    def paint() -> Figure:
-        fig, (ax,), place = by_angle(supports)
-        _turns(ax, place, turn)
-        return fig
-
-    said = f"The largest turn from the nominal mounting is {np.abs(turn).max():.3g} mrad."
-    return Drawing("truth", "True mounting", said, paint)
 
 
 def budget(c: Calibration) -> Drawing | None:

@@ -17,7 +17,6 @@ from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import Drawing, legend_above, logarithmic, raster
-from tdfscal.trackercal import PointRegistration
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 
@@ -149,12 +148,6 @@ def survey(c: Calibration) -> Drawing | None:
         f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
         "points: moves of each NCP first, then targets on each sensor",
     )
-
-
-def registered(r: PointRegistration) -> Drawing:
-    """Residual of each registered point in µm."""
-    said = f"The points fit within {1e6 * r.rms:.3g} µm (rms)."
-    return _of_points(list(r.names), 1e6 * r.residual, "residual, µm", said)
 
 
 def _of_points(

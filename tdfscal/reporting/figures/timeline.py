@@ -26,7 +26,7 @@ from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.streams import covered
-from tdfscal.records import ANGLES, Dwells, FloatArray
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import Clock, clock_from, date_of, log_clock, style
 from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
 from tdfscal.significance import COVERAGE_FACTOR
@@ -167,21 +167,6 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
     lost = covered(rejected)
     said += f"; {lost:.0f} s in {len(rejected)} stretches (hatched) were left out." if lost else "."
     return Drawing("forces", "The log and its forces", said, paint)
-
-
-def found(dwells: Dwells) -> Drawing:
-    """Mean forces of each dwell: a panel per axis of the sensors."""
-
-    def paint() -> Figure:
-        fig, axes = panels(3.4, _FORCES)
-        middle = (dwells.start + dwells.end) / 2 - dwells.start[0]
-        look = {"linewidth": 0.7, "markersize": 3.2}
-        _forces(axes, dwells.supports, middle, dwells.force, (), _MARKERS, **look)
-        axes[-1].set_xlabel("time since the first dwell, s")
-        legend_outside(fig, *axes)
-        return fig
-
-    return Drawing("dwells", "Static dwells", f"{len(dwells)} dwells are found.", paint)
 
 
 def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
