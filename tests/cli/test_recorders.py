@@ -1,14 +1,14 @@
 """Campaigns of two recorders, from their files to a result, held against the same in one file."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdfscal import Calibration, apply, calibrate, info, init
+from tdfscal import calibrate, info, init
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.reporting.calibration import calibration_report
@@ -16,10 +16,8 @@ from tdfscal.simulation import (
     MOVING,
     Options,
     Run,
-    draw_truths,
     reference_rig,
     run,
-    simulate_campaign,
 )
 from tests.cli.apart import Apart, recorded_apart, write_apart
 
@@ -80,12 +78,13 @@ def test_from_two_files_to_angles_without_an_editor(tmp_path: Path) -> None:
     assert abs(found.clocks[0].offset - 1.7e9) < 0.05
 
 
-def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibration) -> None:
+def test_a_recorder_that_ends_early_is_told(tmp_path: Path) -> None:
     """What both saw is used: by its length, by when it was measured, and where a reader looks."""
-    assert not calibrated.found("recorders-overlap-in-part", "log-truncated")
     name = "daq.csv"
     of, day = played("self", 7), 1.7e9
     folder = apart(tmp_path / "two", of, Apart(offset=day))
+    whole = calibrate([folder], trials=0)
+    assert not whole.found("recorders-overlap-in-part", "log-truncated")
     content = (folder / name).read_bytes()
     (folder / name).write_bytes(content[: 7 * len(content) // 10])
     found = calibrate([folder], trials=0)
@@ -105,34 +104,3 @@ def test_a_recorder_that_ends_early_is_told(tmp_path: Path, calibrated: Calibrat
     assert f"{cut.size:.1f} s of {name}" in report.claim
     assert cut.cure is not None
     assert any(cut.cure[1:] in advice for advice in report.advice)
-
-
-@pytest.fixture(scope="module")
-def months(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Campaigns a month apart of one rig, tared anew each; the amplifier has a wall clock."""
-    rig, options = reference_rig(), Options(postures=14, squeeze=200.0)
-    truth = draw_truths(rig, options, np.random.default_rng(1), 1)
-    folders = []
-    for month in (1, 2):
-        rng = np.random.default_rng(month)
-        tared = replace(truth, zero=0.5 * rng.standard_normal(truth.zero.shape))
-        recorded = simulate_campaign(rig, options, rng, tared)
-        begin = datetime(2026, month, 3, 8, tzinfo=UTC).timestamp()
-        how = Apart(offset=begin, rate=20e-6, late=0.5)
-        folders.append(tmp_path_factory.mktemp("months") / f"m{month}")
-        write_apart(folders[-1], rig, *recorded_apart(recorded.log, how, rng))
-    return folders
-
-
-@pytest.fixture(scope="module")
-def calibrated(months: list[Path]) -> Calibration:
-    return calibrate([months[0]], trials=0)
-
-
-def test_two_recorders_make_one_table(months: list[Path], calibrated: Calibration) -> None:
-    """On the clock of the positions, which counts from 0, and as far as both ran."""
-    table = apply(calibrated, [months[1]]).to_frame()
-    assert 0.4 < table["time"].iloc[0] < 0.6
-    assert (np.diff(table["time"]) > 0).all()
-    rms = {name: float(np.sqrt(np.mean(table[name] ** 2))) for name in ("fx", "raw_fx")}
-    assert rms["fx"] < 0.5 * rms["raw_fx"]

@@ -49,18 +49,6 @@ def state(motions: int = 2) -> State:
     return retract(nominal(RIG, motions), 0.1 * RNG.normal(size=parameter_count(4, motions)))
 
 
-def test_own_quantities_of_a_campaign_are_no_constants() -> None:
-    for motions in (0, 2):
-        own = ~constants(4, motions)
-        place = layout(4, motions)
-        expected = [
-            *range(12, 24),  # zeros
-            place["friction"].start,
-            *range(place["drift"].start, place["drift"].stop),
-        ]
-        assert np.array_equal(np.flatnonzero(own), expected)
-
-
 def test_a_step_moves_each_quantity_by_its_own_part() -> None:
     base, step = state(), 0.1 * RNG.normal(size=parameter_count(4, 2))
     moved, place = retract(base, step), layout(4, 2)
@@ -98,17 +86,6 @@ def test_sensitivity_prior_is_that_of_a_symmetrised_matrix() -> None:
     drawn = S[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].std(axis=0)
     stated = stds(RIG)["sensitivity"].reshape(4, 6)
     assert np.abs(drawn / stated - 1).max() < 5 / np.sqrt(2 * 200_000)
-
-
-def test_what_is_not_measured_has_no_zero() -> None:
-    axes = np.ones((4, 3), dtype=np.bool_)
-    axes[1, 2] = False
-    motion = ZeroMotion(("time", "walk"), np.zeros((5, 4, 2)), np.array([0.5, 1.0]))
-    std = stds(replace(RIG, axes=axes), motion)
-    zero, drift = std["zero"].reshape(4, 3), std["drift"].reshape(2, 4, 3)
-    assert np.array_equal(zero == 0, ~axes)
-    assert np.array_equal(drift[0], np.where(axes, 0.5, 0.0))
-    assert np.array_equal(drift[1], np.where(axes, 1.0, 0.0))
 
 
 def test_a_sensor_without_all_axes_has_a_turn_spread_over_the_circle() -> None:
