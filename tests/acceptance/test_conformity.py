@@ -85,15 +85,6 @@ def test_the_posture_is_the_rig_files_and_at_rest() -> None:
     assert np.abs(value).max() < 1e-8
 
 
-def test_an_open_quantity_exceeds_every_limit_but_none() -> None:
-    unknown = np.zeros_like(given().open)
-    unknown[9:12] = True
-    found = limited(replace(given(), open=unknown), force=1e9)
-    assert found.force.expanded == np.inf
-    assert found.force.exceeding == 1.0
-    assert assess(replace(given(), open=unknown)).force.exceeding == 0.0
-
-
 def test_coverage_radius_in_one_two_and_three_dimensions() -> None:
     assert stats.norm.cdf(2) - stats.norm.cdf(-2) == pytest.approx(EXPANDED_COVERAGE, abs=1e-15)
     for dof in (1, 2, 3):

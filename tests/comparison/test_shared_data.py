@@ -6,17 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import tdfscal
 from tdfscal.comparison.compatibility import (
-    Comparison,
     Nested,
     combine,
     compare_pair,
 )
-from tdfscal.comparison.pooling import Recorded as Campaign
-from tdfscal.comparison.pooling import pool
 from tdfscal.comparison.shared_data import (
     Readings,
     Recorded,
@@ -27,14 +23,12 @@ from tdfscal.comparison.shared_data import (
 )
 from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.records import Drift, FloatArray, Rig, Rotations, Series
+from tdfscal.records import FloatArray, Rotations, Series
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
 from tdfscal.simulation.campaign import record_means
 from tdfscal.simulation.equilibrium import set_stage
 from tests.cli.running import Cli
 from tests.cli.test_life import edited
-from tests.comparison.histories import history
-from tests.comparison.test_pooling import estimate
 
 NAMES = ("ncp1", "ncp2", "ncp3")
 
@@ -75,37 +69,6 @@ def test_a_joint_estimate_against_its_parts_tells_what_these_tell_of_each_other(
         nested = compare_pair(("part", part), ("both", both), Nested(1))
         assert nested.chi2 == pytest.approx(apart.chi2, rel=1e-3)
         assert nested.detectable == pytest.approx(apart.detectable, rel=1e-6)
-
-
-def nested_pairs(rig: Rig, seed: int, draws: int) -> list[tuple[Comparison, Comparison]]:
-    """A month against itself with the next one; as nested, and as if they were independent."""
-    rng, found = np.random.default_rng(seed), []
-    for _ in range(draws):
-        campaigns, _ = history(rig, rng, months=2, postures_each=6, walk=rig.drift.angle)
-        part, whole = rotations(rig, campaigns[:1]), rotations(rig, campaigns)
-        nested = Nested(1, rig.drift.angle**2)
-        pair = (("a", part), ("ab", whole))
-        found.append((compare_pair(*pair, nested), compare_pair(*pair)))
-    return found
-
-
-def rotations(rig: Rig, campaigns: list[Campaign]) -> Rotations:
-    return Rotations(rig.supports, *estimate(rig, pool(campaigns), len(campaigns) - 1))
-
-
-@pytest.mark.parametrize("walk", [0.0, pytest.param(2e-4, marks=pytest.mark.slow)])
-def test_nested_months_differ_as_far_as_is_said(walk: float) -> None:
-    """χ² of six draws is that of 9 each; taken as independent it is far from it without a walk."""
-    rig = replace(reference_rig(), drift=Drift(angle=walk))
-    pairs = nested_pairs(rig, 7, 6)
-    law = stats.chi2(sum(nested.dof for nested, _ in pairs))
-    total = sum(nested.chi2 for nested, _ in pairs)
-    assert law.ppf(0.001) < total < law.ppf(0.999)
-    if not walk:
-        assert sum(apart.chi2 for _, apart in pairs) < law.ppf(0.001)
-    # Of 54 angles 4.55 % are beyond E_n = 1, about nine in ten of them independent.
-    beyond = sum(int((nested.en > 1).sum()) for nested, _ in pairs)
-    assert 0 < beyond < 0.15 * 54
 
 
 @pytest.mark.parametrize(

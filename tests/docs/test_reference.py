@@ -8,13 +8,6 @@ import tdfscal
 import tdfscal.errors
 from docs.generate import generated
 from tdfscal.cli.app import COMMANDS, described, made, summary
-from tdfscal.errors import (
-    DataError,
-    NotConvergedError,
-    NotIdentifiableError,
-    RigError,
-    UsageError,
-)
 from tests.docs.pages import section, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
@@ -48,14 +41,3 @@ def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
         told = re.sub(r"--(?!json)(\w+)", r"`\1`", p.option.help)
         assert f"    {p.name} : {told}" in doc
     assert "stdout" not in doc
-
-
-def test_exit_statuses_are_those_of_the_errors() -> None:
-    rows = re.findall(r"^\| ?(\d+) ?\| ?(.+?)\|", section("reference", "## Exit statuses"), re.M)
-    meaning = {int(status): words for status, words in rows}
-    assert {UsageError.exit_status, RigError.exit_status} == {2}
-    assert "usage" in meaning[2]
-    assert "rig file" in meaning[2]
-    assert "data" in meaning[DataError.exit_status]
-    assert NotIdentifiableError.exit_status == NotConvergedError.exit_status
-    assert "determine" in meaning[NotIdentifiableError.exit_status]

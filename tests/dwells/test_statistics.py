@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.fft import dct
 from scipy.signal import lfilter
 
 from tdfscal.dwells import find_dwells
-from tdfscal.dwells.noise_spectrum import SlowNoise, slow_noise
 from tdfscal.records import Dwells
 from tests.words import in_words
 
@@ -118,35 +116,3 @@ def test_drift_is_flagged_with_its_time_and_does_not_widen_the_noise() -> None:
     assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
     quiet = find_dwells(record(Recipe(rate=200, stops=(4.0,) * 12, seed=2)).log)
     assert not in_words(quiet.findings)
-
-
-def test_means_over_a_campaign_scatter_as_the_fitted_noise_says() -> None:
-    """1/f noise, and relaxation beside white noise: closed forms and noise made from them."""
-    rng, length, stops = np.random.default_rng(3), 200, 60
-    size = length * stops
-    frequency = np.arange(2, length) / (2.0 * length)
-    for tau in (None, 20.0):
-        f = np.fft.rfftfreq(size)
-        f[0] = f[1]
-        pole = 0.0 if tau is None else np.exp(-1.0 / tau)
-        shape = 1.0 / f
-        if tau is not None:
-            shape = (1 - pole**2) / abs(1 - pole * np.exp(2j * np.pi * f)) ** 2
-        wave = np.sqrt(0.3 + 0.5 * shape) * np.fft.rfft(rng.standard_normal((3, size)), axis=1)
-        wave[:, 0] = 0.0
-        noise = np.fft.irfft(wave, size, axis=1).reshape(3, stops, length)
-        line = np.polynomial.polynomial.polyvander(np.linspace(-1, 1, length), 1)
-        rest = noise - noise @ np.linalg.pinv(line).T @ line.T
-        power = dct(rest, axis=2, norm="ortho")[..., 2:] ** 2
-        order = np.argsort(np.tile(frequency, stops), kind="stable")
-        low = order[: int((frequency < 0.125).sum()) * stops]
-        f_low, power = np.tile(frequency, stops)[low], power.reshape(3, -1)[:, low]
-        found = slow_noise(f_low, power, float(length))
-        flicker = [one.weight[np.isinf(one.relaxation)].sum() for one in found if one is not None]
-        assert flicker == pytest.approx([float(tau is None)] * 3, abs=0.05)
-        true = [np.array([x]) for x in (0.3, 0.5, np.inf if tau is None else tau, 1.0)]
-        expected = SlowNoise(*true).of_mean(np.array([length]), float(size))
-        got = [one.of_mean(np.array([length]), float(size))[0] for one in found if one is not None]
-        assert got == pytest.approx(np.full(3, expected[0]), rel=0.3)
-        seen = length * noise.mean(axis=2).var(axis=1)
-        assert seen.mean() == pytest.approx(expected[0], rel=0.4)

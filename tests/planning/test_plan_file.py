@@ -11,13 +11,8 @@ import yaml
 
 from tdfscal import read_log
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.files.writers.plan import plan_csv
-from tdfscal.planning.candidates import Request
-from tdfscal.planning.plan import make_plan
-from tdfscal.simulation import Recorder, reference_rig
+from tdfscal.simulation import Recorder
 from tests.cli.running import Cli
-
-from .limits import limits
 
 
 @pytest.fixture(scope="module")
@@ -30,30 +25,6 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def table(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
-
-
-def test_rows_are_the_plan() -> None:
-    rig = reference_rig()
-    plan = make_plan(
-        rig, Request(limits(rig, stiffness=2e7), candidates=50), 8, np.random.default_rng(0)
-    )
-    text = plan_csv(plan, "tdfscal plan")
-    rows = table(text)
-    assert [row["posture"] for row in rows] == [str(k + 1) for k in range(8)]
-    assert [row["approach"] for row in rows] == ["+1", "-1"] * 4
-    displacement = plan.postures.displacement(plan.request.limits)
-    assert displacement is not None
-    for i, name in enumerate(rig.supports):
-        for a, axis in enumerate("xyz"):
-            position = [float(row[f"{name}.{axis}"]) for row in rows]
-            squeeze = [float(row[f"{name}.squeeze_{axis}"]) for row in rows]
-            moved = [float(row[f"{name}.d{axis}"]) for row in rows]
-            assert np.allclose(position, plan.position[:, i, a], atol=0.5e-9)
-            assert np.allclose(squeeze, plan.postures.squeeze[:, i, a], atol=0.5e-4)
-            assert np.allclose(moved, displacement[:, i, a], atol=0.5e-9)
-    notes = [line for line in text.splitlines() if line.startswith("#")]
-    assert any("frame: BCS" in line and line.endswith("m.") for line in notes)
-    assert any(f"expected {rig.supports[2]}" in line and "mrad" in line for line in notes)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import yaml
 from tdfscal import calibrate
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
-from tdfscal.files.rig.model import Sensor
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.headline import exceeding, half_widths, headline
@@ -115,18 +114,6 @@ def test_what_an_error_of_the_tare_does(request: pytest.FixtureRequest, tmp_path
 
 def _due(c: Calibration) -> str:
     return dict(campaign_facts(c)).get("Next due") or ""
-
-
-def test_a_date_before_the_measurement_is_now() -> None:
-    """Measured on 2026-11-20: a certificate that ended before is due, a later one at its end."""
-    day = MeasuredResult(begin="2026-11-20T00:00:00Z", end="2026-11-20T00:00:00Z", source="log")
-    for end, said in (("2026-01-01", "now: "), ("2027-01-01", "2027-01-01, ")):
-        c = sample().calibration.model_copy(deep=True, update={"measured": day})
-        support = c.rig.supports[0].model_copy(update={"sensor": Sensor(due=end)})
-        supports = (support, *c.rig.supports[1:])
-        c = c.model_copy(update={"rig": c.rig.model_copy(update={"supports": supports})})
-        assert _due(c).startswith(said)
-        assert end in _due(c)
 
 
 @pytest.mark.parametrize("walk", [1.2e-3, 2e-4])

@@ -156,21 +156,3 @@ def test_a_jolt_does_not_reach_the_angles() -> None:
     result = fitted(RIG, find_dwells(campaign.log))
     assert distance(campaign.truth.rotation, result) < stats.chi2.ppf(1 - 1e-4, 9)
     assert not result.reasons
-
-
-@pytest.mark.slow
-def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
-    """`rows: postures` and nothing declared: honest, with few degrees of freedom, and said."""
-    from scipy import stats
-
-    from tdfscal.dwells import find_dwells
-
-    bare = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
-    batch = simulation.simulate_dwells(bare, SQUEEZED, np.random.default_rng(9), 10)
-    total = 0.0
-    for i in range(10):
-        dwells = find_dwells(batch.log(i))
-        result = fitted(bare, dwells)
-        assert "from the residuals" in in_words(result.findings)[0]
-        total += distance(batch.truth.rotation[i], result)
-    assert 1e-4 < stats.chi2.cdf(total, 90) < 1 - 1e-4

@@ -15,7 +15,6 @@ from tdfscal.simulation import (
     Drift,
     Faults,
     Gain,
-    Jolt,
     Options,
     Run,
     ZeroShift,
@@ -93,16 +92,6 @@ def test_contact_touches_its_posture_and_the_moves_beside_it() -> None:
     push = PLAIN.postures.pose.rotation[2] @ [0.0, 0.0, 60.0]
     # Sensitivities are exact; the real rotation differs from the commanded one by under 1 mrad.
     np.testing.assert_allclose(total, np.broadcast_to(-push, total.shape), atol=0.06)
-
-
-def test_jolt_is_a_half_sine() -> None:
-    moved = change(Faults(jolts=(Jolt(4, (0.0, 0.0, -200.0), duration=0.4),)))
-    middle = 0.5 * (PLAIN.start[4] + PLAIN.end[4])
-    np.testing.assert_array_equal(moved[np.abs(TIME - middle) > 0.2], 0.0)
-    total = np.einsum("nij,knj->ki", PLAIN.truth.rotation, moved)
-    lift = PLAIN.postures.pose.rotation[4][2, 2] * 200.0
-    assert total[:, 2].max() == pytest.approx(lift, rel=1e-2)
-    assert total[:, 2].sum() * 0.01 == pytest.approx(lift * 0.4 * 2.0 / np.pi, rel=1e-2)
 
 
 def test_saturation_clips_at_the_stated_capacity() -> None:

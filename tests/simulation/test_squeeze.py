@@ -48,23 +48,3 @@ def test_squeeze_makes_the_commanded_internal_force(n: int) -> None:
 def test_natural_internal_forces_need_positioning_errors() -> None:
     with pytest.raises(UsageError, match="positioner"):
         simulate_campaign(exact_rig(), Options(internal=100.0), np.random.default_rng(0))
-
-
-def test_moves_do_not_strain_the_terminal() -> None:
-    rig = exact_rig()
-    rpy = np.zeros((3, 3))
-    options = still(postures=4, rpy=rpy, tilt=np.deg2rad(5.0))
-    campaign = simulate_campaign(rig, options, np.random.default_rng(1))
-    force = np.stack([s.value for s in campaign.log.force], axis=1)
-    place = np.stack([s.value for s in campaign.log.position], axis=1)
-    inner = internal_part(place, force)
-    turning = elastic_turning(float(np.abs(force).max()))
-    assert np.abs(inner).max() < 2.0 * turning * np.linalg.norm(force, axis=(1, 2)).max()
-    resting = np.any(
-        (campaign.start <= (time := campaign.log.force[0].time)[:, None])
-        & (time[:, None] <= campaign.end),
-        axis=1,
-    )
-    np.testing.assert_allclose(
-        force[resting].sum(axis=1), [[0.0, 0.0, 500.0 * 9.80665]] * resting.sum(), atol=1e-6
-    )

@@ -225,18 +225,3 @@ def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> N
     line = ("apply", tmp_path / "c.yaml", folder, "-o", tmp_path / "w.csv", "-q")
     said = cli.json(*line, ends=0)
     assert "log-before-calibration" not in {finding["code"] for finding in said["findings"]}
-
-
-def test_inertia_of_the_rig_file_is_used(places: Places, cli: Cli, tmp_path: Path) -> None:
-    folder, target = tmp_path / "held", tmp_path / "w.parquet"
-    shutil.copytree(places.held, folder)
-    inertia = {"value": [[60, 0, 0], [0, 60, 0], [0, 0, 90]], "std": 0.0}
-    edited(folder / "rig.yaml", lambda d: d["terminal"].update(inertia=inertia))
-    found = []
-    for rig in (folder, places.held):
-        line = ("apply", places.calibration, folder, "--rig", rig / "rig.yaml", "-o", target)
-        told = cli.json(*line)
-        assert told["quasi_static"] == (rig != folder)
-        found.append(pq.read_table(target)["fx"].to_numpy())
-    assert len(found[0]) == len(found[1])
-    assert np.abs(found[0] - found[1]).max() > 1.0

@@ -13,7 +13,6 @@ from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log, LogMapping
-from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
 
 ONE = ("a",)
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
@@ -97,25 +96,3 @@ def test_times_know_their_unit(tmp_path: Path, unit: str, kind: str) -> None:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(plain(time=times)), path)
     np.testing.assert_array_equal(read_log([path], None, ONE).force[0].time, [0.0, 1.0, 2.0])
-
-
-@pytest.mark.parametrize("kind", [pa.string(), pa.dictionary(pa.int32(), pa.large_string())])
-@pytest.mark.parametrize("written", ["%Y-%m-%dT%H:%M:%S.%f+01:00", "%d.%m.%Y %H:%M:%S.%f"])
-def test_dates_as_texts_are_read_as_in_csv(tmp_path: Path, kind: pa.DataType, written: str) -> None:
-    frame = table(make_truth())
-    stamps = pd.to_datetime(frame["time"] + 1.7e9, unit="s").dt.strftime(written)
-    frame = frame.assign(time=stamps, note="sound")
-    frame.to_csv(tmp_path / "log.csv", index=False)
-    columns = pa.Table.from_pandas(frame)
-    at = columns.schema.get_field_index("time")
-    columns = columns.set_column(at, "time", columns.column("time").cast(kind))
-    path = tmp_path / "log.parquet"
-    pq.write_table(columns, path, row_group_size=17, write_page_checksum=True)
-    text, log = (read_log([p], None, SUPPORTS) for p in (tmp_path / "log.csv", path))
-    assert same_numbers(text, log)
-    described = [describe_logs([p]) for p in (tmp_path / "log.csv", path)]
-    assert described[0].mapping == described[1].mapping
-    assert described[1].mapping is not None
-    assert described[1].mapping.time_field == "time"
-    kinds = [{f.name: f.kind for f in d.contents[0].streams[0].fields} for d in described]
-    assert kinds[0]["time"] == kinds[1]["time"] == "date and time"
