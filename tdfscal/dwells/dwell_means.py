@@ -104,7 +104,11 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     larger = _log_ratio(own.scatter, level, own.count) > _LARGER if extents else np.zeros(shape)
     # Variance relative to the pooled one: 1 where compatible or smaller, else its own.
     ratio = np.divide(own.scatter, level, out=np.ones(shape), where=larger * level > 0)
-    spectra = _spectra(bins, extents)
+    looked = evenly(len(extents), _SPECTRA)
+    spectra = _spectra(bins, extents, looked)
+    # The spectrum tells how a mean scatters beside a sample; how samples do all dwells tell.
+    few = _pooled(own.scatter[looked], own.count[looked]) if extents else level
+    beside = np.sqrt(np.divide(level, few, out=np.ones_like(level), where=few > 0))
     ordinates: dict[tuple[int, ...], Ordinates | None] = {}
     length = np.array([extent.used.sum() for extent in extents])
     campaign = float(bins.start[-1] - bins.start[0]) / bins.width
@@ -113,7 +117,7 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         usable = tuple(i for i, (k, _) in enumerate(spectra) if alike[k])
         if usable not in ordinates:  # one for all streams, as a rule
             ordinates[usable] = together([spectra[i][1] for i in usable])
-        root = np.sqrt(ratio[:, stream])
+        root = np.sqrt(ratio[:, stream]) * beside[stream]
         common = density(ordinates[usable], stream, level[stream], length, campaign)
         zero[:, stream] = common * root[:, :, None] * root[:, None, :]
     n = np.maximum(own.count, 1)
@@ -174,10 +178,10 @@ def evenly(count: int, most: int) -> IntArray:
     return np.linspace(0, count - 1, most).round().astype(np.int64)
 
 
-def _spectra(bins: Bins, extents: Sequence[Extent]) -> list[tuple[int, Spectrum]]:
-    """(dwell, spectrum) of uninterrupted runs."""
+def _spectra(bins: Bins, extents: Sequence[Extent], looked: IntArray) -> list[tuple[int, Spectrum]]:
+    """(dwell, spectrum) of uninterrupted runs of some dwells."""
     found = []
-    for k in evenly(len(extents), _SPECTRA):
+    for k in looked:
         extent = extents[k]
         for first, last in zip(*runs(extent.used), strict=True):
             one = spectrum(bins, slice(int(extent.begin + first), int(extent.begin + last)))
