@@ -30,10 +30,10 @@ from tdfscal.simulation.scenarios import MOVING as MOVING
 from tdfscal.simulation.scenarios import SCENARIOS as SCENARIOS
 from tdfscal.simulation.scenarios import Run as Run
 from tdfscal.simulation.scenarios import run as run
-from tdfscal.simulation.survey import Survey as Survey
-from tdfscal.simulation.survey import measure as measure
-from tdfscal.simulation.survey import simulate_survey as simulate_survey
+from tdfscal.simulation.truth import Survey as Survey
 from tdfscal.simulation.truth import Truth as Truth
 from tdfscal.simulation.truth import draw_truths as draw_truths
 from tdfscal.simulation.truth import make_rig as make_rig
+from tdfscal.simulation.truth import measure as measure
 from tdfscal.simulation.truth import reference_rig as reference_rig
+from tdfscal.simulation.truth import simulate_survey as simulate_survey

@@ -28,8 +28,14 @@ from tdfscal.simulation.faults import (
 )
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Options, SurveyOptions
-from tdfscal.simulation.survey import Survey, simulate_survey
-from tdfscal.simulation.truth import UNKNOWN_ZERO, Truth, draw_truths, width
+from tdfscal.simulation.truth import (
+    UNKNOWN_ZERO,
+    Survey,
+    Truth,
+    draw_truths,
+    simulate_survey,
+    width,
+)
 
 
 @record
