@@ -28,8 +28,7 @@ from scipy.stats import chi2, ncx2
 from benchmarks.frame import errors, heads, numbers, show, tally
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
-from tdfscal.checks.geometry import CODES, stated_errors
-from tdfscal.checks.hinge_distances import equations
+from tdfscal.checks.geometry import CODES, equations, stated_errors
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
@@ -116,7 +115,7 @@ def _visible(case: Case, stated: Rig, which: int, off: FloatArray) -> tuple[floa
     common = case.declared.positioner if case.moving else 0.0
     pattern = sums.given(stated_errors(stated, common))
     first = 3 * (which + (0 if case.kind == "hinge" else case.n))
-    block = pattern.gram[first : first + 3, first : first + 3]
+    block = pattern.seen.matrix[first : first + 3, first : first + 3]
     values = np.linalg.eigvalsh(block)
     unknowns = int(np.sum(values > 1e-6 * values[-1]))
     away = max(float(off[which] @ block @ off[which]), 1e-12)

@@ -1,12 +1,18 @@
 """Do the measured hinge positions fit the rigid terminal that the rig file states?
 
-Hinges, datums and what gives have the rig file's uncertainties in the equations of
-`hinge_distances`, so that χ² of the whole pattern is exact; a single cause is tested as if it had
-no prior (theory, section 14). One hinge moves n − 1 distances; an offset of a positioner is, over
-small tilts, the same as a hinge turned with it, and both are named.
+The distances between hinges are asked, without any force. n hinges have 3n coordinates and a rigid
+terminal six freedoms, so that 3n − 6 equations per posture are left. Seen in the LCS, and there
+across the rigid motions,
 
-Not to be told: what moves all hinges as one body, and what moves no distance (with three hinges,
-along the normal of their plane).
+    R_kᵀ (p_ik − T_k) − r_i  =  δr_i + R_kᵀ (d_i + C F_ik + E_i (p_ik − p̄_i) + noise)
+
+with hinges displaced by δr_i, datums d_i, supports that give by C, and E_i a positioner's frame
+that is turned, scaled or not square. They enter by their sums, of one size for any number of
+postures. Hinges, datums and what gives have the rig file's uncertainties, so that χ² of the whole
+pattern is exact; a single cause is tested as if it had no prior (theory, section 14). One hinge
+moves n − 1 distances; an offset of a positioner is, over small tilts, the same as a hinge turned
+with it, and both are named. Not to be told: what moves all hinges as one body, or no distance
+(with three hinges, along the normal of their plane).
 """
 
 from __future__ import annotations
@@ -15,20 +21,22 @@ from typing import Final
 
 import numpy as np
 
-from tdfscal.checks.hinge_distances import (
-    FRAMES,
-    Cause,
-    Equations,
-    Suspect,
-    equations,
-    without_jolts,
-)
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model.postures import register
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import FloatArray, Rig
-from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, FRAME_MISFIT, GEOMETRY_MISFIT
+from tdfscal.model.statics import wrench
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.numerics.information import Contrast, Information
+from tdfscal.numerics.least_squares import ask
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.significance import (
+    CAUSE_EXPLAINS,
+    CAUSES_APART,
+    FRAME_MISFIT,
+    GEOMETRY_MISFIT,
+    MOST_REJECTED,
+)
 
 #: What every support gives, m/N, whatever is stated: at 2 N/µm nothing is harmed (theory, 11).
 _GIVES: Final = 5e-7
@@ -50,6 +58,83 @@ CODES: Final = {
 _SECOND_ORDER: Final = 0.05
 #: Equations that are left when all constant errors are known, for a frame to be judged.
 _FEWEST: Final = 3
+#: Positions are not known better than this, m: rounding, and a terminal that bends.
+_FLOOR: Final = 2e-7
+#: Ways in which a frame is wrong, with E of each of its components by one, (3, 3, 3).
+FRAMES: Final[dict[str, FloatArray]] = {
+    "turned": so3.hat(np.eye(3)),
+    "scaled": np.eye(3)[:, :, None] * np.eye(3)[:, None],
+    "not square": np.abs(so3.hat(np.eye(3))),
+}
+#: Share of a cause's best-known component that another must have to be known at all.
+_SEEN: Final = 1e-6
+#: A posture this many times farther from the others' middle than their median is a jolt.
+_JOLT: Final = 100.0
+#: A cause: its kind, its support, and how its unknowns move the parameters, (P, g).
+Suspect = tuple[str, int | None, FloatArray]
+#: Postures summed at once.
+_CHUNK: Final = 1024
+
+
+@record
+class Cause:
+    """One thing that may be wrong, and how well it alone explains the distances.
+
+    kind : hinge, datum, scale, compliance, or a key of `FRAMES`. support : whose; None: of all.
+    statistic : fall of χ², by so many `unknowns`. amount, std : (g,), m (hinge in the LCS, datum
+    in the BCS), relative (scale, frames), or m/N lateral and vertical; ∞ where nothing is seen.
+    """
+
+    kind: str
+    support: int | None
+    statistic: float
+    unknowns: int
+    amount: FloatArray
+    std: FloatArray
+
+    @property
+    def p_value(self) -> float:
+        """That chance alone asks as much for this cause."""
+        return float(chi2_sf(self.statistic, self.unknowns)) if self.unknowns else 1.0
+
+    @property
+    def weight(self) -> float:
+        """Fall of χ² beyond its unknowns."""
+        return self.statistic - self.unknowns
+
+
+@record
+class Equations:
+    """Equations of all postures, summed: what they say of the parameters (P,), misfit, χ²."""
+
+    seen: Information
+    chi2: float
+    rows: int
+
+    def scaled(self, variance: float) -> Equations:
+        """The same with the noise's variance this many times larger."""
+        return Equations(self.seen.scaled(np.sqrt(variance)), self.chi2 / variance, self.rows)
+
+    def given(self, prior: FloatArray) -> Equations:
+        """Whitened by what parameters with a prior std (P,), 0 exact, add to the noise."""
+        seen = self.seen.walked(prior**2)
+        return Equations(
+            seen, self.chi2 - float(self.seen.score @ (prior**2 * seen.score)), self.rows
+        )
+
+    def apart_from(self, free: BoolArray) -> tuple[Equations, int]:
+        """Without what parameters (P,) of which nothing is known explain; and their rank."""
+        explained, rank = Contrast(self.seen.matrix, self.seen.score).chi2(free)
+        return Equations(self.seen.without(free), self.chi2 - explained, self.rows), rank
+
+    def ask(self, kind: str, support: int | None, columns: FloatArray) -> Cause:
+        """Test a cause whose unknowns move the parameters by columns (P, g)."""
+        information = columns.T @ self.seen.matrix @ columns
+        own = np.trace(columns.T @ columns)  # a cause without any column is not seen
+        floor = max(_SEEN * np.linalg.norm(information, 2), np.finfo(float).tiny * own)
+        found = ask(information, columns.T @ self.seen.score, floor)
+        fall, unknowns = float(found.statistic), int(found.unknowns)
+        return Cause(kind, support, fall, unknowns, found.amount, found.std)
 
 
 def gross_limit(rig: Rig, force: FloatArray | None = None) -> float:
@@ -93,20 +178,20 @@ class Geometry:
 
     def findings(self, supports: tuple[str, ...]) -> tuple[Finding, ...]:
         """What may be wrong, and by how much, the likeliest first."""
-        return tuple(_finding(cause, supports, self) for cause in self.causes)
+        return tuple(self._finding(cause, supports) for cause in self.causes)
 
-
-def _finding(cause: Cause, supports: tuple[str, ...], found: Geometry) -> Finding:
-    subject = () if cause.support is None else (supports[cause.support],)
-    code, unit = CODES[cause.kind]
-    values: dict[str, Value] = {"elsewhere": not found.explained}
-    values["or_more"] = not np.isfinite(cause.std).all()
-    values["component"] = float(np.abs(cause.amount).max())
-    if cause.kind in FRAMES:
-        values["amount"] = cause.amount.tolist()
-        values["std"] = (cause.std * np.sqrt(found.scatter)).tolist()
-    size = float(np.linalg.norm(cause.amount))
-    return Finding(code, subject, size, unit, values=values)
+    def _finding(self, cause: Cause, supports: tuple[str, ...]) -> Finding:
+        code, unit = CODES[cause.kind]
+        values: dict[str, Value] = {
+            "elsewhere": not self.explained,
+            "or_more": not np.isfinite(cause.std).all(),
+            "component": float(np.abs(cause.amount).max()),
+        }
+        if cause.kind in FRAMES:
+            values["amount"] = cause.amount.tolist()
+            values["std"] = (cause.std * np.sqrt(self.scatter)).tolist()
+        subject = () if cause.support is None else (supports[cause.support],)
+        return Finding(code, subject, float(np.linalg.norm(cause.amount)), unit, values=values)
 
 
 def examine(
@@ -132,8 +217,7 @@ def examine(
     keep = without_jolts(rig.hinge, position, variance)
     force = np.zeros_like(position) if force is None else force
     sums = equations(rig.hinge, position[keep], force[keep], variance[keep])
-    nuisances = slice(0, 6 * n + 2)
-    varying, known = sums.apart_from(nuisances)
+    varying, known = sums.apart_from(np.arange(size) < 6 * n + 2)
     dof = sums.rows - known
     scatter = max(1.0, varying.chi2 / dof) if dof > 0 else 1.0
     pattern = sums.scaled(scatter).given(stated_errors(rig, common))
@@ -146,9 +230,11 @@ def examine(
         2 * len(tried) * min(cause.p_value for cause in tried),
     )
     if frames and dof > _FEWEST:
-        wrong = [pattern.ask(*suspect) for suspect in _frames(n, size)]
-        likely = max(wrong, key=lambda cause: cause.weight)
-        varies, rest = _varies(varying, dof, _frames(n, size), likely)
+        suspects = _frames(n, size)
+        wrong = [pattern.ask(*suspect) for suspect in suspects]
+        place = int(np.argmax([cause.weight for cause in wrong]))
+        likely, alone = wrong[place], varying.ask(*suspects[place])
+        varies, rest = _varies(varying, dof, alone, len(suspects))
         # What another test has raised already is no further false alarm.
         level = FRAME_MISFIT if p_value > GEOMETRY_MISFIT else GEOMETRY_MISFIT
         if likely.weight > best.weight and varies < level:
@@ -174,19 +260,15 @@ def stated_errors(rig: Rig, common: float = 0.0) -> FloatArray:
     return out
 
 
-def _varies(
-    varying: Equations, dof: int, frames: list[Suspect], likely: Cause
-) -> tuple[float, float]:
+def _varies(varying: Equations, dof: int, frame: Cause, tests: int) -> tuple[float, float]:
     """That chance makes the distances vary with the place as a frame does, and what then remains.
 
     varying : what no constant error explains. The frame is held against the scatter without it, or
     it would excuse itself; second result : that scatter, variance over the stated one, at least 1.
     """
-    (own,) = (f for f in frames if f[:2] == (likely.kind, likely.support))
-    asked = varying.ask(*own)
-    rest = max(1.0, (varying.chi2 - asked.statistic) / max(dof - asked.unknowns, 1))
-    p_value = float(chi2_sf(asked.statistic / rest, asked.unknowns)) if asked.unknowns else 1.0
-    return min(1.0, len(frames) * p_value), rest
+    rest = max(1.0, (varying.chi2 - frame.statistic) / max(dof - frame.unknowns, 1))
+    p_value = float(chi2_sf(frame.statistic / rest, frame.unknowns)) if frame.unknowns else 1.0
+    return min(1.0, tests * p_value), rest
 
 
 def _alike(tried: list[Cause], best: Cause) -> tuple[Cause, ...]:
@@ -208,8 +290,60 @@ def _suspects(hinge: FloatArray, size: int) -> list[Suspect]:
 
 def _frames(n: int, size: int) -> list[Suspect]:
     """Frames of positioners that are turned, scaled or not square."""
-    starts = range(6 * n + 2, size, 3)
-    return [
-        (way, k // 3, np.eye(size)[:, start : start + 3])
-        for k, (start, way) in enumerate(zip(starts, n * list(FRAMES), strict=True))
-    ]
+    ways, eye = list(FRAMES), np.eye(size)
+    firsts = enumerate(range(6 * n + 2, size, 3))
+    return [(ways[k % 3], k // 3, eye[:, first : first + 3]) for k, first in firsts]
+
+
+def _across(hinge: FloatArray) -> FloatArray:
+    """Orthonormal directions (n, 3, 3n − 6) of the hinges' places that no rigid motion moves."""
+    arm = hinge - hinge.mean(axis=0)
+    spokes = np.swapaxes(wrench(arm[None])[0], -1, -2).reshape(3 * len(hinge), 6)
+    return np.linalg.qr(spokes, mode="complete")[0][:, 6:].reshape(len(hinge), 3, -1)
+
+
+def without_jolts(
+    hinge: FloatArray, position: FloatArray, variance: FloatArray
+) -> FloatArray | slice:
+    """Postures (a mask) whose shape is that of the others; all, where too many differ."""
+    R, T = register(hinge, position)
+    shape = np.einsum("kba,knb->kna", R, position - T[:, None])
+    across = np.tensordot(shape, _across(hinge), axes=2)
+    away = np.sum((across - np.median(across, axis=0)) ** 2, axis=1) / (variance + _FLOOR**2)
+    usual = max(float(np.median(away)), float(chi2_quantile(0.5, across.shape[1])))
+    keep = away <= _JOLT * usual
+    return keep if np.mean(~keep) <= MOST_REJECTED else slice(None)
+
+
+def equations(
+    hinge: FloatArray, position: FloatArray, force: FloatArray, variance: FloatArray
+) -> Equations:
+    """Sum the equations of K postures.
+
+    Columns: δr (3n), d (3n), compliance lateral and vertical, E of each positioner (9n).
+    """
+    n, across, centre = len(hinge), _across(hinge), position.mean(axis=0)
+    m, ways = across.shape[2], np.concatenate(list(FRAMES.values()))
+    total = np.zeros((15 * n + 3, 15 * n + 3))
+    for first in range(0, len(position), _CHUNK):
+        p, F = position[first : first + _CHUNK], force[first : first + _CHUNK]
+        K, (R, T) = len(p), register(hinge, p)
+        turned = np.einsum("iam,kba->kmib", across, R)  # a displacement in the BCS, seen across
+        fixed = np.broadcast_to(across.transpose(2, 0, 1), (K, m, n, 3))
+        off = np.tensordot(np.einsum("kba,knb->kna", R, p - T[:, None]) - hinge, across, axes=2)
+        columns = [
+            fixed.reshape(K, m, -1),
+            turned.reshape(K, m, -1),
+            np.einsum("kmib,kib->km", turned[..., :2], F[..., :2])[..., None],
+            np.einsum("kmi,ki->km", turned[..., 2], F[..., 2])[..., None],
+            np.einsum("kmib,wbc,kic->kmiw", turned, ways, p - centre, optimize=True).reshape(
+                K, m, -1
+            ),
+            off[..., None],
+        ]
+        rows = np.concatenate(columns, axis=2)
+        rows /= np.sqrt(variance[first : first + _CHUNK] + _FLOOR**2)[:, None, None]
+        rows = rows.reshape(K * m, -1)
+        total += rows.T @ rows
+    seen = Information(total[:-1, :-1], total[:-1, -1])
+    return Equations(seen, float(total[-1, -1]), m * len(position))

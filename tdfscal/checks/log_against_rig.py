@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from tdfscal.checks import geometry
-from tdfscal.checks.hinge_distances import Cause
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -96,7 +95,7 @@ def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
     yield from mirrored_frames(len(supports))
     for name in supports:
         yield from _rewired_axes(supports, name, _PLACES)
-    yield from _exchanged_axes(supports, _PLACES)
+    yield from exchanged_channels(supports, np.ones((len(supports), 3), dtype=np.bool_), _PLACES)
 
 
 def _rewired_axes(
@@ -115,20 +114,14 @@ def _rewired_axes(
         yield Wiring(f"the opposite sign of {which} of {name}", same, sign)
 
 
-def exchanged_channels(rig: Rig) -> Iterator[Wiring]:
-    """Two channels of different sensors exchanged."""
-    return _exchanged_axes(rig.supports, _FORCES, rig.axes)
-
-
-def _exchanged_axes(
-    supports: tuple[str, ...], axes: tuple[str, str, str], measured: BoolArray | None = None
+def exchanged_channels(
+    supports: tuple[str, ...], measured: BoolArray, axes: tuple[str, str, str] = _FORCES
 ) -> Iterator[Wiring]:
-    """Two axes of different supports exchanged; measured : (n, 3), by default all.
+    """Two channels of different supports exchanged, of those that are measured (n, 3).
 
     Of many supports only the same axes: cables of one kind are mistaken for each other.
     """
     n = len(supports)
-    measured = np.ones((n, 3), dtype=np.bool_) if measured is None else measured
     for (i, a), (j, b) in combinations(np.argwhere(measured).tolist(), 2):
         if i == j or (a != b and n > _MANY):
             continue
@@ -191,7 +184,7 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
 
 
-def _misplaced(rig: Rig, position: FloatArray) -> list[Cause]:
+def _misplaced(rig: Rig, position: FloatArray) -> list[geometry.Cause]:
     """The hinges or positioners one of which explains the distances, the likeliest first."""
     found = geometry.examine(rig, position, np.full(len(position), rig.declared.positioner**2))
     if not (found.explained and found.causes and found.causes[0].support is not None):

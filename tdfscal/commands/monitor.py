@@ -16,9 +16,8 @@ from tdfscal.commands.result import CalibrationSource, CommandResult, by_column,
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
-from tdfscal.comparison.history import Life
+from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.pooling import pool
-from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects

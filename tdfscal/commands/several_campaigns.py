@@ -25,9 +25,9 @@ from tdfscal.commands.recordings import (
     refuse_repeated,
 )
 from tdfscal.commands.result import Calibration
+from tdfscal.comparison.history import life_of
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.comparison.rig_history import life_of
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.files.calibration.evidence import CampaignResult

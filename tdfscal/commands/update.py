@@ -23,8 +23,7 @@ from tdfscal.commands.several_campaigns import (
     misfit_finding,
     wanted,
 )
-from tdfscal.comparison.misfit import Misfit, misfit_of
-from tdfscal.comparison.rig_history import EarlierCalibration
+from tdfscal.comparison.misfit import EarlierCalibration, Misfit, misfit_of
 from tdfscal.errors import UsageError
 from tdfscal.estimation.fit import Priors, eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import readings_of

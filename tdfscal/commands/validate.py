@@ -27,8 +27,7 @@ from tdfscal.reporting.traceability import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
-from tdfscal.validation.residual_wrench import ENOUGH, Validation
-from tdfscal.validation.residuals import AS_STATED, KnownNoise
+from tdfscal.validation.residual_wrench import AS_STATED, ENOUGH, KnownNoise, Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Samples = Literal["static", "moving"]

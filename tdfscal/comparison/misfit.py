@@ -1,16 +1,25 @@
-"""Does a campaign fit the others, or what was known before it; and which sensor explains it."""
+"""What was known before a campaign; does it fit that, or the others; which sensor explains it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from tdfscal.comparison.common import Common, Walk
+from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Observation, Priors, stated
-from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import free_constants, information_of, of_load
-from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
+from tdfscal.frozen import field, record, replace
+from tdfscal.model.calibrated import (
+    free_constants,
+    information_of,
+    joint_prior,
+    of_load,
+    same_load,
+    turned,
+)
+from tdfscal.model.parameters import CONSTANTS, LOAD, State, deviation, layout, starting_state
+from tdfscal.numerics import so3
 from tdfscal.numerics.information import (
     Contrast,
     Information,
@@ -18,7 +27,7 @@ from tdfscal.numerics.information import (
     nothing,
     p_value,
 )
-from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, JointPrior, Measured, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, MISFIT
 
 #: Stated standard uncertainties by which hinges, datums, gains or the base may have changed: by
@@ -161,3 +170,67 @@ def _taken_away(departure: Contrast, where: slice) -> bool:
 def turn_of(sensor: int) -> slice:
     """Place of a sensor's rotation among the constants."""
     return slice(3 * sensor, 3 * sensor + 3)
+
+
+@record(kw_only=True)
+class EarlierCalibration:
+    """A calibration with its full covariance, before any scaling by a Birge ratio.
+
+    information : on the free constants (C,) of its rig, counted from `state`. determined : (n,),
+    sensors whose turns it gives. chi2, dof : of all the fits behind it. sha256 : of its file.
+    base : digest and date of the calibration that it stands on. pooled : of several campaigns.
+    exact : how its constants (C,) move with errors of what it took as exact. sources : (n, 3),
+    share of each source in the variance of its roll, pitch, yaw; none where that is not told.
+    """
+
+    name: str
+    rig: Rig
+    state: State
+    information: Information
+    determined: BoolArray
+    measured: Measured
+    sha256: str
+    chi2: float
+    dof: int
+    base: tuple[str, str] | None = None
+    pooled: bool = False
+    exact: tuple[ExactMoves, ...] = ()
+    sources: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def prior(self, rig: Rig, month: float) -> JointPrior:
+        """What it says of a rig's constants at a time in months, its walk since included.
+
+        Of the terminal only where the rig file states it alike.
+        """
+        known = self.information.walked(self.walk(rig, month))
+        alike = same_load(self.rig, rig)
+        other, free = of_load(self.rig) & (not alike), free_constants(self.rig)
+        exact = [
+            one if alike or one.name not in OF_THE_TERMINAL else one.all_apart()
+            for one in self.exact
+        ]
+        prior = joint_prior(
+            rig, self.state, known, self.chi2, self.dof, free=free, but=other, exact=exact
+        )
+        return replace(prior, sources=self._with_walk(self.walk(rig, month)))
+
+    def _with_walk(self, walk: FloatArray) -> dict[str, FloatArray]:
+        """Shares of the sources after the angles walked with variance (C,)."""
+        if not self.sources:
+            return {}
+        size = 3 * self.rig.n
+        R, own = self.state.rotation, self.information.covariance[:size, :size]
+        before, walked = so3.rpy_variance(R, own), so3.rpy_variance(R, np.diag(walk[:size]))
+        left = before / (before + walked)
+        return {name: left * share for name, share in self.sources.items()} | {"walk": 1.0 - left}
+
+    def walk(self, rig: Rig, month: float) -> FloatArray:
+        """Variance by which a rig's angles may have walked since, at a time in months."""
+        gap = max(month - self.measured.month, 0.0)
+        return turned(rig, rig.drift.angle * float(np.sqrt(gap)), len(self.information.score))
+
+    def about(self, reference: State) -> Information:
+        """Information (c,) on its own constants, counted from a reference."""
+        free = free_constants(self.rig)
+        away = deviation(self.state, reference)[: len(free)][free]
+        return Information(self.information.matrix, self.information.matrix @ away)

@@ -14,8 +14,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from tdfscal.checks.geometry import Geometry
-from tdfscal.checks.hinge_distances import FRAMES, Cause
+from tdfscal.checks.geometry import FRAMES, Cause, Geometry
 from tdfscal.estimation.fit import Fitted, information
 from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty

@@ -299,3 +299,16 @@ def loosened(rig: Rig) -> Rig:
         return rig
     wide = information_of(rig.earlier).walked(turned(rig, REMOUNTED))
     return _with_matrix(rig, wide.matrix)
+
+
+def with_own_load(given: Calibrated, rig: Rig) -> Calibrated:
+    """Return the calibration with the load of a log's rig file, where that states another one.
+
+    Stated alike it is one weighing: the calibration's, with what it has in common with the angles.
+    """
+    own = {}
+    for name in ("mass", "barycentre"):
+        ours, theirs = getattr(rig, name), getattr(given.rig, name)
+        if not (np.array_equal(ours.value, theirs.value) and np.array_equal(ours.std, theirs.std)):
+            own[name] = (ours.value, np.diag(np.ravel(ours.std) ** 2))
+    return redrawn(given, **own) if own else given

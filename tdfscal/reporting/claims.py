@@ -18,7 +18,7 @@ from tdfscal.significance import DETECTION_POWER, VALIDATION_CHI2, VALIDATION_SE
 if TYPE_CHECKING:
     from tdfscal.validation.in_motion import MovingValidation
     from tdfscal.validation.residual_wrench import Validation
-    from tdfscal.validation.verdict import Cause
+    from tdfscal.validation.residuals import Cause
 
     Tested = Validation | MovingValidation
 

@@ -190,7 +190,7 @@ def _descended(
 
 
 def _renamed(rig: Rig, seen: Postures) -> Iterator[Undone]:
-    for other in chain(rewired_sensors(rig.supports), exchanged_channels(rig)):
+    for other in chain(rewired_sensors(rig.supports), exchanged_channels(rig.supports, rig.axes)):
         yield Undone(other.postures(seen), other.words)
 
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.checks.geometry import examine
-from tdfscal.checks.hinge_distances import Cause
+from tdfscal.checks.geometry import Cause, examine
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information

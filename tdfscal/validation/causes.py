@@ -16,15 +16,17 @@ from tdfscal.numerics.information import Contrast
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.score_tests import best_variance
-from tdfscal.validation.residuals import Linearised, Whitened, basis
-from tdfscal.validation.verdict import (
+from tdfscal.validation.residuals import (
     COURSES,
     STEPS,
     WEIGHT,
     Cause,
     Causes,
     Kind,
+    Linearised,
     Model,
+    Whitened,
+    basis,
     explained,
     fitted,
 )

@@ -16,7 +16,7 @@ from tdfscal.checks import log_against_rig
 from tdfscal.estimation.fit import factored_information
 from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
-from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.calibrated import Calibrated, with_own_load
 from tdfscal.model.parameters import layout, nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
 from tdfscal.motioncal.design import drifting
@@ -38,9 +38,14 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
-from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
-from tdfscal.validation.verdict import Cause, Judged, Verdict, searched
+from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros
+from tdfscal.validation.verdict import (
+    Judged,
+    Verdict,
+    judged_with_zeros,
+    refuse_misread,
+    searched,
+)
 
 
 @record(kw_only=True)

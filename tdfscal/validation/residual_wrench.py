@@ -10,34 +10,96 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
+from scipy import special
 
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.calibrated import Calibrated, with_own_load
 from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.model.postures import ZeroAge
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.selfcal.misreadings import Rests
+from tdfscal.significance import MISFIT
 from tdfscal.validation import causes
-from tdfscal.validation.no_change import judged_with_zeros, refuse_misread, with_own_load
-from tdfscal.validation.residuals import (
-    AS_STATED,
-    Course,
-    KnownNoise,
-    Linearised,
-    Whitened,
-    moving_zeros,
+from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros
+from tdfscal.validation.verdict import (
+    Judged,
+    Verdict,
+    judged_with_zeros,
+    refuse_misread,
+    searched,
 )
-from tdfscal.validation.verdict import Cause, Judged, Verdict, searched
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 
 #: Postures by which a calibration is tested; fewer show no more than a gross change.
 ENOUGH = 3
+
+
+@record
+class KnownNoise:
+    """What a calibration's own postures say of the noise.
+
+    birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too. dof : behind
+    that.
+    """
+
+    birge: float = 1.0
+    dof: int = 0
+
+    def scaled(self, observed: Postures) -> Postures:
+        """Postures whose noise is what the calibration's own postures showed it to be."""
+        if self.birge > 1.0:
+            variance = self.birge**2
+            observed = replace(
+                observed,
+                force_cov=variance * observed.force_cov,
+                position_cov=variance * observed.position_cov,
+                moment_var=variance * observed.moment_var,
+            )
+        return observed
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was taken from the calibration, where the noise was not as stated."""
+        found = []
+        if self.birge > 1.0 and chi2_sf(self.birge**2 * self.dof, self.dof) < MISFIT:
+            found.append(Finding("noise-as-calibrated", size=self.birge))
+        return tuple(found)
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom with which the noise is known: ∞ as stated, or those that told it."""
+        return self.dof if self.birge > 1.0 else np.inf
+
+    def chi2_sf(self, square: float, freedom: int) -> float:
+        """Probability of a larger sum of squares of so many white residuals, by Fisher's F."""
+        if np.isinf(self.freedom):
+            return float(special.chdtrc(freedom, square))
+        return float(special.fdtrc(freedom, self.freedom, square / freedom))
+
+    def gain_sf(self, gain: float, unknowns: int, rest: float, rest_freedom: int) -> float:
+        """Probability that chance alone lets so many unknowns take more of a sum of squares.
+
+        rest : what they leave, which tells of the noise too where it is not known as stated; it
+        never makes that smaller than stated.
+        """
+        if unknowns == 0:
+            return 1.0
+        if np.isinf(self.freedom) or rest_freedom <= 0:
+            return self.chi2_sf(gain, unknowns)
+        freedom = self.freedom + rest_freedom
+        variance = max((self.freedom + rest) / freedom, self.birge**-2)
+        return float(special.fdtrc(unknowns, freedom, gain / unknowns / variance))
+
+
+#: A calibration that says nothing of the noise.
+AS_STATED = KnownNoise()
 
 
 @record(kw_only=True)

@@ -1,22 +1,28 @@
-"""Residual wrenches at a calibration, all that correlates them taken away, and their noise."""
+"""Residual wrenches at a calibration, all that correlates them taken away; causes fitted to them.
+
+A cause is a linear model e = H a + noise of the whitened residual wrenches of all postures; it is
+judged by how far χ² falls when its q unknowns a are fitted (generalised least squares), less q ln N
+for N residuals (Schwarz, Ann. Stat. 6, 1978); the posture from which a step holds is an unknown
+too. Causes of few and many unknowns are so held against each other on one scale, twice the
+logarithm of their odds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from operator import attrgetter
+from typing import Literal
 
 import numpy as np
-from scipy import special
 
-from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.postures import ZeroMotion
-from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.significance import MISFIT
+from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
 
 
 @record
@@ -174,62 +180,166 @@ def basis(columns: FloatArray) -> FloatArray:
     return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
 
 
-@record
-class KnownNoise:
-    """What a calibration's own postures say of the noise.
+Kind = Literal[
+    "sensor turned",
+    "sensors turned",
+    "load changed",
+    "zero drifted",
+    "gain changed",
+    "gains changed",
+    "base tilted",
+    "contact",
+    "noise grown",
+    "zeros wander",
+    "zeros moved",
+    "hinges stick",
+    "sensor slipped",
+    "zero jumped",
+    "zeros drift",
+    "zeros follow temperature",
+]
 
-    birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too. dof : behind
-    that.
+#: Causes that are a scatter, not a change: the test of all residuals together sees them.
+NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
+#: Changes in the course of a log; the test of all residuals together sees them too.
+STEPS: tuple[Kind, ...] = ("sensor slipped", "zero jumped")
+COURSES: tuple[Kind, ...] = (*STEPS, "zeros drift", "zeros follow temperature")
+
+#: Of a contact, which is told by the residual wrench.
+NO_SIZE = np.zeros(0)
+
+#: Order of causes, by the odds for them.
+WEIGHT = attrgetter("weight")
+
+
+@record
+class Cause:
+    """A possible cause, fitted by generalised least squares.
+
+    support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
+    one from which on it holds, at rest. between : s, of a step in motion, times between which it
+    lies with 95 %.
+    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R),
+    of all sensors in turn where several did; a load's
+    mass in kg and barycentre in m, as changes; a zero's change in N,
+    where it drifts the largest of each; a gain's change as S (6,): xx,
+    yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
+    more noise, of the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m,
+    per axis and posture. A contact has none here.
+    gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
+    worth (Schwarz). p_value : that chance alone lets it fall so far.
+    remaining_p : probability of the χ² that is left. size_std : of the length of value, along
+    itself, to first order; noise across it makes a length near none too large.
     """
 
-    birge: float = 1.0
-    dof: int = 0
-
-    def scaled(self, observed: Postures) -> Postures:
-        """Postures whose noise is what the calibration's own postures showed it to be."""
-        if self.birge > 1.0:
-            variance = self.birge**2
-            observed = replace(
-                observed,
-                force_cov=variance * observed.force_cov,
-                position_cov=variance * observed.position_cov,
-                moment_var=variance * observed.moment_var,
-            )
-        return observed
+    kind: Kind
+    support: int | None
+    postures: tuple[int, ...]
+    value: FloatArray
+    std: FloatArray
+    gain: float
+    weight: float
+    unknowns: int
+    p_value: float
+    remaining_p: float
+    size_std: float = np.nan
+    between: tuple[float, float] | None = None
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What was taken from the calibration, where the noise was not as stated."""
-        found = []
-        if self.birge > 1.0 and chi2_sf(self.birge**2 * self.dof, self.dof) < MISFIT:
-            found.append(Finding("noise-as-calibrated", size=self.birge))
-        return tuple(found)
+    def explains(self) -> bool:
+        """Nothing remarkable is left."""
+        return self.remaining_p >= CAUSE_EXPLAINS
 
     @property
-    def freedom(self) -> float:
-        """Degrees of freedom with which the noise is known: ∞ as stated, or those that told it."""
-        return self.dof if self.birge > 1.0 else np.inf
+    def scatters(self) -> bool:
+        """It is a scatter, not a change."""
+        return self.kind in NOISE
 
-    def chi2_sf(self, square: float, freedom: int) -> float:
-        """Probability of a larger sum of squares of so many white residuals, by Fisher's F."""
-        if np.isinf(self.freedom):
-            return float(special.chdtrc(freedom, square))
-        return float(special.fdtrc(freedom, self.freedom, square / freedom))
+    @property
+    def told(self) -> bool:
+        """Its size is told from none."""
+        return self.p_value < CAUSE_EXPLAINS
 
-    def gain_sf(self, gain: float, unknowns: int, rest: float, rest_freedom: int) -> float:
-        """Probability that chance alone lets so many unknowns take more of a sum of squares.
 
-        rest : what they leave, which tells of the noise too where it is not known as stated; it
-        never makes that smaller than stated.
+@record
+class Causes:
+    """Single causes, the most likely first.
+
+    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
+    have looked like the likeliest by chance.
+    """
+
+    best: tuple[Cause, ...]
+    tried: int
+
+    @property
+    def suspected(self) -> tuple[Cause, ...]:
+        """The causes that explain the residuals and cannot be told apart, the likeliest first.
+
+        One whose size may as well be none is not among them: near the limit it explains the
+        residuals as nothing would.
         """
-        if unknowns == 0:
-            return 1.0
-        if np.isinf(self.freedom) or rest_freedom <= 0:
-            return self.chi2_sf(gain, unknowns)
-        freedom = self.freedom + rest_freedom
-        variance = max((self.freedom + rest) / freedom, self.birge**-2)
-        return float(special.fdtrc(unknowns, freedom, gain / unknowns / variance))
+        explaining = [cause for cause in self.best if cause.explains and cause.told]
+        if not explaining:
+            return ()
+        most = explaining[0].weight
+        # What explains less well than another that leaves too much is not the cause.
+        if self.best[0].weight - most >= CAUSES_APART:
+            return ()
+        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
 
 
-#: A calibration that says nothing of the noise.
-AS_STATED = KnownNoise()
+@record
+class Model:
+    """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
+
+    kind: Kind
+    support: int | None
+    postures: tuple[int, ...]
+    columns: FloatArray
+    shape: FloatArray | None = None
+
+
+def fitted(model: Model, given: Whitened) -> Cause:
+    """Fit a cause to the residuals.
+
+    What changed is minus what would cancel it: e is linear about the estimate.
+    """
+    size = np.linalg.norm(model.columns, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    U, s, Vt = np.linalg.svd(model.columns / size, full_matrices=False)
+    seen = s > 1e-9 * s.max(initial=0.0)
+    along = U[:, seen].T @ given.residual
+    gain, q = float(along @ along), int(seen.sum())
+    root = (Vt[seen].T / s[seen]) / size[:, None]
+    if model.shape is not None:
+        root = model.shape @ root
+    sizes = -(root @ along), np.linalg.norm(root, axis=1)
+    found = explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
+    along = found.value / (np.linalg.norm(found.value) or 1.0)
+    return replace(found, size_std=float(np.linalg.norm(along @ root)))
+
+
+def explained(
+    given: Whitened,
+    kind: Kind,
+    gain: float,
+    unknowns: int,
+    support: int | None = None,
+    postures: tuple[int, ...] = (),
+    value: FloatArray = NO_SIZE,
+    std: FloatArray = NO_SIZE,
+) -> Cause:
+    """A cause of so many unknowns that lowers χ² of the residuals by `gain`; the rest as there."""
+    return Cause(
+        kind=kind,
+        support=support,
+        postures=postures,
+        value=value,
+        std=std,
+        gain=gain,
+        weight=gain - (unknowns + (kind in STEPS)) * given.worth,
+        unknowns=unknowns,
+        p_value=float(chi2_sf(gain, unknowns)),
+        remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
+    )

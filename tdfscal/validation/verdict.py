@@ -1,16 +1,14 @@
-"""The verdict on a calibration in use, whatever kind of log it was tested on, and causes for it.
+"""The verdict on a calibration in use, whatever kind of log it was tested on.
 
-A cause is a linear model e = H a + noise of the whitened residual wrenches of all postures; it is
-judged by how far χ² falls when its q unknowns a are fitted (generalised least squares), less q ln N
-for N residuals (Schwarz, Ann. Stat. 6, 1978); the posture from which a step holds is an unknown
-too. Causes of few and many unknowns are so held against each other on one scale, twice the
-logarithm of their odds.
+What looks like a changed rig may be none. A tare draws all zeros from what the rig file states,
+whatever they were; it is told from a rig that changed by what it does: all sensors move, and stay
+where they are over the log. What explains forces that fit nowhere is searched as a calibration does
+it (`selfcal.misreadings`), and held against what may have changed by likelihood.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -18,186 +16,36 @@ from scipy import special
 
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated, redrawn
-from tdfscal.model.parameters import layout
+from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn
+from tdfscal.model.parameters import layout, prior_std, starting_state
+from tdfscal.model.postures import Postures
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
-from tdfscal.records import FloatArray, Rig
+from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.misreadings import MOST_POSTURES, Rests, misread, misreading
 from tdfscal.significance import (
-    CAUSE_EXPLAINS,
     CAUSES_APART,
     DETECTION_POWER,
+    VALIDATION_ALARM,
     VALIDATION_CHI2,
     VALIDATION_SEARCH,
 )
-from tdfscal.validation.residuals import Whitened
+from tdfscal.validation.causes import unknown_columns
+from tdfscal.validation.residuals import (
+    COURSES,
+    NOISE,
+    Cause,
+    Causes,
+    Linearised,
+    Whitened,
+    basis,
+    whiten,
+)
 
 #: Does it hold; unproven: nothing speaks against it, but the log cannot show that it holds;
 #: touched: the check is what is wrong, not the calibration.
 Outcome = Literal["holds", "unproven", "touched", "changed"]
-Kind = Literal[
-    "sensor turned",
-    "sensors turned",
-    "load changed",
-    "zero drifted",
-    "gain changed",
-    "gains changed",
-    "base tilted",
-    "contact",
-    "noise grown",
-    "zeros wander",
-    "zeros moved",
-    "hinges stick",
-    "sensor slipped",
-    "zero jumped",
-    "zeros drift",
-    "zeros follow temperature",
-]
-
-#: Causes that are a scatter, not a change: the test of all residuals together sees them.
-NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
-#: Changes in the course of a log; the test of all residuals together sees them too.
-STEPS: tuple[Kind, ...] = ("sensor slipped", "zero jumped")
-COURSES: tuple[Kind, ...] = (*STEPS, "zeros drift", "zeros follow temperature")
-
-#: Of a contact, which is told by the residual wrench.
-NO_SIZE = np.zeros(0)
-
-#: Order of causes, by the odds for them.
-WEIGHT = attrgetter("weight")
-
-
-@record
-class Cause:
-    """A possible cause, fitted by generalised least squares.
-
-    support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
-    one from which on it holds, at rest. between : s, of a step in motion, times between which it
-    lies with 95 %.
-    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R),
-    of all sensors in turn where several did; a load's
-    mass in kg and barycentre in m, as changes; a zero's change in N,
-    where it drifts the largest of each; a gain's change as S (6,): xx,
-    yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
-    more noise, of the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m,
-    per axis and posture. A contact has none here.
-    gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
-    worth (Schwarz). p_value : that chance alone lets it fall so far.
-    remaining_p : probability of the χ² that is left. size_std : of the length of value, along
-    itself, to first order; noise across it makes a length near none too large.
-    """
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    value: FloatArray
-    std: FloatArray
-    gain: float
-    weight: float
-    unknowns: int
-    p_value: float
-    remaining_p: float
-    size_std: float = np.nan
-    between: tuple[float, float] | None = None
-
-    @property
-    def explains(self) -> bool:
-        """Nothing remarkable is left."""
-        return self.remaining_p >= CAUSE_EXPLAINS
-
-    @property
-    def scatters(self) -> bool:
-        """It is a scatter, not a change."""
-        return self.kind in NOISE
-
-    @property
-    def told(self) -> bool:
-        """Its size is told from none."""
-        return self.p_value < CAUSE_EXPLAINS
-
-
-@record
-class Causes:
-    """Single causes, the most likely first.
-
-    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
-    have looked like the likeliest by chance.
-    """
-
-    best: tuple[Cause, ...]
-    tried: int
-
-    @property
-    def suspected(self) -> tuple[Cause, ...]:
-        """The causes that explain the residuals and cannot be told apart, the likeliest first.
-
-        One whose size may as well be none is not among them: near the limit it explains the
-        residuals as nothing would.
-        """
-        explaining = [cause for cause in self.best if cause.explains and cause.told]
-        if not explaining:
-            return ()
-        most = explaining[0].weight
-        # What explains less well than another that leaves too much is not the cause.
-        if self.best[0].weight - most >= CAUSES_APART:
-            return ()
-        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
-
-
-@record
-class Model:
-    """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    columns: FloatArray
-    shape: FloatArray | None = None
-
-
-def fitted(model: Model, given: Whitened) -> Cause:
-    """Fit a cause to the residuals.
-
-    What changed is minus what would cancel it: e is linear about the estimate.
-    """
-    size = np.linalg.norm(model.columns, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(model.columns / size, full_matrices=False)
-    seen = s > 1e-9 * s.max(initial=0.0)
-    along = U[:, seen].T @ given.residual
-    gain, q = float(along @ along), int(seen.sum())
-    root = (Vt[seen].T / s[seen]) / size[:, None]
-    if model.shape is not None:
-        root = model.shape @ root
-    sizes = -(root @ along), np.linalg.norm(root, axis=1)
-    found = explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
-    along = found.value / (np.linalg.norm(found.value) or 1.0)
-    return replace(found, size_std=float(np.linalg.norm(along @ root)))
-
-
-def explained(
-    given: Whitened,
-    kind: Kind,
-    gain: float,
-    unknowns: int,
-    support: int | None = None,
-    postures: tuple[int, ...] = (),
-    value: FloatArray = NO_SIZE,
-    std: FloatArray = NO_SIZE,
-) -> Cause:
-    """A cause of so many unknowns that lowers χ² of the residuals by `gain`; the rest as there."""
-    return Cause(
-        kind=kind,
-        support=support,
-        postures=postures,
-        value=value,
-        std=std,
-        gain=gain,
-        weight=gain - (unknowns + (kind in STEPS)) * given.worth,
-        unknowns=unknowns,
-        p_value=float(chi2_sf(gain, unknowns)),
-        remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
-    )
-
 
 #: Of the search for one cause, the part of turned sensors.
 _TURNED = 2.0 / 3.0
@@ -352,3 +200,151 @@ class Verdict:
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
         return () if self.holds else self.judged.causes.suspected
+
+
+def judged_with_zeros(
+    at: Linearised, given: Calibrated, rig: Rig, judge: Callable[[Whitened], Judged]
+) -> tuple[Judged, Zeros]:
+    """Judge residuals with the calibration's zeros and with zeros tared anew, and choose.
+
+    rig : of the log, for what it states of its zeros.
+    """
+    zero = layout(rig.n)["zero"]
+    std = prior_std(rig)[zero]
+    stated = np.where(np.isinf(std), given.state.zero.ravel(), rig.zero.value.ravel())
+    step = stated - given.state.zero.ravel()
+    tared = redrawn(given, zero=(stated.reshape(rig.n, 3), np.diag(std**2)))
+    same = judge(whiten(at, given))
+    fresh = judge(whiten(replace(at, residual=at.residual + at.zero_columns @ step), tared))
+
+    def no_tare(cause: Cause) -> bool:
+        if cause.kind == "zeros moved":
+            return False
+        if cause.kind != "zero drifted" or cause.support is None:
+            return True
+        own = slice(3 * cause.support, 3 * cause.support + 3)
+        variance = std[own] ** 2 + np.diagonal(given.covariance)[zero][own] + cause.std**2
+        off = np.sum((cause.value - step[own]) ** 2 / variance)
+        return bool(chi2_sf(off, 3) < VALIDATION_ALARM / rig.n)
+
+    rivals = tuple(cause for cause in same.causes.best if no_tare(cause))
+    moved = _moved(same, fresh, rivals)
+    chosen = replace(fresh if moved else same, tared=fresh.white)
+    changed = next(iter(() if chosen.holds else chosen.causes.suspected), None)
+    return chosen, _zeros(at, given, step, std, moved=moved, changed=changed)
+
+
+def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
+    """Whether zeros drawn anew explain the residuals, rather than the calibration's.
+
+    rivals : changes of the rig with the calibration's zeros, one zero among them where it moved
+    farther than a tare would move it. The benefit of the doubt is the calibration's: what a tare
+    explains is no change of the rig, unless that is likelier by odds which a tare gives it as
+    seldom as there may be false alarms (Markov's inequality).
+    """
+    moving = next((c.weight for c in same.causes.best if c.kind == "zeros moved"), 0.0)
+    if same.holds:
+        return fresh.holds and moving >= CAUSES_APART
+    odds = -2.0 * np.log(VALIDATION_ALARM)
+    if fresh.holds:
+        worth = same.white.worth
+        likeliest = max((_evidence(c) - worth for c in rivals if c.explains), default=-np.inf)
+        return bool(likeliest < moving + odds)
+    # Under one load turns of all sensors look like a tare, too.
+    doubt = odds * (same.causes.best[0].kind == "sensors turned")
+    return fresh.merit[0] and fresh.merit > (same.merit[0], same.merit[1] - doubt)
+
+
+def _evidence(cause: Cause) -> float:
+    """By how much −2 ln L falls where a change has a variance, as the zeros' move has, not a size.
+
+    At its best, of a change whose q unknowns take a gain of χ²: gain − q (1 + ln (gain / q)).
+    """
+    if cause.scatters:
+        return cause.gain
+    ratio = max(cause.gain / max(cause.unknowns, 1), 1.0)
+    return float(cause.gain - cause.unknowns * (1.0 + np.log(ratio)))
+
+
+def _zeros(
+    at: Linearised,
+    given: Calibrated,
+    step: FloatArray,
+    std: FloatArray,
+    *,
+    moved: bool,
+    changed: Cause | None,
+) -> Zeros:
+    """Zeros of a log by its residuals, the calibration's joint covariance and what is stated.
+
+    With x = (calibrated parameters d, own ones, new zeros less the calibration's m), m ~ N(step,
+    std²), the residuals are −J x with the zeros' columns at m; m − d_zero is by how much they
+    moved. Nothing stated is as wide as the load. changed : what the rig changed by, of which
+    nothing is known; zeros would take the part of it that looks alike.
+    """
+    zero, n = layout(at.sensors)["zero"], at.sensors
+    if changed is not None and changed.kind == "zero drifted" and changed.support is not None:
+        std = np.where(np.arange(3 * n) // 3 == changed.support, np.inf, std)
+    widest = float(given.state.mass) * given.rig.gravity
+    J = np.concatenate([at.columns, at.zero_columns], axis=1)
+    J[:, zero] = 0.0
+    root = block_diagonal(given.root, at.own_root, np.diag(np.minimum(std, widest)))
+    unknown = np.concatenate([given.open, at.own_unknown, np.zeros(3 * n, dtype=np.bool_)])
+    unknown[zero] = False
+    aside = [] if changed is None else [unknown_columns(changed, at)]
+    free = basis(np.concatenate([J[:, unknown], *aside], axis=1))
+    B, r = J @ root, at.residual + at.zero_columns @ step
+    B, r = B - free @ (free.T @ B), r - free @ (free.T @ r)
+    half = np.linalg.inv(np.linalg.cholesky(np.eye(B.shape[1]) + B.T @ B)).T
+    spread = root @ half
+    found = -spread @ (half.T @ (B.T @ r))
+    new, old = slice(len(root) - 3 * n, None), zero
+    value = step + found[new]
+    change_std = np.linalg.norm(spread[new] - spread[old], axis=1)
+    told = ~given.open[zero] & (change_std < widest / 2)
+    return Zeros(
+        moved=moved,
+        change=(value - found[old]).reshape(n, 3),
+        change_std=np.where(told, change_std, np.inf).reshape(n, 3),
+        value=given.state.zero + value.reshape(n, 3),
+        covariance=spread[new] @ spread[new].T,
+    )
+
+
+def refuse_misread(
+    given: Calibrated,
+    rig: Rig,
+    seen: Postures,
+    judge: Callable[[Postures, IntArray], Judged] | None = None,
+    rests: Rests | None = None,
+) -> None:
+    """Raise DataError where one mistake in the readings explains them, likelier than any change.
+
+    given : the calibration, with the load of this log. seen : K postures, or moments of a motion.
+    judge : of postures, and which of K they are, by the calibration; without it the search itself
+    is the judge. rests : what the postures are; none of a motion.
+    """
+    some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
+    seen = seen.subset(some)
+    if rests is not None:
+        rests = Rests(rests.number[some], rests.time[some])
+    known = loosened(informed(rig, given))
+    present = fit(known, seen, starting_state(known, seen.motions))
+    found = misreading(known, seen, present, rests)
+    if found is None:
+        return
+    if judge is not None:
+        now = judge(seen, some)
+        if found.jump is not None:  # a cause too, which stands beside a slip there
+            best = now.causes.best[0]
+            if (best.kind, best.support) != ("zero jumped", found.mistake.support):
+                return
+            raise misread(known, found, present, rests, check=True)
+        without = judge(found.fit.postures, some)
+        # What has a number is no likelier by little, nor beside a second cause.
+        apart = 0.0 if found.exact else CAUSES_APART
+        if without.merit <= (now.merit[0], now.merit[1] + apart) or not (
+            found.exact or without.holds
+        ):
+            return
+    raise misread(known, found, present, rests, check=True)

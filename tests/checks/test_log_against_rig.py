@@ -222,7 +222,7 @@ def test_names_in_a_circle_are_said_with_the_way_back(step: int) -> None:
     ],
 )
 def test_rewirings_as_they_say(words: str, change: Callable[[FloatArray], FloatArray]) -> None:
-    ways = (*rewired_sensors(MADE.supports), *exchanged_channels(MADE))
+    ways = (*rewired_sensors(MADE.supports), *exchanged_channels(MADE.supports, MADE.axes))
     (wiring,) = (way for way in ways if way.words == words)
     assert np.array_equal(wiring.signals(SEEN.force), change(SEEN.force))
     # Each entry of a covariance is that of two readings, and goes where these go.

@@ -13,8 +13,7 @@ from tdfscal.reporting.claims import changes
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.significance import VALIDATION_ALARM
-from tdfscal.validation.residual_wrench import Validation, validate
-from tdfscal.validation.residuals import AS_STATED, KnownNoise
+from tdfscal.validation.residual_wrench import AS_STATED, KnownNoise, Validation, validate
 from tests.wrench.held_out import turned, world
 from tests.wrench.test_tared import tared
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tdfscal.validation.residuals import AS_STATED, KnownNoise
+from tdfscal.validation.residual_wrench import AS_STATED, KnownNoise
 
 
 def test_a_level_from_residuals_widens_the_tail_as_few_of_them_do() -> None:
