@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.acceptance import (
-    Conformity,
-    assess,
-    at_rest,
-    coverage_radius,
-    within,
-)
+from tdfscal.acceptance import Conformity, assess, at_rest, coverage_radius, within
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray
 from tdfscal.significance import EXPANDED_COVERAGE

@@ -8,10 +8,7 @@ import pytest
 from tdfscal import simulation
 from tdfscal.acceptance import judge
 from tdfscal.numerics import so3
-from tdfscal.records import (
-    FloatArray,
-    Rotations,
-)
+from tdfscal.records import FloatArray, Rotations
 
 RIG = replace(
     simulation.make_rig(),

@@ -14,9 +14,7 @@ from pyarrow import csv
 
 import tdfscal
 from tdfscal.cli import app
-from tdfscal.errors import (
-    RejectedError,
-)
+from tdfscal.errors import RejectedError
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
 from tests.cli.running import SAMPLES, run
 
@@ -35,9 +33,7 @@ def lasting(document: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
-    "case",
-    {c.command: c for c in CASES if c.status < 2}.values(),
-    ids=lambda case: case.line,
+    "case", {c.command: c for c in CASES if c.status < 2}.values(), ids=lambda case: case.line
 )
 def test_python_and_json_are_the_same(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     """And with `-q`, which stands wherever there is progress, little is said beside the result."""

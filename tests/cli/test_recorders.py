@@ -12,13 +12,7 @@ from tdfscal import calibrate, info, init
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.simulation import (
-    MOVING,
-    Options,
-    Run,
-    reference_rig,
-    run,
-)
+from tdfscal.simulation import MOVING, Options, Run, reference_rig, run
 from tests.cli.apart import Apart, recorded_apart, write_apart
 
 

@@ -155,10 +155,7 @@ def stated(offset: float, std: float, rate_std: float = 1e-4) -> ClockPrior:
     return ClockPrior(UncertainValue(np.array(offset), np.array(std)), rate_std)
 
 
-@pytest.mark.parametrize(
-    ("off", "std", "rate_std"),
-    [(2 * 81234.5, 0.0, 1e-4), (-1e3, 0.5, 0.0)],
-)
+@pytest.mark.parametrize(("off", "std", "rate_std"), [(2 * 81234.5, 0.0, 1e-4), (-1e3, 0.5, 0.0)])
 def test_a_stated_offset_by_which_recorders_do_not_overlap_is_refused(
     pair: tuple[Tracks, Tracks], off: float, std: float, rate_std: float
 ) -> None:

@@ -92,11 +92,7 @@ def test_the_rate_of_false_alarms_is_kept_whatever_the_interval(gap: float) -> N
 
 
 def lived(
-    turns: FloatArray,
-    rig: Rig | None = None,
-    noise: float = 0.0,
-    seed: int = 0,
-    gap: float = 1.0,
+    turns: FloatArray, rig: Rig | None = None, noise: float = 0.0, seed: int = 0, gap: float = 1.0
 ) -> Life:
     """Life of checks `gap` months apart that see turns (K, 9), rad, each with 0.3 mrad."""
     rig = rig or reference_rig()

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 import tdfscal
-from tdfscal.comparison.compatibility import (
-    Nested,
-    combine,
-    compare_pair,
-)
+from tdfscal.comparison.compatibility import Nested, combine, compare_pair
 from tdfscal.comparison.shared_data import (
     Readings,
     Recorded,
@@ -213,10 +209,7 @@ def test_a_log_before_the_calibration(made: dict[str, Path], tmp_path: Path, cli
     [(("ab", "pooled"), "compared-same-data"), (("ab", "bc"), "compared-overlapping")],
 )
 def test_the_same_data_are_no_second_result(
-    made: dict[str, Path],
-    pair: tuple[str, str],
-    code: str,
-    cli: Cli,
+    made: dict[str, Path], pair: tuple[str, str], code: str, cli: Cli
 ) -> None:
     files = [made[name] for name in pair]
     (found,) = cli.json("compare", *files, "-q", ends=1)["comparisons"]

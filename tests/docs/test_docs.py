@@ -54,10 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("page", RUNNABLE)
 def test_commands_run(
-    page: str,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    page: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """All blocks of the pages in their order, in one folder, with the stated exit statuses."""
     monkeypatch.chdir(folder)

@@ -25,10 +25,7 @@ def squared_z(recorded: Recorded, dwells: Dwells) -> np.ndarray:
     return np.asarray(np.einsum("kni,knij,knj->kn", error, precision, error))
 
 
-@pytest.mark.parametrize(
-    ("tau", "rate", "stop"),
-    [(0.0, 50, 4.0), (0.05, 200, 3.0)],
-)
+@pytest.mark.parametrize(("tau", "rate", "stop"), [(0.0, 50, 4.0), (0.05, 200, 3.0)])
 def test_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float) -> None:
     sigma = 1.7
     recipe = Recipe(rate=rate, stops=(stop,) * 25, force_noise=sigma, force_tau=tau)

@@ -6,12 +6,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.numerics.registration import (
-    LARGEST_MEANINGFUL_STD,
-    Registration,
-    extend,
-    register,
-)
+from tdfscal.numerics.registration import LARGEST_MEANINGFUL_STD, Registration, extend, register
 from tdfscal.records import FloatArray
 
 NOISE = 1e-5

@@ -15,13 +15,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.planning.candidates import Limits
-from tdfscal.planning.motion import (
-    MovingPlan,
-    MovingRequest,
-    forecast,
-    plan_motion,
-    usual_motion,
-)
+from tdfscal.planning.motion import MovingPlan, MovingRequest, forecast, plan_motion, usual_motion
 from tdfscal.records import FloatArray
 from tdfscal.simulation import reference_rig, rotations
 from tdfscal.simulation.equilibrium import Pose

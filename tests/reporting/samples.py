@@ -105,15 +105,10 @@ def surveyed() -> tuple[Calibration, Calibration]:
     tracker = calibrate_tracker(base.rig.rig, survey.session, trials=1000)
     origin = provenance(base.rig)
     own = Rotations(
-        base.rig.rig.supports,
-        base.result.fit.state.rotation,
-        base.result.uncertainty.covariance,
+        base.rig.rig.supports, base.result.fit.state.rotation, base.result.uncertainty.covariance
     )
     both = combine(own, tracker.rotations)
-    return (
-        from_tracker(tracker, origin, ()),
-        from_joint(both, base.result, tracker, origin, ()),
-    )
+    return (from_tracker(tracker, origin, ()), from_joint(both, base.result, tracker, origin, ()))
 
 
 def changed(c: Calibration, **changes: Any) -> Calibration:

@@ -8,11 +8,7 @@ from tdfscal.numerics.distributions import chi2_sf
 SEED = 7
 #: That sound angles fail: d² over nine angles, one of a hundred thousand.
 CHANCE = 1e-5
-QUICK = (
-    "hinge friction 0.5 N·m",
-    "axis freezes at posture 9",
-    "positions in mm and dead axis",
-)
+QUICK = ("hinge friction 0.5 N·m", "axis freezes at posture 9", "positions in mm and dead axis")
 
 
 def _check(name: str) -> None:

@@ -10,13 +10,7 @@ from tdfscal.catalogue.numbers import upwards
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
-from tests.reporting.samples import (
-    changed,
-    fit_with,
-    sample,
-    sketch,
-    with_load_cell,
-)
+from tests.reporting.samples import changed, fit_with, sample, sketch, with_load_cell
 from tests.words import found
 
 VOID = {"meta", "br", "link", "img"}

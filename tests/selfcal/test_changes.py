@@ -13,13 +13,7 @@ from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import estimate
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import (
-    Contact,
-    Faults,
-    Options,
-    Recorder,
-    Slip,
-)
+from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip
 from tdfscal.simulation.faults import Drift, Walk, ZeroShift
 from tests.selfcal.campaigns import fitted
 
@@ -73,10 +67,7 @@ def test_the_posture_and_the_turn_are_stated() -> None:
     before, after = np.array(found.values["between"])
     assert before < after
     # A walk of the zeros takes up some of it, and is no cure.
-    assert {finding.code for finding in result.findings} == {
-        "sensor-slipped",
-        "residuals-large",
-    }
+    assert {finding.code for finding in result.findings} == {"sensor-slipped", "residuals-large"}
 
 
 def in_last_postures(share: float, seed: int) -> SelfCalibration:

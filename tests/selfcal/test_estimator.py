@@ -10,13 +10,7 @@ from tdfscal import simulation
 from tdfscal.estimation.fit import Priors, information
 from tdfscal.estimation.uncertainty import quality
 from tdfscal.model.calibrated import joint_prior
-from tdfscal.model.parameters import (
-    constants,
-    nominal,
-    parameter_count,
-    prior_std,
-    retract,
-)
+from tdfscal.model.parameters import constants, nominal, parameter_count, prior_std, retract
 from tdfscal.model.postures import ZeroMotion, postures
 from tdfscal.model.statics import balance, features
 from tdfscal.numerics import so3

@@ -67,9 +67,7 @@ def test_the_bcs_turned_about_gravity() -> None:
     """Positions turn, readings do not: every X_i turns with the BCS."""
     Q = so3.from_rpy(np.array([0.0, 0.0, -2.5]))
     turned = replace(
-        DWELLS,
-        position=DWELLS.position @ Q.T,
-        position_cov=Q @ DWELLS.position_cov @ Q.T,
+        DWELLS, position=DWELLS.position @ Q.T, position_cov=Q @ DWELLS.position_cov @ Q.T
     )
     rig = replace(RIG, nominal_rpy=so3.to_rpy(Q @ so3.from_rpy(RIG.nominal_rpy)))
     expected = so3.to_rpy(Q @ so3.from_rpy(REFERENCE))

@@ -23,10 +23,7 @@ def recorded(n: int, squeeze: float, change: Callable[[FloatArray], None]) -> Dw
     change(force)
     off = force - dwells.force
     return replace(
-        dwells,
-        force=force,
-        force_min=dwells.force_min + off,
-        force_max=dwells.force_max + off,
+        dwells, force=force, force_min=dwells.force_min + off, force_max=dwells.force_max + off
     )
 
 
@@ -52,10 +49,7 @@ MISTAKES = {
     "a channel in kgf": (scaled(1 / 9.80665, 1, 0), r"Fx of ncp2 reads 0\.102 times .* in kgf"),
     "a channel in kN": (scaled(1e-3, 2, 1), r"Fy of ncp3 reads .* in kN where N is declared"),
     "a channel of another gain": (scaled(0.6, 0, 0), r"Fx of ncp1 reads 0\.(6|60|59)\d? times"),
-    "a sensor in kgf": (
-        scaled(1 / 9.80665, 1, slice(None)),
-        r"every axis of ncp2 reads .* in kgf",
-    ),
+    "a sensor in kgf": (scaled(1 / 9.80665, 1, slice(None)), r"every axis of ncp2 reads .* in kgf"),
     "two channels": (exchanged((0, 0), (2, 0)), "Fx of ncp1 and Fx of ncp3 exchanged"),
     "unlike channels": (exchanged((0, 0), (1, 1)), "Fx of ncp1 and Fy of ncp2 exchanged"),
     "a sign": (scaled(-1.0, 0, 1), "the opposite sign of Fy of ncp1"),

@@ -8,10 +8,7 @@ from scipy import stats
 from tdfscal import simulation
 from tdfscal.model.statics import postures
 from tdfscal.records import DeclaredUncertainty
-from tdfscal.selfcal.linear_method import (
-    evaluate_linear,
-    fit_linear,
-)
+from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.simulation import Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated, distance, turns
 

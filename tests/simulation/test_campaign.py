@@ -5,12 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log
-from tdfscal.simulation import (
-    Campaign,
-    Options,
-    reference_rig,
-    simulate_campaign,
-)
+from tdfscal.simulation import Campaign, Options, reference_rig, simulate_campaign
 
 from .rigs import SILENT, chi2_p, exact_rig, plausible, still
 

@@ -10,13 +10,7 @@ from studies.control.loop import simulate
 from studies.control.machine import Impedance, Servo, transition
 from studies.control.reference import Reference
 from studies.control.runs import Controller
-from studies.control.stability import (
-    GAIN_MARGIN,
-    designed,
-    growth,
-    nominal_body,
-    sample_map,
-)
+from studies.control.stability import GAIN_MARGIN, designed, growth, nominal_body, sample_map
 from studies.control.terminal import Terminal, body, inertia_of
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Load, Pose, rotations, settle

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from studies.statistics import (
-    bias_probability,
-    deviation,
-    drawn_alike,
-    jackknife,
-    mean,
-    ratio,
-)
+from studies.statistics import bias_probability, deviation, drawn_alike, jackknife, mean, ratio
 
 RNG = np.random.default_rng(0)
 

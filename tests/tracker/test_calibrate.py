@@ -10,16 +10,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 
-from .world import (
-    PAPER,
-    SQUARE,
-    TRIPOD,
-    Survey,
-    chi2_bounds,
-    error_vector,
-    make_survey,
-    squared,
-)
+from .world import PAPER, SQUARE, TRIPOD, Survey, chi2_bounds, error_vector, make_survey, squared
 
 
 def distance(truth: FloatArray, result: TrackerCalibration) -> float:

@@ -12,13 +12,7 @@ from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.simulation import measure
 from tdfscal.trackercal import register
 from tdfscal.trackercal.judged_registration import fit_survey
-from tdfscal.trackercal.noise import (
-    Noise,
-    angle_covariance,
-    observe,
-    point_noise,
-    range_covariance,
-)
+from tdfscal.trackercal.noise import Noise, angle_covariance, observe, point_noise, range_covariance
 from tdfscal.trackercal.point_matching import MatchedPoints
 
 from .world import rotation

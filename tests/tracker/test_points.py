@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.reading import (
-    PointReading,
-    read_point_file,
-)
+from tdfscal.files.points.reading import PointReading, read_point_file
 from tdfscal.findings import Finding
 from tdfscal.records import PointSet
 

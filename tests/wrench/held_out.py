@@ -48,10 +48,7 @@ def part(dwells: Dwells, rows: FloatArray | np.typing.NDArray[np.int64]) -> Dwel
 
 @cache
 def simulated(
-    trials: int,
-    faults: Faults | None = None,
-    mass: float = 500.0,
-    seed: int = 1,
+    trials: int, faults: Faults | None = None, mass: float = 500.0, seed: int = 1
 ) -> Batch:
     """Campaigns of the reference rig; with one seed, the same rigs, postures and noise."""
     options = Options(postures=USED + HELD, squeeze=200.0, faults=faults or Faults())

@@ -12,11 +12,7 @@ from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_camp
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
 from tdfscal.wrench.samples_in_motion import Tally, aligned
-from tdfscal.wrench.wrench_noise import (
-    SampleNoise,
-    take_head,
-    with_sample_noise,
-)
+from tdfscal.wrench.wrench_noise import SampleNoise, take_head, with_sample_noise
 
 from .held_out import RIG, world
 

@@ -27,9 +27,7 @@ def log(position_rate: float, force_rate: float, start: float, end: float) -> Lo
     p = np.arange(np.ceil(start * position_rate), end * position_rate) / position_rate
     f = np.arange(np.ceil(start * force_rate), end * force_rate) / force_rate
     return Log(
-        NAMES,
-        tuple(line(p, i, 0) for i in range(3)),
-        tuple(line(f, i, 1) for i in range(3)),
+        NAMES, tuple(line(p, i, 0) for i in range(3)), tuple(line(f, i, 1) for i in range(3))
     )
 
 

@@ -10,13 +10,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.saving import input_file
 from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
-from tests.files.logs.log_making import (
-    LOG_TIME,
-    SUPPORTS,
-    make_truth,
-    mcap_bytes,
-    write,
-)
+from tests.files.logs.log_making import LOG_TIME, SUPPORTS, make_truth, mcap_bytes, write
 from tests.words import in_words
 
 ONE = ("a",)

@@ -4,13 +4,7 @@ from pathlib import Path
 
 from tdfscal.logs import read_log
 from tdfscal.records import LogMapping
-from tests.files.logs.log_making import (
-    point_stamped,
-    ros,
-    small_mcap,
-    wrench_stamped,
-    write,
-)
+from tests.files.logs.log_making import point_stamped, ros, small_mcap, wrench_stamped, write
 from tests.words import in_words
 
 ONE = LogMapping(("a",), (("/p.point",),), (("/f.wrench.force",),))
