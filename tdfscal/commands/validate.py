@@ -21,7 +21,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
-from tdfscal.reporting.claims import changes
+from tdfscal.reporting.changes import changes
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.traceability import Making, overdue
 from tdfscal.reporting.validation import Origin, validation_document, validation_report

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import p_text, rounded
+from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import count, p_text, rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ResidualWrench
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
-from tdfscal.reporting.claims import (
-    change,
-    changes,
-    chi2_test,
-    extent,
-    lengths,
-    reasons,
-    search_test,
-)
+from tdfscal.reporting.changes import Tested, change, changes, lengths
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.reporting.traceability import (
     FIXED,
@@ -54,9 +47,6 @@ _RULE = (
     "still valid where neither χ² nor the search for a single change falls below its limit; both "
     f"limits together reject {VALIDATION_ALARM:.1%} of calibrations that hold{FIXED}"
 )
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.claims import Tested
 
 #: Verdict, and what next, by the outcome.
 _SAID = {
@@ -87,6 +77,7 @@ _REJECTED = (
     "Mend what the quality gate names and calibrate again: a rejected calibration is not fit for "
     "use, whatever a check says."
 )
+_LITTLE = ("rejected-in-use", "log-used-before", "log-before-calibration")
 _ANOTHER = "Validate on a log that did not go into the calibration."
 _LATER = "Validate on a log recorded since the calibration: only that shows whether it holds."
 _MORE = "Record six postures or more, with squeezes: these are too few to call it still valid."
@@ -124,8 +115,7 @@ def validation_document(
 ) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     parts = _of_the_motion(v) if isinstance(v, MovingValidation) else _of_the_postures(v)
-    told = np.isfinite(v.zeros.change_std)
-    moved = np.where(told, v.zeros.change, np.inf)
+    moved = np.where(np.isfinite(v.zeros.change_std), v.zeros.change, np.inf)
     turns = zip(("rx", "ry", "rz"), v.detectable.T, strict=True)
     return layout.document(
         v,
@@ -156,29 +146,80 @@ def validation_document(
 def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
-        reasons = (
-            (v.gate_rejected, _REJECTED),
-            (v.own, _ANOTHER),
-            (v.earlier, _LATER),
-            (v.few, _MORE),
-        )
-        return "not contradicted", (next((told for why, told in reasons if why), _SHARPER),)
+        advice = {_REJECTED: v.gate_rejected, _ANOTHER: v.own, _LATER: v.earlier, _MORE: v.few}
+        return "not contradicted", (next((said for said in advice if advice[said]), _SHARPER),)
     return _SAID[v.outcome]
 
 
 def _own(v: Tested, found: Finding) -> bool:
     """What makes a check that passes say little: said in the headline."""
-    return v.holds and found.code in (
-        "rejected-in-use",
-        "log-used-before",
-        "log-before-calibration",
-    )
+    return v.holds and found.code in _LITTLE
 
 
 def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
-    """The headline's sentences."""
-    own = [f"{sentence(found)}." for found in findings if _own(v, found)]
-    return [*own, *reasons(v)[: -1 if own else None]]
+    """The headline: what the check found, what of zeros, and what it would have seen."""
+    moving = isinstance(v, MovingValidation)
+    noise = " and the noise of this log" if moving else ""
+    left = f"In {_extent(v)} the calibrated sensors leave"
+    allow = f"force and moment than the stated uncertainties{noise} allow"
+    search, chi2 = _tests(v)
+    if v.holds:
+        own = [f"{sentence(found)}." for found in findings if _own(v, found)]
+        passed = f"{left} no more {allow} (χ² test: {chi2}; test for a single change: {search})."
+        zeros = [begun(told(found), ".") for found in changes(v)]
+        return [*own, passed, *zeros, *([] if own else [_sure(v)])]
+    failed = []
+    if v.judged.search_p < VALIDATION_SEARCH:
+        failed.append(f"a single change explains more of it than chance would ({search})")
+    if v.judged.p_value < VALIDATION_CHI2:
+        said = f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom ({chi2})"
+        failed.insert(len(failed) if v.decided_by_search else 0, said)
+    why = ""
+    if not v.suspected:
+        why = (
+            "No single change explains all of it: several things may have changed, or the "
+            "calibration is that of another rig."
+        )
+    elif len(v.suspected) > 1:
+        more = "a longer motion" if moving else "more postures"
+        why = (
+            f"The causes below explain it about equally well; {more}, more tilt and a squeeze "
+            "would tell them apart."
+        )
+    return [f"{left} more {allow}: {'; '.join(failed)}.", *filter(None, [why])]
+
+
+def _tests(v: Tested) -> tuple[str, str]:
+    """The probabilities of the likeliest single change and of χ², each with its limit."""
+    both = (v.judged.search_p, VALIDATION_SEARCH), (v.judged.p_value, VALIDATION_CHI2)
+    search, chi2 = (f"{p_text(p)}, limit {limit:.3g}" for p, limit in both)
+    return search, chi2
+
+
+def _extent(v: Tested) -> str:
+    """How much was tested."""
+    if isinstance(v, MovingValidation):
+        return f"{v.seconds:.0f} s of motion"
+    whole = f"{len(v.used)} of " if v.left_out else ""
+    return f"{whole}{count(len(v.dwells), 'posture')}"
+
+
+def _sure(v: Tested) -> str:
+    """What would have been detected."""
+    lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
+    said = (
+        f"Had one sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, this "
+        f"check would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare"
+    )
+    unseen = "; it would not show a turn about the vertical."
+    seen = f"; about the vertical, by more than {rounded(1e3 * twist)} mrad."
+    said += unseen if twist > np.pi / 4 else seen
+    if v.blind:
+        said += (
+            f" The angles have to hold to ± {rounded(1e3 * v.limit)} mrad, which is less: a "
+            "harmful turn could go unseen."
+        )
+    return said
 
 
 def _of_the_postures(v: Validation) -> dict[str, Any]:
@@ -251,8 +292,9 @@ def validation_report(
             f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
         )
     verdict, advice = _verdict(v)
-    report = Report(
+    return Report(
         title=v.rig.name,
+        subtitle="" if origin is None else _about(v, origin),
         verdict=verdict.upper(),
         accepted=v.holds and not v.gate_rejected,
         claim=" ".join(_why(v, findings)),
@@ -268,26 +310,18 @@ def validation_report(
         sections=(
             *layout.illustrated(drawings, {figure: (table,)}),
             Section("Left out", layout.listed("Left out", left_out)),
+            *(_papers(v, origin) if origin is not None else ()),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
         advice=advice,
+        created="" if origin is None else layout.utc(origin.making.created),
     )  # fmt: skip
-    if origin is None:
-        return report
+
+
+def _about(v: Tested, origin: Origin) -> str:
     c = origin.calibration
-    rig, when = origin.rig.rig, origin.measured
-    papers = campaign(stated_facts(rig, when), rig)
-    return replace(
-        report,
-        subtitle=f"validation of {origin.name}, a {layout.METHODS[c.method]}{measured_on(c)}, on "
-        f"{extent(v)} of {day_measured(when)}",
-        created=layout.utc(origin.making.created),
-        sections=(
-            *report.sections,
-            papers,
-            _provenance(v, origin),
-        ),
-    )
+    said = f"validation of {origin.name}, a {layout.METHODS[c.method]}{measured_on(c)}, on "
+    return f"{said}{_extent(v)} of {day_measured(origin.measured)}"
 
 
 def _causes(v: Tested) -> tuple[str, ...]:
@@ -300,19 +334,17 @@ def _causes(v: Tested) -> tuple[str, ...]:
     return (*said, *(told(found) for found in zeros if found.code == "zeros-beside-change"))
 
 
-def _provenance(v: Tested, origin: Origin) -> Section:
-    """The calibration, the test and the logs."""
-    c = origin.calibration
-    return origin.making.section(
+def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
+    """Campaign and sensors; the calibration, the test and the logs."""
+    c, rig = origin.calibration, origin.rig.rig
+    fisher = " by Fisher's F" * bool(np.isfinite(v.judged.noise_dof))
+    return campaign(stated_facts(rig, origin.measured), rig), origin.making.section(
         calibration_fact(origin.name, c),
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
-        (
-            "χ² test",
-            f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom, {chi2_test(v)}"
-            + ", by Fisher's F" * bool(np.isfinite(v.judged.noise_dof)),
-        ),
-        ("Single change", f"the likeliest one, by chance alone: {search_test(v)}"),
+        ("χ² test", f"{layout.chi_squared(v.chi2, v.dof, v.judged.p_value)}{fisher}, limit "
+         f"{VALIDATION_CHI2:.3g}"),
+        ("Single change", f"the likeliest one, by chance alone: {_tests(v)[0]}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),
         ("Convention", c.convention),
-    )
+    )  # fmt: skip

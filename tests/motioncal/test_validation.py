@@ -12,7 +12,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
-from tdfscal.reporting.claims import changes
+from tdfscal.reporting.changes import changes
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions, Touch

@@ -9,7 +9,7 @@ import pytest
 
 from tdfscal.catalogue import documents
 from tdfscal.catalogue.numbers import p_text
-from tdfscal.reporting.claims import changes
+from tdfscal.reporting.changes import changes
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.significance import VALIDATION_ALARM

@@ -10,7 +10,7 @@ from scipy import stats
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Rig
-from tdfscal.reporting.claims import changes
+from tdfscal.reporting.changes import changes
 from tdfscal.simulation import (
     Batch,
     Contact,

@@ -1,36 +1,18 @@
-"""What a validation lets claim: what has changed since the calibration, and what it would show."""
+"""What has changed since a calibration, as a validation finds it: findings with their sizes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeGuard
-
 import numpy as np
 
-from tdfscal.catalogue import told
-from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import p_text, rounded
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import clock_from
-from tdfscal.significance import DETECTION_POWER, VALIDATION_CHI2, VALIDATION_SEARCH
+from tdfscal.validation.in_motion import MovingValidation
+from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.residuals import Cause
 
-if TYPE_CHECKING:
-    from tdfscal.validation.in_motion import MovingValidation
-    from tdfscal.validation.residual_wrench import Validation
-    from tdfscal.validation.residuals import Cause
-
-    Tested = Validation | MovingValidation
-
-
-def _at_rest(v: Tested) -> TypeGuard[Validation]:
-    from tdfscal.validation.residual_wrench import Validation  # loaded where there is one
-
-    return isinstance(v, Validation)
-
-
-def _in_motion(v: Tested) -> TypeGuard[MovingValidation]:
-    return not _at_rest(v)
+Tested = Validation | MovingValidation
 
 
 def changes(v: Tested) -> list[Finding]:
@@ -46,15 +28,14 @@ def changes(v: Tested) -> list[Finding]:
     return found if drifted else found + _zeros(v, "zeros-beside-change")
 
 
-def zeros_known(v: Tested) -> bool:
-    """The zeros moved, and by how much is known: not where the noise, or all of it, is not."""
-    return v.zeros.moved and (v.holds or any(not c.scatters for c in v.suspected[:1]))
-
-
 def _zeros(v: Tested, code: str) -> list[Finding]:
-    """The change of a zero that stands out most, where they moved and the log tells."""
+    """The change of a zero that stands out most, where they moved and the log tells by how much.
+
+    It does not where the noise is not known, or what explains the rest.
+    """
     std = v.zeros.change_std
-    if not zeros_known(v) or not np.isfinite(std).any():
+    known = v.zeros.moved and (v.holds or any(not c.scatters for c in v.suspected[:1]))
+    if not known or not np.isfinite(std).any():
         return []
     told = np.divide(np.abs(v.zeros.change), std, out=np.zeros_like(std), where=std > 0)
     i, j = np.unravel_index(np.where(np.isfinite(std), told, -1.0).argmax(), std.shape)
@@ -89,7 +70,7 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
             if cause.between is not None:
                 values["between"] = list(cause.between)
             else:
-                assert _at_rest(v)
+                assert isinstance(v, Validation)
                 first = int(v.used[cause.postures[0]])
                 values["posture"] = f"{first + 1} ({start(v, first)} s)"
         case "zeros drift" | "zeros follow temperature":
@@ -100,7 +81,7 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
         case "gain changed" | "gains changed":
             values |= _gain(cause)
         case "contact":
-            assert _at_rest(v)  # in motion a contact is a stretch that is left out
+            assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
             force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
             size, unit = float(force), "N"
             which = [int(v.used[k]) for k in cause.postures]
@@ -136,79 +117,3 @@ def start(v: Validation, k: int) -> str:
 def lengths(wrench: FloatArray) -> FloatArray:
     """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
     return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
-
-
-def search_test(v: Tested) -> str:
-    """The probability of the likeliest single change, with its limit."""
-    return f"{p_text(v.judged.search_p)}, limit {VALIDATION_SEARCH:.3g}"
-
-
-def chi2_test(v: Tested) -> str:
-    """The probability of χ², with its limit."""
-    return f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}"
-
-
-def extent(v: Tested) -> str:
-    """How much was tested."""
-    if _in_motion(v):
-        return f"{v.seconds:.0f} s of motion"
-    assert _at_rest(v)
-    whole = f" of {len(v.dwells)}" if v.left_out else ""
-    return f"{len(v.used)}{whole} posture{'s' * (len(v.dwells) > 1)}"
-
-
-def reasons(v: Tested) -> list[str]:
-    """Sentences: what the check found, what of zeros, and what it would have seen."""
-    moving = _in_motion(v)
-    noise = " and the noise of this log" if moving else ""
-    left = f"In {extent(v)} the calibrated sensors leave"
-    allow = f"force and moment than the stated uncertainties{noise} allow"
-    if v.holds:
-        zeros = [begun(told(found), ".") for found in changes(v)]
-        tests = f"χ² test: {chi2_test(v)}; test for a single change: {search_test(v)}"
-        return [f"{left} no more {allow} ({tests}).", *zeros, _sure(v)]
-    said = [f"{left} more {allow}: {_rejecting(v)}."]
-    if not v.suspected:
-        none = "No single change explains all of it: several things may have changed, or the "
-        return [*said, f"{none}calibration is that of another rig."]
-    if len(v.suspected) > 1:
-        more = "a longer motion" if moving else "more postures"
-        said.append(
-            f"The causes below explain it about equally well; {more}, more tilt and a squeeze "
-            "would tell them apart."
-        )
-    return said
-
-
-def _rejecting(v: Tested) -> str:
-    """The tests that reject, the one that decides first; what does not reject is left out."""
-    size = rounded(v.chi2, 4)
-    both = [
-        (
-            v.judged.search_p < VALIDATION_SEARCH,
-            "a single change explains more of it than chance would",
-        ),
-        (v.judged.p_value < VALIDATION_CHI2, f"χ² = {size} for {v.dof} degrees of freedom"),
-    ]
-    tests = (search_test(v), chi2_test(v))
-    said = [
-        f"{what} ({test})" for (rejects, what), test in zip(both, tests, strict=True) if rejects
-    ]
-    return "; ".join(said if v.decided_by_search else said[::-1])
-
-
-def _sure(v: Tested) -> str:
-    """What would have been detected."""
-    lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
-    said = (
-        f"Had one sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, this "
-        f"check would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare"
-    )
-    if twist > np.pi / 4:
-        said += "; it would not show a turn about the vertical."
-    else:
-        said += f"; about the vertical, by more than {rounded(1e3 * twist)} mrad."
-    if v.blind:
-        said += f" The angles have to hold to ± {rounded(1e3 * v.limit)} mrad, which is less: a "
-        said += "harmful turn could go unseen."
-    return said
