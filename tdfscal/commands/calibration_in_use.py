@@ -10,8 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.numbers import by_wall_clock
-from tdfscal.checks.log_against_calibration import Inspection
-from tdfscal.checks.same_rig import contradictions, other_papers
+from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
 from tdfscal.commands.campaign import Campaign, PathLike, PathLikes, no_log, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.recordings import measured, stated_date

@@ -17,7 +17,7 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.catalogue.numbers import by_wall_clock
-from tdfscal.checks.same_rig import different_constants, other_papers
+from tdfscal.checks.calibrated_rig import different_constants, other_papers
 from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.comparison.shared_data import Readings, readings, repeated

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.checks.same_rig import different_constants, other_papers, other_rig
+from tdfscal.checks.calibrated_rig import different_constants, other_papers, other_rig
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,

@@ -9,7 +9,12 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.catalogue import cure, rigs_apart, sentence
-from tdfscal.checks.same_rig import contradictions, different_constants, other_papers, other_rig
+from tdfscal.checks.calibrated_rig import (
+    contradictions,
+    different_constants,
+    other_papers,
+    other_rig,
+)
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.significance import CONTRADICTION

@@ -9,7 +9,7 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
-from tdfscal.checks.log_against_calibration import Inspection
+from tdfscal.checks.calibrated_rig import Inspection
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
