@@ -32,6 +32,8 @@ _LEAST, _MOST = 1e-3, 0.99
 #: The sign of a negative number: no hyphen of a word, a date or a name, nor an exponent's.
 _MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
 _PERCENT = re.compile(r"(?<=\d)%(?!\w)")
+#: Spaces at which no line ends, and what stands there.
+_UNBROKEN, FIXED = re.compile(r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)"), "\u00a0"
 _EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
@@ -149,10 +151,12 @@ def probability(p: float) -> str:
 
 
 def typeset(text: str, minus: str = "−") -> str:
-    """Return text with one sign for all negative numbers, and a space between number and %.
+    """Return text with one sign for all negative numbers, which no line end parts from ± and unit.
 
     Code between backquotes stays as it is.
     """
     parts = text.split("`")
-    parts[::2] = (_PERCENT.sub(" %", _MINUS.sub(minus, part)) for part in parts[::2])
+    parts[::2] = (
+        _UNBROKEN.sub(FIXED, _PERCENT.sub(" %", _MINUS.sub(minus, part))) for part in parts[::2]
+    )
     return "`".join(parts)

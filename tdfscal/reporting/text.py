@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
+from tdfscal.catalogue.numbers import FIXED
 from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
 
 #: A line of text, and how a terminal shows it.
@@ -18,8 +18,6 @@ _LISTS = ("Warnings", "What next")
 #: Lines of a terminal; of them those of the files that were written.
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
-#: Where no line ends, and what stands there meanwhile.
-_TOGETHER, _FIXED = re.compile(r"(?<=±) | (?=±|%|mrad\b)"), "\u00a0"
 _NARROWEST = 8
 #: Columns that facts need beside their names; else they stand below.
 _BESIDE = 32
@@ -113,7 +111,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -
     Where they do not fit the width, the widest column of words gives way; where that is not
     enough, columns go on below, with those at the left repeated.
     """
-    cells = [list(header), *(list(row) for row in rows)]
+    cells = [[cell.replace(FIXED, " ") for cell in row] for row in (header, *rows)]
     words = [c for c in range(len(header)) if c < left or not _numeric(row[c] for row in rows)]
     widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
     room = width()
@@ -161,15 +159,15 @@ def _fit(cell: str, room: int) -> str:
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
-    """Fold a paragraph to the width; numbers keep their sign and unit beside them."""
+    """Fold a paragraph to the width."""
     lines = textwrap.wrap(
-        _TOGETHER.sub(_FIXED, text),
+        text,
         width(),
         initial_indent=indent,
         subsequent_indent=indent + hanging,
         break_on_hyphens=False,
     )
-    return [line.replace(_FIXED, " ") for line in lines]
+    return [line.replace(FIXED, " ") for line in lines]
 
 
 def _bullets(items: Iterable[str]) -> list[str]:

@@ -121,7 +121,8 @@ def _advice(attempt: Attempt) -> Iterator[str]:
     seen, own = attempt.seen, attempt.error.hint or ""
     weak = [] if seen is None else [weakness.finding for weakness in seen.observability.weak]
     cures = {finding.code: cure(finding) for finding in reversed(weak)}
-    yield from (begun(text, ".") for text in (own, *reversed(cures.values())) if text)
+    others = (text for text in reversed(cures.values()) if not own.startswith(text))
+    yield from (begun(text, ".") for text in (own, *others) if text)
 
 
 def _turns(seen: Seen) -> tuple[Table | Items, ...]:

@@ -39,7 +39,7 @@ def check(said: str, other_minus: str) -> None:
     assert not re.search(rf"(?<![\w.)]){other_minus}\d+(\.\d+)?[\s,)]", said)
     without_digests = re.sub(r"\b[0-9a-f]{8}(?:[0-9a-f]{56})?\b", "", said)
     assert not re.search(r"\d[eE][-−+]?\d\d\b", without_digests)
-    for number in re.findall(r"± ?\(?(\d[\d.]*)", said):
+    for number in re.findall(r"±\s?\(?(\d[\d.]*)", said):
         digits = number.replace(".", "").strip("0") if "." not in number else number
         assert len(digits.replace(".", "").lstrip("0")) <= 2, number
     for chance in re.findall(r"\bp = (\S*\d)", said):
@@ -74,4 +74,4 @@ def test_what_is_no_number_keeps_its_hyphen() -> None:
     for said in ("2026-11-24", "RH-02", "`--at -0.1,0,2`", "campaign-3.yaml", "1 -1@x"):
         assert typeset(said) == said
     assert typeset("from -3 to (-0.5, 2)") == "from −3 to (−0.5, 2)"
-    assert typeset(typeset("-3 %"), "-") == "-3 %"
+    assert typeset(typeset("-3%"), "-") == "-3\u00a0%"
