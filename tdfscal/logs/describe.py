@@ -25,15 +25,16 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.saving import printable
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
-from tdfscal.logs.contents import Contents
+from tdfscal.logs.contents import Contents, fitting_time_unit, recordable
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
-from tdfscal.logs.plausible_units import declared_time
 from tdfscal.logs.reader import TimeWindow, iter_log
+from tdfscal.logs.text_table import split_label
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
 
 Source = Literal["rig", "guessed"]
@@ -130,7 +131,7 @@ def describe_logs(
             for own in info.contents
             for mapping in recorders
             if owns(mapping, own.path)
-            for what in declared_time(own, mapping)
+            for what in _declared_time(own, mapping)
         ]
     if not recorders:
         return _with_problems(info, [*problems, *guess.notes])
@@ -239,6 +240,25 @@ def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]
     lag = misaligned(bins, dwells)
     offset = None if lag else motion_offset(bins, dwells)
     return dwells, {"samples": _sampled(bins), "offset": offset, "lag": lag}
+
+
+def _declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
+    """Say where a mapping's unit of time makes of a table something that no recorder writes."""
+    name, unit = split_label(mapping.time_field)[0], mapping.time_unit
+    column = next((c for c in contents.columns if c.name in (name, mapping.time_field)), None)
+    kinds = {f.name: f.kind for stream in contents.streams for f in stream.fields}
+    # A column that is a time by its type has its own unit.
+    timed = column is None or "time" in kinds[column.name] or kinds[column.name] == "int96"
+    if column is None or timed or mapping.rows != "timeseries":
+        return []
+    fitting = fitting_time_unit(column)
+    if fitting in (None, unit) or recordable(column, unit):
+        return []
+    step = column.step * UNITS["time"][canonical(unit)]
+    return [
+        f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
+        f"which is no recorder's interval; `unit: {fitting}` would fit"
+    ]
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

@@ -10,9 +10,15 @@ import numpy as np
 
 from tdfscal.files.rig.recorders import by_scale, unit_factor
 from tdfscal.frozen import record, replace
-from tdfscal.logs.contents import Contents, Vector
+from tdfscal.logs.contents import (
+    Contents,
+    Vector,
+    force_unit,
+    length_unit,
+    resampled,
+    time_unit,
+)
 from tdfscal.logs.messages.buffer import topic_of
-from tdfscal.logs.plausible_units import force_unit, length_unit, resampled, time_unit
 from tdfscal.numerics import so3
 from tdfscal.records import LogMapping, Rig
 

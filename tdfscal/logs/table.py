@@ -1,4 +1,4 @@
-"""Tables, text or Parquet: dates as a clock, and the wanted columns as pieces.
+"""Tables, text or Parquet: dates as a clock, the wanted columns as pieces, names of vectors.
 
 A date with its time of day is ISO 8601, or 21.11.2026 14:03:05. Days and months are not guessed
 apart: 11/12/2026 is refused. A time without a zone counts as UTC, so a column has zones in all
@@ -8,7 +8,7 @@ cells or in none.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -181,3 +181,67 @@ def is_number(kind: pa.DataType) -> bool:
     """Whether cells of this type are numbers; times and truths are none."""
     types = pa.types
     return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind))
+
+
+_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)(?P<mark>[_.\[]?)(?P<number>\d{1,4})\]?")
+_CHANNELS: Final = 9
+
+
+def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find names that differ only in x, y, z: (name with * for the axis, the three names).
+
+    Each name goes to one vector; of several letters that would do, the last one is the axis.
+    """
+    there = set(names)
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        if name not in there:
+            continue
+        for place in reversed([k for k, letter in enumerate(name) if letter in "xyzXYZ"]):
+            before, after = name[:place], name[place + 1 :]
+            axes = "XYZ" if name[place].isupper() else "xyz"
+            x, y, z = (before + axis + after for axis in axes)
+            if there >= {x, y, z} and not taken & {x, y, z}:
+                taken |= {x, y, z}
+                found.append((f"{before}*{after}", (x, y, z)))
+    return found
+
+
+def named_axes(
+    names: Sequence[str], units: Mapping[str, str | None]
+) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find threes of columns that may be vectors, by letters, else by numbers."""
+    found = axes_of(names)
+    taken = {name for _, three in found for name in three}
+    return found + _numbered([name for name in names if name not in taken], units)
+
+
+def _numbered(
+    names: Sequence[str], units: Mapping[str, str | None]
+) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find threes by numbers: (name without the number, the three).
+
+    The first three of 0, 1, 2, or of 0 to 5 as poses and wrenches have (`force[0]`,
+    `actual_TCP_pose_0`); nine or more channels of one unit in sequence, three by three (`AI1 [kN]`
+    to `AI12 [kN]` of a measuring amplifier).
+    """
+    groups: dict[tuple[str, str, str | None], dict[int, str]] = {}
+    for name in names:
+        if (match := _NUMBERED.fullmatch(name)) is not None:
+            key = match["prefix"], match["mark"], units.get(name)
+            groups.setdefault(key, {})[int(match["number"])] = name
+    found: list[tuple[str, tuple[str, str, str]]] = []
+    for (prefix, mark, unit), own in groups.items():
+        numbers, each = list(own), list(own.values())
+        if mark and sorted(own) in (list(range(3)), list(range(6))):
+            found.append((prefix, (own[0], own[1], own[2])))
+        elif (
+            unit is not None
+            and len(own) >= _CHANNELS
+            and len(own) % 3 == 0
+            and numbers == [*range(numbers[0], numbers[0] + len(own))]
+        ):
+            threes = zip(each[::3], each[1::3], each[2::3], strict=True)
+            found += [(f"{prefix}{mark}* {k}", three) for k, three in enumerate(threes, 1)]
+    return found

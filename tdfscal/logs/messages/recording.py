@@ -22,13 +22,13 @@ from tdfscal.logs.contents import (
     Format,
     Stream,
     Vector,
-    axes_of,
     extremes,
 )
 from tdfscal.logs.formats import Bag
 from tdfscal.logs.log_file import Block, LogFile, Piece, Request, reason
 from tdfscal.logs.messages.buffer import Leaf, Messages, Named, Read, path_text
 from tdfscal.logs.messages.topics import UNREADABLE, Ros, Topics, encoding_of
+from tdfscal.logs.table import axes_of
 from tdfscal.records import FloatArray, IntArray
 
 _ENOUGH: Final = 1 << 14  # samples of a piece
