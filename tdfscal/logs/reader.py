@@ -196,7 +196,7 @@ def _campaign(given: Sequence[Path], request: Request) -> Iterator[Log]:
                 said = streams.findings(file)
             except DataError as error:
                 with placed(path):
-                    raise _with_cure(error, request) from error
+                    raise _with_cure(error, request) from None
             entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])

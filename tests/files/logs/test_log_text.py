@@ -148,8 +148,12 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
     ],
 )
 def test_faults_are_named(tmp_path: Path, content: bytes, match: str) -> None:
-    with pytest.raises(DataError, match=match):
+    with pytest.raises(DataError, match=match) as caught:
         read(tmp_path, content)
+    at: BaseException | None = caught.value
+    while at is not None:  # who looks for its origin finds an end
+        assert at.__cause__ is not at
+        at = at.__cause__
 
 
 def test_quotation_marks_swallow_no_rows(tmp_path: Path) -> None:
