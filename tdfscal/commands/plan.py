@@ -81,9 +81,13 @@ class PlanResult(CommandResult):
 
 Target = Annotated[
     float | None,
-    Option("as many postures as bring every angle within this, mrad", metavar="MRAD"),
+    Option("as many postures as bring every angle within this, mrad", metavar="MRAD", least=1e-6),
 ]
-ForceLimit = Annotated[float | None, Option("largest force at any NCP in all, N", metavar="N")]
+Tilt = Annotated[float, Option("largest tilt, degrees", metavar="DEG", least=0, below=46)]
+Squeeze = Annotated[float, Option("largest internal force at any NCP, N", metavar="N", least=0)]
+ForceLimit = Annotated[
+    float | None, Option("largest force at any NCP in all, N", metavar="N", least=0)
+]
 Ways = Annotated[
     float | str | Sequence[str | float],
     Option(
@@ -101,7 +105,9 @@ Home = Annotated[
 ]
 Stiffness = Annotated[
     float | None,
-    Option("of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M"),
+    Option(
+        "of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M", least=1.0
+    ),
 ]
 Noise = Annotated[
     float | None,
@@ -109,10 +115,15 @@ Noise = Annotated[
         "noise of a posture's mean force per axis, N; default: the log's, or 0 beside a "
         "stated force_noise, or 1; of a motion, of a mean over a second, default 0.1",
         metavar="N",
+        least=0,
     ),
 ]
 Aim = Annotated[
     Objective, Option("what to know best: the angles, or the wrench at acceptance.contact.rpy")
+]
+Duration = Annotated[float, Option("of the motion, s", metavar="S", least=20, below=3601)]
+Speed = Annotated[
+    float, Option("largest speed of a hinge in motion, m/s", metavar="M/S", least=1e-6)
 ]
 Given = Annotated[
     PathLikes,
@@ -132,8 +143,8 @@ def plan(
         int | None, Option("postures to drive; default 24, or more for acceptance.contact", least=1)
     ] = None,
     target: Target = None,
-    tilt: Annotated[float, Option("largest tilt, degrees", metavar="DEG")] = 5.0,
-    squeeze: Annotated[float, Option("largest internal force at any NCP, N", metavar="N")] = 200.0,
+    tilt: Tilt = 5.0,
+    squeeze: Squeeze = 200.0,
     force_limit: ForceLimit = None,
     travel: Ways = (),
     home: Home = None,
@@ -142,10 +153,8 @@ def plan(
     objective: Aim = "angles",
     given: Given = (),
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
-    duration: Annotated[float, Option("of the motion, s", metavar="S")] = 60.0,
-    speed: Annotated[
-        float, Option("largest speed of a hinge in motion, m/s", metavar="M/S")
-    ] = 0.02,
+    duration: Duration = 60.0,
+    speed: Speed = 0.02,
     progress: options.Telling = silent,
 ) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.

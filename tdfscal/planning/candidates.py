@@ -14,9 +14,6 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.significance import OF_CAPACITY
 
-#: Lean beyond which nobody tilts a terminal on hinges.
-MOST_TILT = np.deg2rad(45.0)
-
 
 @record
 class Limits:
@@ -82,27 +79,17 @@ def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> Flo
             raise UsageError(
                 f"{len(value)} ranges are given", where="travel", hint="give one, or x, y and z"
             )
+        if not min(value) >= 0.0:
+            raise UsageError("a range is negative", where="travel", hint="give metres")
         travel[slice(None) if name is None else rig.supports.index(name)] = value
     return travel
 
 
-def check_limits(rig: Rig, limits: Limits) -> None:
-    """Refuse what no machine can be asked for. Raises UsageError."""
-    if not 0.0 <= limits.tilt <= MOST_TILT:
-        raise UsageError(
-            f"the tilt limit is {np.rad2deg(limits.tilt):.4g}°", hint="give 0 to 45 degrees"
-        )
-    for what, value in (("squeeze", limits.squeeze), ("force limit", limits.force)):
-        if not value >= 0.0 or (what == "squeeze" and np.isinf(value)):
-            raise UsageError(f"the {what} is {value:g} N", hint="give a number of newtons")
-    if limits.stiffness is not None and not 0.0 < limits.stiffness < np.inf:
-        raise UsageError(
-            f"the stiffness is {limits.stiffness:g} N/m", hint="give a number above zero"
-        )
-    if limits.travel.shape != (rig.n, 3) or not np.all(limits.travel >= 0.0):
-        raise UsageError("a range is negative or no number", where="travel", hint="give metres")
-    if limits.home.shape != (3,) or not np.all(np.isfinite(limits.home)):
-        raise UsageError("home is no point", where="home", hint="give x,y,z in metres")
+def check_noise(rig: Rig, noise: float) -> None:
+    """Raise UsageError where neither the request, in N, nor the rig states a force noise."""
+    if noise == 0.0 and rig.declared.force_noise == 0.0:
+        what = "neither the request nor the rig states a force noise"
+        raise UsageError(what, hint="state what a posture's mean force will scatter by")
 
 
 def displacement(rig: Rig, limits: Limits, rotation: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import (
     Candidates,
     Limits,
-    check_limits,
+    check_noise,
     displacement,
     hanging,
     room,
@@ -43,8 +43,8 @@ _RAMP, _RAMP_SHARE = 3.0, 0.2
 _FINE, _RATE = 10.0, 4.0
 #: Rounds in which the angles, which act almost linearly, are brought to their limits.
 _ROUNDS = 6
-#: Steps of the time table, s; shortest and longest motion, s.
-TABLE, _SHORTEST, _LONGEST = 0.1, 20.0, 3600.0
+#: Step of the time table, s.
+TABLE = 0.1
 #: Correlation time, s, of force noise that does not average out within a posture (the rig file's
 #: uncertainty.force_noise): amplifiers and structure.
 _SLOW = 2.0
@@ -136,7 +136,7 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
     ------
     UsageError : infeasible limits. NotIdentifiableError : an angle stays unobservable.
     """
-    _check(rig, request)
+    check_noise(rig, request.noise)
     motion = usual_motion(rig, request)
     expected = forecast(motion, rng)
     if expected.largest > rig.acceptance.identifiable:
@@ -147,22 +147,6 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
             hint="squeeze harder, tilt farther, or move for longer",
         )
     return MovingPlan(rig, request, motion, expected)
-
-
-def _check(rig: Rig, request: MovingRequest) -> None:
-    check_limits(rig, request.limits)
-    if not _SHORTEST <= request.duration <= _LONGEST:
-        what, hint = (
-            f"it is to last {request.duration:g} s",
-            f"give {_SHORTEST:g} to {_LONGEST:g} s",
-        )
-        raise UsageError(what, where="duration", hint=hint)
-    if not 0.0 < request.speed < np.inf:
-        raise UsageError(
-            f"the speed limit is {request.speed:g} m/s", where="speed", hint="give m/s above 0"
-        )
-    if not 0.0 < request.noise < np.inf:
-        raise UsageError(f"the noise is {request.noise:g} N", where="noise", hint="give newtons")
 
 
 def usual_motion(rig: Rig, request: MovingRequest) -> Multisine:

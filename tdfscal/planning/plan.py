@@ -10,7 +10,7 @@ from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.frozen import record, replace
 from tdfscal.numerics.information import inverse
-from tdfscal.planning.candidates import Candidates, Request, check_limits, draw
+from tdfscal.planning.candidates import Candidates, Request, check_noise, draw
 from tdfscal.planning.predicted_information import (
     Forecast,
     Sight,
@@ -75,7 +75,7 @@ class Planner:
     def __init__(
         self, rig: Rig, request: Request, rng: np.random.Generator, given: Fit | None
     ) -> None:
-        _check(rig, request)
+        check_noise(rig, request.noise)
         self.rig, self.request, self.given = rig, request, given
         self.sight = Sight.of(rig, request.noise, given.state if given else None)
         self.held = self._held(self.sight)
@@ -269,12 +269,3 @@ def make_plan(
         postures = planner.fewest(lambda found: contact_excess(rig, found), USUAL - 1, progress)
         postures = USUAL if postures > planner.most else postures
     return planner.plan(USUAL if postures is None else postures)
-
-
-def _check(rig: Rig, request: Request) -> None:
-    check_limits(rig, request.limits)
-    if not 0.0 <= request.noise < np.inf:
-        raise UsageError(f"the noise is {request.noise:g} N", hint="give newtons, 0 or more")
-    if request.noise == 0.0 and rig.declared.force_noise == 0.0:
-        what = "neither the request nor the rig states a force noise"
-        raise UsageError(what, hint="state what a posture's mean force will scatter by")

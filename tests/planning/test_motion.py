@@ -149,8 +149,6 @@ def test_the_files_and_the_command(tmp_path: Path, cli: Cli) -> None:
 @pytest.mark.parametrize(
     ("change", "error", "word"),
     [
-        ({"duration": 5.0}, UsageError, "20 to 3600"),
-        ({"speed": 0.0}, UsageError, "speed"),
         ({"limits": replace(LIMITS, force=1000.0)}, UsageError, "weight alone"),
         pytest.param(
             {"limits": replace(LIMITS, squeeze=0.0, stiffness=None)},
@@ -159,7 +157,7 @@ def test_the_files_and_the_command(tmp_path: Path, cli: Cli) -> None:
             marks=pytest.mark.slow,
         ),
     ],
-    ids=["too short", "no speed", "too weak", "nothing squeezes"],
+    ids=["too weak", "nothing squeezes"],
 )
 def test_what_cannot_be(change: dict[str, object], error: type[Exception], word: str) -> None:
     request = replace(REQUEST, **({"duration": 20.0} | change))  # type: ignore[arg-type]
