@@ -34,17 +34,15 @@ from tdfscal.motioncal.slip import Step, likeliest_steps, refuse_changed_delay
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import ResidualWrench, posterior, residual_wrench
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
-from tdfscal.validation import causes
-from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros
+from tdfscal.validation.residual_wrench import judged_by
+from tdfscal.validation.residuals import Cause, Course, Linearised, moving_zeros
 from tdfscal.validation.verdict import (
     Judged,
     Verdict,
     judged_with_zeros,
     refuse_misread,
-    searched,
 )
 
 
@@ -93,7 +91,7 @@ def validate_moving(
 
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
     at = _linearised(given, fit, MovingPriors(rig, slow, delay))
-    judged, zeros = judged_with_zeros(at, given, rig, _judged)
+    judged, zeros = judged_with_zeros(at, given, rig, judged_by)
     if steps := _changed_on_the_way(fit, given):
         judged = _with_steps(judged, steps)
         # Before it and behind it they are others.
@@ -112,12 +110,6 @@ def validate_moving(
             *log_against_rig.turned(rig, place),
         ),
     )
-
-
-def _judged(white: Whitened) -> Judged:
-    found = causes.causes(white)
-    overall = float(chi2_sf(white.chi2, white.dof))
-    return Judged(white, found, overall, searched(found, lambda cause: cause.p_value))
 
 
 def _changed_on_the_way(fit: MovingFit, given: Calibrated) -> tuple[Step, ...]:

@@ -167,12 +167,12 @@ def validate(
     warm = None if dwells.temperature is None else dwells.temperature[used]
     course = Course(middle, warm)
     balanced, slopes, at = _linearised(given, known.scaled(observed), course)
-    judged, zeros = judged_with_zeros(at, given, rig, lambda white: _judged(white, known))
+    judged, zeros = judged_with_zeros(at, given, rig, lambda white: judged_by(white, known))
     if not judged.holds:
 
         def judge(seen: Postures, which: IntArray) -> Judged:
             at = _linearised(given, known.scaled(seen), course.subset(which))[2]
-            return judged_with_zeros(at, given, rig, lambda white: _judged(white, known))[0]
+            return judged_with_zeros(at, given, rig, lambda white: judged_by(white, known))[0]
 
         refuse_misread(given, rig, observed, judge, Rests(used + 1, dwells.start[used]))
     given = zeros.brought_into(given)
@@ -199,7 +199,7 @@ def validate(
     )
 
 
-def _judged(white: Whitened, known: KnownNoise) -> Judged:
+def judged_by(white: Whitened, known: KnownNoise = AS_STATED) -> Judged:
     """Residuals held against chance: all together, and what looks most like one single cause."""
     found = causes.causes(white)
     overall = known.chi2_sf(white.chi2, white.dof) if white.dof > 0 else 1.0
