@@ -214,17 +214,14 @@ def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatA
     if not pa.types.is_string(kind):
         return _numbers(column, name, row) * UNITS["time"][canonical(request.mapping.time_unit)]
     if column.null_count:
-        raise _empty(name, row + int(np.argmax(holes(column))))
+        raise _fault("the cell is empty", name, row + int(np.argmax(holes(column))))
     if not row and first_date(column) is None:
         raise _no_numbers(name, "string")
     seconds = seconds_of_all(column, zoned=zoned)
     if (none := np.isnan(seconds)).any():
         k = int(np.argmax(none))
-        raise DataError(
-            f"{shorten(column[k].as_py())!r} is no date and time as the first row has one",
-            where=f"column {name}, row {row + k}",
-            hint=f"{DATES}; rows count from 0",
-        )
+        what = f"{shorten(column[k].as_py())!r} is no date and time as the first row has one"
+        raise _fault(what, name, row + k, hint=DATES)
     return seconds
 
 
@@ -235,30 +232,31 @@ def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) 
         raise _no_numbers(name, str(kind))
     if column.null_count:
         empty = holes(column) if absent is None else holes(column) & ~absent
+        if empty.all() and not row:
+            raise _fault("no cell of the column holds a number", name, row, fields=(name,))
         if empty.any():
-            raise _empty(name, row + int(np.argmax(empty)), never=bool(empty.all()) and not row)
+            raise _fault("the cell is empty", name, row + int(np.argmax(empty)))
         column = column.fill_null(0)
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
         k = int(np.argmin(np.isfinite(values)))
-        raise DataError(
-            f"{values[k]} is not a finite number",
-            where=f"column {name}, row {row + k}",
-            hint="correct that cell, or leave its row out; rows count from 0",
-            fields=(name,) if np.isnan(values).all() and not row else (),
-        )
+        fields = (name,) if np.isnan(values).all() and not row else ()
+        raise _fault(f"{values[k]} is not a finite number", name, row + k, fields=fields)
     return values
 
 
-def _empty(name: str, row: int, *, never: bool = False) -> DataError:
-    """The error for an empty cell; never : so is every other of the column."""
-    return DataError(
-        "no cell of the column holds a number" if never else "the cell is empty",
-        where=f"column {name}, row {row}",
-        hint="correct that cell, or leave its row out; rows count from 0",
-        fields=(name,) if never else (),
-    )
+def _fault(
+    what: str,
+    name: str,
+    row: int,
+    *,
+    hint: str = "correct that cell, or leave its row out",
+    fields: Sequence[str] = (),
+) -> DataError:
+    """The error for a cell; fields : the column, where none of its cells is a number."""
+    where = f"column {name}, row {row}"
+    return DataError(what, where=where, hint=f"{hint}; rows count from 0", fields=fields)
 
 
 def _no_numbers(name: str, holds: str) -> DataError:
