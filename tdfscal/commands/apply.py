@@ -122,7 +122,7 @@ def apply(
     use = take(calibration, paths, rig)
     log = WrenchPass.of(use, Settings(progress, window(from_, to)), point)
     head, samples = log.read()
-    totals, noises, kept = Totals(), list[SampleNoise](), list[dict[str, FloatArray]]()
+    totals, noises, columns = Totals(), list[SampleNoise](), None
     samples, effect = _behind(filter, head, samples)
     age, moved = log.moved_zeros(head)
     wrenches = with_sample_noise(
@@ -140,27 +140,16 @@ def apply(
             frame = f"{LCS_FRAME}_at" if any(point) else LCS_FRAME
             write_wrenches(target, totals.passing(wrenches), _about(log, filter), frame=frame)
         else:
-            kept += map(columns_of, numbers_only(totals.passing(wrenches)))
+            kept = [columns_of(piece) for piece in numbers_only(totals.passing(wrenches))]
+            columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
         found = (*use.findings, *log.findings())
         variance = 0.0 if moved is None else moved(np.array([totals.end])).max()
-    noise = noises[0]
     summary = {
         "output": None if target is None else str(target),
-        "rows": totals.rows,
-        "quasi_static": log.given.rig.inertia is None,
-        "calibration_status": use.calibration.status,
-        "left_out": document(log.tally, "uncovered unreadable"),
-        **totals.document(),
-        "about": list(point),
-        "noise": document(
-            noise, "dwells windows", std=_by_component(noise.std), posture=use.posture_std
-        ),
+        **totals.document(log, noises[0]),
         "zeros": document(age, "age=seconds age_known=known", moved=np.sqrt(variance)),
         "filter": effect,
     }
-    columns = None
-    if target is None:
-        columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
     return ApplyResult(summary, found, target, columns)
 
 
@@ -238,19 +227,26 @@ class Totals:
             self.still_rows += len(still)
             yield piece
 
-    def document(self) -> dict[str, Any]:
+    def document(self, log: WrenchPass, noise: SampleNoise) -> dict[str, Any]:
         """Return the rms of each component over all rows, and at the stops where some move."""
+        std, posture = _by_component(noise.std), log.use.posture_std
         roots = map(_by_component, np.sqrt(self.squares / self.rows))
         stops = None
         if 0 < self.still_rows < self.rows:
             rms = _by_component(np.sqrt(self.still_squares / self.still_rows))
             stops = {"rows": self.still_rows, "rms": rms}
         return {
+            "rows": self.rows,
+            "quasi_static": log.given.rig.inertia is None,
+            "calibration_status": log.use.calibration.status,
+            "left_out": document(log.tally, "uncovered unreadable"),
             "start": self.begin,
             "end": self.end,
             **dict(zip(_ROOTS, roots, strict=True)),
             "stops": stops,
             "largest": dict(zip(("force", "torque"), self.largest.tolist(), strict=True)),
+            "about": log.point.tolist(),
+            "noise": document(noise, "dwells windows", std=std, posture=posture),
         }
 
 

@@ -106,9 +106,7 @@ def calibrate(
         if html is None:
             raise
         log = log or LogPass(resolve(groups[-1], rig), settings)
-        _write_attempt(error, log, listed(paths), Path(html))
-        look = f"{html} shows what is weak and what the log holds"
-        raise error.restated(hint=". ".join(filter(None, (error.hint, look)))) from error
+        raise _with_page(error, log, listed(paths), Path(html)) from error
 
 
 def _check(
@@ -320,13 +318,13 @@ def _with_survey(
     return Calibration.of(from_joint(both, own, tracker, origin, found))
 
 
-def _write_attempt(
+def _with_page(
     error: NotIdentifiableError | NotConvergedError,
     log: LogPass,
     paths: Sequence[Path],
     page: Path,
-) -> None:
-    """Write the page of an error that says the data do not give the angles.
+) -> TdfscalError:
+    """Write the page of an error that says the data do not give the angles; let it name the page.
 
     log : as far as it was read; not at all where there are several campaigns.
     """
@@ -347,3 +345,5 @@ def _write_attempt(
     )
     write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
     appear_now()
+    look = f"{page} shows what is weak and what the log holds"
+    return error.restated(hint=". ".join(filter(None, (error.hint, look))))

@@ -163,14 +163,8 @@ def monitor(
     pooled = pool([read.recorded for read in reads]) if reads else None
     life, noisy = life_of(rig, known, pooled)
     making = Making(command, tuple(file for read in reads for file in read.inputs))
-    found = (*lost, *papers, *noisy, *_findings(life, checks))
-    return MonitorResult(
-        rig,
-        life,
-        (*found, *overdue(rig, making.created[:10])),
-        tuple(map(_source, ordered)),
-        making,
-    )
+    found = (*lost, *papers, *noisy, *_findings(life, checks), *overdue(rig, making.created[:10]))
+    return MonitorResult(rig, life, found, tuple(map(_source, ordered)), making)
 
 
 def _taking_part(
