@@ -81,7 +81,8 @@ def judged(read: Read) -> Judged:
             if alone is None:
                 given = {"postures": usable_postures(rig, read.dwells).postures}
             else:
-                given = {"estimate": alone.calibrated, "exact": exact_quantities(alone.fit)}
+                exact = exact_quantities(alone.fit, alone.estimate.parts)
+                given = {"estimate": alone.calibrated, "exact": exact}
         if alone is None:
             with suppress(TdfscalError):
                 alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)

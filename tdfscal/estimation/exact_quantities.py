@@ -15,14 +15,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from tdfscal.checks.geometry import FRAMES, Cause, Geometry
-from tdfscal.estimation.fit import Fitted, information
+from tdfscal.estimation.fit import Fitted
 from tdfscal.estimation.score_tests import Suspicion, worst_angle
-from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
+from tdfscal.estimation.uncertainty import Estimate, F
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.dynamics import DELAY
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ExactMoves, FloatArray, Rig
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
@@ -111,13 +112,13 @@ def exact_rows(of: Fitted) -> tuple[ExactMoves, ...]:
     return tuple(found)
 
 
-def exact_quantities(of: Fitted) -> tuple[ExactQuantity, ...]:
+def exact_quantities(of: Fitted, parts: Spectrum) -> tuple[ExactQuantity, ...]:
     """Each quantity of a calibration that has no uncertainty of its own.
 
     What earlier campaigns say moves as well: with an error that they have in common with this one,
-    and with those that each had anew.
+    and with those that each had anew. parts : of the fit's Jacobian.
     """
-    parts, free, n = information(of), np.flatnonzero(of.active), of.rig.n
+    free, n = np.flatnonzero(of.active), of.rig.n
     taken = {one.name: one for one in exact_rows(of)}
     earlier = {one.name: one for one in _earlier_rows(of)}
 
@@ -166,23 +167,23 @@ def _together(one: ExactMoves, other: ExactMoves) -> ExactMoves:
     return replace(one, common=common, apart=np.concatenate([one.apart, other.apart], axis=1))
 
 
-def exact_caveats(fit: Fitted, uncertainty: Uncertainty) -> list[Finding]:
+def exact_caveats(known: Estimate[F]) -> list[Finding]:
     """Find a mass or barycentre called exact whose errors go into the zeros unseen.
 
     Along three directions zeros and these are exchangeable (theory, section 4), and the zeros are
     as good as what is called exact: an error of typical size, or as small as the tests are certain
     to show, moves a zero by far more than it would have to move a residual.
     """
-    place = layout(fit.rig.n, fit.still.motions)
+    fit, place = known.fit, layout(known.fit.rig.n, known.fit.still.motions)
     if all(fit.active[place[group]].all() for group in OF_THE_TERMINAL):
         return []
     certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))
-    std, found = uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
-    for quantity in exact_quantities(fit):
+    std, found = known.uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
+    for quantity in exact_quantities(fit, known.parts):
         if quantity.name not in OF_THE_TERMINAL:
             continue
-        known = (std > 0) & np.isfinite(std)
-        size = np.abs(quantity.zeros) / np.where(known, std, np.inf)[:, None]
+        estimated = (std > 0) & np.isfinite(std)
+        size = np.abs(quantity.zeros) / np.where(estimated, std, np.inf)[:, None]
         shown = np.sqrt(np.maximum(np.asarray(quantity.shows), certain**2)) / certain
         i, j = np.unravel_index(int((size / shown).argmax()), size.shape)
         if size[i, j] / shown[j] > HARMFUL_SHIFT * certain:

@@ -35,8 +35,8 @@ _EVEN = 1e-6
 _HOLE = 1.5
 #: Steps beyond an instant, at least, in which nothing bears on it.
 _PAST = _REACH + _HOLE
-#: Output instants worked on at once.
-_CHUNK = 128
+#: Weights of output instants worked out at once, in a cache.
+_CHUNK = 6144
 #: Rows read before the rate is known, and rows looked at for the step of the positions.
 _FIRST, _QUANTUM_SAMPLES = 16, 20_000
 #: Share of a capacity from which on a reading is clipped.
@@ -78,7 +78,7 @@ class Decimator:
         self._groups: list[_Group] = []
         self._out = [np.empty((0, 2 + self._full.size))]
         self._quantum = self._rate = self._start = self._step = 0.0
-        self._cursor = 0
+        self._cursor, self._chunk = 0, 1
 
     def add(self, piece: Log) -> None:
         """Take the next piece."""
@@ -130,6 +130,8 @@ class Decimator:
             _Group(full, own, self._start, self._step)
             for full, own in zip(parts, spacing[: len(parts)], strict=True)
         ]
+        about = 2 * _REACH * self._step / min(group.spacing for group in self._groups)
+        self._chunk = max(1, int(_CHUNK / about))
 
     def _advance(self, short: float) -> None:
         """Work out the instants up to some steps short of what all streams have reached."""
@@ -139,14 +141,15 @@ class Decimator:
         while begin <= last:
             # A pause has no instants: whole chunks of it are passed over.
             clear = max(group.next_stamp((begin - _PAST) * self._step) for group in self._groups)
-            begin += _CHUNK * max(int((min(clear / self._step, last) - _PAST - begin) // _CHUNK), 0)
-            instant = np.arange(begin, min(begin + _CHUNK, last + 1), dtype=np.float64)
+            passed = (min(clear / self._step, last) - _PAST - begin) // self._chunk
+            begin += self._chunk * max(int(passed), 0)
+            instant = np.arange(begin, min(begin + self._chunk, last + 1), dtype=np.float64)
             time = np.asarray(self._step * instant)
             parts = [group.at(time) for group in self._groups]
             clipped = sum(part[:, :1] for part in parts)
             out = np.hstack([time[:, None], clipped, *(part[:, 1:] for part in parts)])
             self._out.append(out[np.isfinite(out).all(axis=1)])
-            begin += _CHUNK
+            begin += self._chunk
         self._cursor = last + 1
         for group in self._groups:
             group.forget((self._cursor - _PAST) * self._step)
@@ -171,6 +174,7 @@ class _Group:
         self._full, self._start, self._step = full, start, step
         #: Length of the means, s; 0 where samples stand for themselves.
         self._box = step / _BOXES if spacing <= 0.5 * step / _BOXES else 0.0
+        self.spacing = self._box or spacing
         #: Samples of each mean, time, share that is clipped, values; and sums of a mean that is not
         #: complete, after its place among all.
         self._rows = np.empty((0, 3 + full.size))

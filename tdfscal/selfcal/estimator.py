@@ -109,7 +109,7 @@ class Fit:
         J = self.root @ self.jacobian
         return self.white, np.concatenate([J.reshape(-1, J.shape[-1]), self.prior_jacobian])
 
-    @property
+    @cached_property
     def slopes(self) -> FloatArray:
         """Whitened derivative (K, 6, P) of the residual by all parameters, active or not."""
         by_state = features_jacobian(self.state, self.at, self.rig.gravity)
@@ -239,16 +239,15 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     priors = Priors(pinned(rig), postures.motion)
     weight = np.ones(len(postures)) if weight is None else weight
     state, iterations, converged = with_motions(start, postures.motions), 0, False
-    for looked in range(_PASSES):
+    for _ in range(_PASSES):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
-        pull = noise_pull(at, state, weight) if looked else None
+        pull = noise_pull(at, state, weight)
         solution = solve_statistic(rig, at, statistic(at, weight), state, priors, pull=pull)
         iterations += solution.iterations
         step = deviation(solution.state, state)[priors.active]
         state = solution.state
         moved = np.linalg.norm(solution.jacobian @ step)
-        settled = bool(moved < _SETTLED * (1 + np.sqrt(solution.cost)))
-        converged = solution.converged and settled and looked > 0
+        converged = solution.converged and bool(moved < _SETTLED * (1 + np.sqrt(solution.cost)))
         if converged or not solution.converged:
             break
     return at_state(rig, postures, state, weight, iterations=iterations, converged=converged)

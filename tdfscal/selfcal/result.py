@@ -4,7 +4,6 @@ what another campaign would make of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -13,7 +12,7 @@ from tdfscal.acceptance import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
-from tdfscal.estimation.fit import information
+from tdfscal.estimation.fit import Priors, information
 from tdfscal.estimation.observability import Observability, require_angles
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import (
@@ -30,6 +29,7 @@ from tdfscal.model.parameters import State, nominal, sensing
 from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
+from tdfscal.numerics.least_squares import triangular
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.mounting_search import Rival, describe
@@ -134,7 +134,7 @@ def caveats(
     if trials is not None and trials.decides:
         found.append(Finding("intervals-by-trials"))
     if of.estimator == "ml":
-        found += exact_caveats(of.fit, of.uncertainty)
+        found += exact_caveats(of.estimate)
         if unasked:
             found.append(Finding("trials-left-out", size=rig.n))
     return tuple(found)
@@ -163,7 +163,7 @@ def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
 
 
 #: Postures that a campaign is easily given besides; N, what a tare just before it leaves.
-_MORE, _TARED = 5, 0.1
+_MORE, _TARED = 5.0, 0.1
 #: How much harder it is squeezed.
 HARDER = 2.0
 
@@ -173,24 +173,29 @@ def prospects(fit: Fit, rpy_std: FloatArray) -> tuple[Prospect, ...]:
 
     rpy_std : (n, 3), rad, as published; what the linear covariance promises of it is its share.
     """
-    now = _linear_std(fit)
-    return tuple(
-        Prospect(change, amount, rpy_std * _linear_std(other, more) / now)
-        for change, amount, other, more in _changes(fit)
-    )
+    rig, used, rows = fit.rig, int((fit.weight > 0).sum()), _rows(fit)
+    priors = fit.prior_jacobian
 
+    def linear(data: FloatArray, more: float = 1.0, stated: FloatArray = priors) -> FloatArray:
+        return linear_rpy_std(fit.state.rotation, data, stated, more)
 
-def _changes(fit: Fit) -> Iterator[tuple[Change, float, Fit, float]]:
-    """Each change with its amount, its fit, and by how much its rows count more."""
-    rig, used = fit.rig, int((fit.weight > 0).sum())
-    yield "postures", float(_MORE), fit, (used + _MORE) / used
-    squeezed = _squeezed(fit)
-    if squeezed is not None:
-        yield "squeeze", *squeezed, 1.0
+    found: list[tuple[Change, float, FloatArray]] = [
+        ("postures", _MORE, linear(rows, (used + _MORE) / used))
+    ]
+    if (squeezed := _squeezed(fit)) is not None:
+        size, harder = squeezed
+        found.append(("squeeze", size, linear(_rows(harder))))
     if np.any(rig.zero.std > 2 * _TARED):
         zero = UncertainValue(rig.zero.value, np.minimum(rig.zero.std, _TARED))
-        tared = replace(rig, zero=zero)
-        yield "tare", _TARED, at_state(tared, fit.postures, fit.state, fit.weight), 1.0
+        tared = Priors(replace(rig, zero=zero), fit.postures.motion)(fit.state)[1]
+        found.append(("tare", _TARED, linear(rows, stated=tared)))
+    share = rpy_std / linear(rows)
+    return tuple(Prospect(change, amount, share * std) for change, amount, std in found)
+
+
+def _rows(fit: Fit) -> FloatArray:
+    """Triangular factor (p, p) of the postures' whitened Jacobian."""
+    return triangular((fit.root @ fit.jacobian).reshape(-1, fit.jacobian.shape[-1]))
 
 
 def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
@@ -206,9 +211,3 @@ def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
     size = HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
     harder = replace(seen, force=reading)
     return size, at_state(fit.rig, harder, fit.state, fit.weight)
-
-
-def _linear_std(fit: Fit, more: float = 1.0) -> FloatArray:
-    """Standard uncertainties (n, 3), rad, where each posture counts `more` times."""
-    data = (fit.root @ fit.jacobian).reshape(-1, fit.jacobian.shape[-1])
-    return linear_rpy_std(fit.state.rotation, data, fit.prior_jacobian, more)

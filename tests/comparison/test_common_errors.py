@@ -6,6 +6,7 @@ import numpy as np
 
 from tdfscal.comparison.pooling import Recorded, pool
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
+from tdfscal.estimation.fit import information
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, Drift, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, fit
@@ -38,7 +39,7 @@ def moved(wrong: Fit, right: Fit) -> FloatArray:
 
 
 def quantity(of: Fit, name: str) -> ExactQuantity:
-    (found,) = (one for one in exact_quantities(of) if one.name == name)
+    (found,) = (one for one in exact_quantities(of, information(of)) if one.name == name)
     return found
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.estimation.fit import information
 from tdfscal.motioncal.estimator import MovingPriors, MovingState, fit_moving
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
@@ -31,7 +32,7 @@ def test_a_wrong_exact_value_turns_the_sensors_as_foretold(name: str) -> None:
         ).ravel()
 
     right = fit_moving(MovingPriors(rig, slow, delay), cut, state)
-    found = {quantity.name: quantity for quantity in exact_quantities(right)}
+    found = {quantity.name: quantity for quantity in exact_quantities(right, information(right))}
     assert {"base level", "mass", "barycentre", "delay"} <= set(found)
     quantity = found[name]
     error = quantity.error

@@ -101,7 +101,7 @@ def from_self(
         ),
         (*result.reasons, *notes, *(one for one in result.findings if not one.rejects)),
         with_sources_of_earlier(found.contributions, result.fit.rig.earlier),
-        exact_quantities(result.fit),
+        exact_quantities(result.fit, result.estimate.parts),
         parts | _state(state, std, result.rig),
     )
 
@@ -159,7 +159,9 @@ def from_joint(
         for covariance in (own.uncertainty.covariance, tracker.rotations.covariance)
     )
     follow = np.asarray(np.linalg.solve(C, given.covariance[: len(C)]).T)
-    exact = [_followed(one, of_self, follow) for one in exact_quantities(own.fit)]
+    exact = [
+        _followed(one, of_self, follow) for one in exact_quantities(own.fit, own.estimate.parts)
+    ]
     exact += [_followed(one, of_tracker, follow) for one in tracker.exact]
     return _file(
         origin,
