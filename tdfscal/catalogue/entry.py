@@ -33,11 +33,11 @@ class Entry:
     sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
-    colon with a unit, with `time` (two moments), or with words for yes|no, where ~ is the value; so
-    have {subjects} for more than one name, {several} for a count above one, {cut} for where to part
-    a log in which something changed between two times, s. clauses : what the
-    sentence goes on with where a value holds. where : what of a campaign it is about, where an
-    error says it.
+    colon with a unit (± before it: as half an interval), with `time` (two moments), or with words
+    for yes|no, where ~ is the value; so have {subjects} for more than one name, {several} for a
+    count above one, {cut} for where to part a log in which something changed between two times, s.
+    clauses : what the sentence goes on with where a value holds. where : what of a campaign it is
+    about, where an error says it.
     """
 
     severity: Severity
@@ -118,13 +118,16 @@ class _Words(Formatter):
         if isinstance(value, _Sizes):
             unit, sign = ("", format_spec) if format_spec in ("+", "-") else (format_spec, "")
             return quantity(value, unit, value.beside, value.stds, sign)
+        if format_spec.startswith("±"):
+            return f"± {quantity(value, format_spec[1:], stds=[value])}"
         if format_spec in UNITS:
             return quantity(value, format_spec)
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = ", ".join(without_exponent(format(each, format_spec)) for each in value)
         if isinstance(value, str):
             return visible(value)
-        return without_exponent(str(format(value, format_spec)))
+        said = without_exponent(str(format(value, format_spec)))
+        return said.replace("%", " %") if format_spec.endswith("%") else said
 
 
 _FORMAT = _Words()

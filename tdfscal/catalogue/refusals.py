@@ -28,8 +28,8 @@ REFUSALS: dict[str, Entry] = {
     **entries(_WEAK, code="angle-%s"),
     **entries(
         _WEAK,
-        "{moving:the motion does|the data do} not determine {angles}{determined:, but ~ to ±"
-        " {worst:rad} (95 %%)|}; for {first}, %s",
+        "{moving:the motion does|the data do} not determine {angles}{determined:, but ~ to"
+        " {worst:±rad} (95 %%)|}; for {first}, %s",
         "-> ; `tdfscal plan RIG{moving: --motion| --given LOG} -o plan.csv` chooses what to drive "
         "next, so that every turn is determined",
         code="angles-%s",

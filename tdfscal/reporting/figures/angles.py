@@ -83,7 +83,9 @@ def _paint(c: Calibration) -> Figure:
     high = 1e3 * np.array([s.interval.high for s in c.mounted], dtype=np.float64).ravel()
     value = 1e3 * c.rpy[c.determined].ravel()
     fig, (left, right), place = by_angle([s.name for s in c.mounted], 2)
-    _turns(left, place, turn)
+    left.axvline(0, color=style.BLACK, linewidth=0.8)
+    left.set_xlabel("turn from the nominal mounting, mrad")
+    left.barh(place, turn, height=0.62, color=style.BLUE, **style.EDGE)
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
     for y, t in zip(place, turn, strict=True):
@@ -104,13 +106,6 @@ def _gate(ax: Axes, limit: float, widest: float) -> None:
         for end in (-limit, limit):
             ax.axvline(end, color=style.RED, linestyle="--", linewidth=1.2)
     ax.set_xlabel(f"95 % interval about the angle, mrad;\n{said}")
-
-
-def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> None:
-    """Bars of the turns from the nominal mounting, mrad."""
-    ax.axvline(0, color=style.BLACK, linewidth=0.8)
-    ax.set_xlabel("turn from the nominal mounting, mrad")
-    ax.barh(place, turn, height=0.62, color=style.BLUE, **style.EDGE)
 
 
 def differences(pairs: Sequence[Comparison]) -> Drawing:

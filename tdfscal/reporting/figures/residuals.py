@@ -137,41 +137,34 @@ def survey(c: Calibration) -> Drawing | None:
     kept = c.tracker.residuals if c.tracker else None
     if kept is None or not kept.points:
         return None
-    names, residual, normalised = kept.points, np.array(kept.residual), np.array(kept.normalised)
+    names, normalised = kept.points, np.array(kept.normalised)
     worst = int(np.abs(normalised).max(axis=1).argmax())
-    rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
-    return _of_points(
-        list(names),
-        normalised,
-        "residual / its\nstd. uncertainty",
+    rms = 1e6 * float(np.sqrt(np.mean(np.sum(np.square(kept.residual), axis=1))))
+    return Drawing(
+        "survey",
+        "Residuals of the tracker's points",
         f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
         f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
-        "points: moves of each NCP first, then targets on each sensor",
+        lambda: _points(names, normalised),
     )
 
 
-def _of_points(
-    names: list[str], residual: FloatArray, label: str, said: str, along: str = "points"
-) -> Drawing:
+def _points(names: Sequence[str], residual: FloatArray) -> Figure:
     """Components (K, 3) of each point's residual; a line between groups, named once each."""
-
-    def paint() -> Figure:
-        fig, (ax,) = style.panels(2.6, (label,))
-        style.marks(ax, np.arange(len(names)), residual)
-        ax.axhline(0, color=style.GREY, linewidth=0.8)
-        start, ticks, labels, upright = 0, [], [], True
-        for group, members in groupby(name.split("/")[0] for name in names):
-            size = len(list(members))
-            ticks.append(start + (size - 1) / 2)
-            labels.append(f"{group} ({size})" if size > 1 else group)
-            upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
-            start += size
-            ax.axvline(start - 0.5, color=style.GREY, linewidth=0.5, linestyle=":")
-        ax.set_xticks(ticks, labels, rotation=0 if upright else 90)
-        ax.set_xlabel(along)
-        ax.grid(axis="x", visible=False)
-        ax.set_xlim(-0.7, len(names) - 0.3)
-        legend_above(ax, 3)
-        return fig
-
-    return Drawing("survey", "Residuals of the tracker's points", said, paint)
+    fig, (ax,) = style.panels(2.6, ("residual / its\nstd. uncertainty",))
+    style.marks(ax, np.arange(len(names)), residual)
+    ax.axhline(0, color=style.GREY, linewidth=0.8)
+    start, ticks, labels, upright = 0, [], [], True
+    for group, members in groupby(name.split("/")[0] for name in names):
+        size = len(list(members))
+        ticks.append(start + (size - 1) / 2)
+        labels.append(f"{group} ({size})" if size > 1 else group)
+        upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
+        start += size
+        ax.axvline(start - 0.5, color=style.GREY, linewidth=0.5, linestyle=":")
+    ax.set_xticks(ticks, labels, rotation=0 if upright else 90)
+    ax.set_xlabel("points: moves of each NCP first, then targets on each sensor")
+    ax.grid(axis="x", visible=False)
+    ax.set_xlim(-0.7, len(names) - 0.3)
+    legend_above(ax, 3)
+    return fig
