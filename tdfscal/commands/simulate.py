@@ -70,7 +70,9 @@ def simulate(
         float, Option("samples per second of all signals", least=10.0, below=20_001.0)
     ] = 100.0,
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
-    seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
+    seed: Annotated[
+        int, Option("seed of all random numbers; another one mounts the sensors anew", least=0)
+    ] = 0,
     progress: options.Telling = silent,
 ) -> SimulateResult:
     """Write a synthetic campaign with its truth.yaml.

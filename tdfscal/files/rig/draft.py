@@ -62,8 +62,6 @@ def draft(
         supports = blocks[0].pop("supports")
         blocks = [{**blocks[0], "delay": delay, "supports": supports}]
     lines = [
-        "# yaml-language-server: $schema=rig.schema.json",
-        "# (For editors; `tdfscal schema .` writes that file beside this one.)",
         f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
         "# right: until then `calibrate` says which of them its result rests on.",
         f"format: {RIG_FORMAT}",
