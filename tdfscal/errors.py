@@ -180,12 +180,12 @@ def shortage() -> MemoryShortError:
 
 def is_short(error: BaseException) -> bool:
     """Tell whether an error comes of too little memory, itself or what it was raised from."""
-    at: BaseException | None = error
-    while at is not None:
-        if (
-            isinstance(at, MemoryError | MemoryShortError)
-            or getattr(at, "errno", 0) == errno.ENOMEM
-        ):
+    seen, at = set[int](), error
+    while id(at) not in seen:  # an error may be raised from itself
+        if isinstance(at, MemoryError | MemoryShortError):
             return True
-        at = at.__cause__ or at.__context__
+        if isinstance(at, OSError) and at.errno == errno.ENOMEM:
+            return True
+        seen.add(id(at))
+        at = at.__cause__ or at.__context__ or at
     return False

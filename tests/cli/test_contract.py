@@ -27,6 +27,14 @@ each = pytest.mark.parametrize
 pytestmark = pytest.mark.usefixtures("here")
 
 
+ODD = RuntimeError("odd")
+
+
+def caused(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
 def messages(seen: Run) -> list[str]:
     """What was said on standard error to people, beside progress."""
     assert "Traceback" not in seen.err
@@ -98,7 +106,9 @@ def test_version(cli: Cli) -> None:
     [
         (KeyboardInterrupt(), 130, "interrupted"),
         (MemoryError(), 2, "memory does not suffice"),
+        (caused(ValueError("no buffer"), OSError(12, "ENOMEM")), 2, "memory does not suffice"),
         (RuntimeError("odd"), 70, "internal error, RuntimeError: odd"),
+        (caused(ODD, ODD), 70, "internal error, RuntimeError: odd"),  # who looks for causes ends
         (OSError(28, "No space left on device", "c.yaml"), 2, "c.yaml: cannot be read or written"),
     ],
     ids=lambda value: type(value).__name__,
