@@ -2,12 +2,10 @@
 
 import re
 
-import pytest
-
 import tdfscal
 import tdfscal.errors
 from docs.generate import generated
-from tdfscal.cli.app import COMMANDS, described, made, summary
+from tdfscal.cli.app import COMMANDS
 from tests.docs.pages import section, text
 
 OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
@@ -27,17 +25,3 @@ def test_python_s_pages_name_all_that_is_public() -> None:
     assert "automodule:: tdfscal.errors" in text("api")
     functions = section("python", "## Functions")
     assert set(COMMANDS) <= set(re.findall(r"`(\w+)\(", functions))
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_says_the_same_in_python_and_in_the_help(name: str) -> None:
-    """Its first sentence, and every parameter's help."""
-    command = described(name)
-    doc = str(getattr(tdfscal, name).__doc__)
-    assert doc.startswith(summary(name))
-    shown = {p.name: p.help for p in made(name).params}
-    for p in command.parameters:
-        assert shown[p.name] == p.option.sentence
-        told = re.sub(r"--(?!json)(\w+)", r"`\1`", p.option.help)
-        assert f"    {p.name} : {told}" in doc
-    assert "stdout" not in doc

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from studies.control.machine import PositionErrors, Servo, draw_errors
-from studies.control.runs import Machines
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import FloatArray
 from tdfscal.simulation import Options, Pose, Truth, draw_truths
 from tests.simulation.rigs import exact_rig, loose_rig
 
@@ -22,21 +20,3 @@ def poses(lanes: int, shift: FloatArray | None = None, turn: FloatArray | None =
     return Pose(
         np.array(np.broadcast_to(R, (lanes, 3, 3))), np.array(np.broadcast_to(T, (lanes, 3)))
     )
-
-
-def fleet(
-    truth: Truth,
-    assumed: Truth | None = None,
-    *,
-    rig: Rig | None = None,
-    errors: PositionErrors | None = None,
-    tared: bool = True,
-    noise: int = 0,
-) -> Machines:
-    """One machine per lane, each with noise of its own; controllers that know the truth."""
-    lanes, n = truth.zero.shape[:2]
-    exact = draw_errors(Servo(), 0.0, lanes, n, np.random.default_rng(0))
-    return Machines(
-        rig or loose_rig(), truth, errors or exact, assumed or truth,
-        np.full(lanes, tared), tuple(np.random.SeedSequence(noise).spawn(lanes)),
-    )  # fmt: skip

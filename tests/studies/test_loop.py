@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from studies.control.contact import GearPair
-from studies.control.loop import simulate
-from studies.control.machine import Impedance, Servo, transition
+from studies.control.machine import Impedance, transition
 from studies.control.reference import Reference
 from studies.control.runs import Controller
-from studies.control.stability import GAIN_MARGIN, designed, growth, nominal_body, sample_map
-from studies.control.terminal import Terminal, body, inertia_of
-from tdfscal.records import FloatArray
+from studies.control.stability import GAIN_MARGIN, designed, growth, nominal_body
+from studies.control.terminal import Terminal, inertia_of
 from tdfscal.simulation import Load, Pose, rotations, settle
-from tests.simulation.rigs import exact_rig, loose_rig
-from tests.studies.benches import HOME, fleet, poses, truths
+from tests.simulation.rigs import loose_rig
+from tests.studies.benches import HOME, poses, truths
 
 
 def still(seconds: float, lanes: int, step: float) -> Reference:
@@ -72,57 +70,6 @@ def test_rest_is_the_static_simulators() -> None:
     np.testing.assert_allclose(R, rest.pose.rotation[:, 0], atol=1e-11)
 
 
-def swing(
-    damping: float, step: float, seconds: float, gears: GearPair | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Energy (N,), J, and height (N,), m, of a terminal let go 20 µm beside its rest; with gears it
-    swings against their wall.
-    """
-    truth = truths(1, loose=False)
-    start = poses(1)
-    inertia = inertia_of(exact_rig())[None]
-    stand = start.place(truth.hinge)
-    terminal = Terminal(truth, inertia, damping, stand, start, step)
-    at = body(truth, inertia, damping, start.rotation)
-    rest = terminal.translation.copy()
-    terminal.translation = rest + np.array([2e-5, 0.0, 2e-5])
-    terminal.force = terminal.pull(np.zeros_like(stand))
-    tip = np.zeros((1, 6))
-    energy, height = [], []
-    for _ in range(round(seconds / step)):
-        wall = 0.0
-        contact = np.zeros((1, 6))
-        if gears is not None:
-            x = terminal.translation[0, 0] - rest[0, 0]
-            tip[0, 0], tip[0, 2] = x + gears.clearance, 0.1
-            wall = gears.stiffness * x**2 if x > 0 else 0.0  # tip and mouth
-            tip[0, 0] += 0.5 * step * terminal.rate[0, 0]
-            contact[0, :3] = gears.wrench(tip)[0, :3]
-        q = np.concatenate(
-            [terminal.translation[0] - rest[0], 0.5 * rotations.vee(terminal.rotation[0])]
-        )
-        v = terminal.rate[0]
-        energy.append(0.5 * v @ at.mass[0] @ v + 0.5 * q @ at.stiffness[0] @ q + wall)
-        height.append(q[2])
-        terminal.move(stand, contact)
-    return np.array(energy), np.array(height)
-
-
-def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None:
-    """Free of damping and contact, whatever the step: inertia and springs, and nothing else."""
-    free = 1e-9
-    energy, height = swing(free, 4e-3, 1.0)
-    np.testing.assert_allclose(energy, energy[0], rtol=0.01)  # over 55 swings
-    vertical = np.sqrt(60e6 / 500.0)
-    np.testing.assert_allclose(
-        height, 2e-5 * np.cos(vertical * 4e-3 * np.arange(len(height))), atol=2e-8
-    )
-    # Damped: the envelope is exp(−ζ ω t).
-    _, height = swing(0.05, 1e-3, 0.2)
-    peaks = np.abs(height[180:]).max() / 2e-5
-    assert np.exp(-0.05 * vertical * 0.2) < peaks < np.exp(-0.05 * vertical * 0.18)
-
-
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7])
 def test_the_designed_loop_is_stable_up_to_its_margin(stiffness: float) -> None:
     rig, gears = loose_rig(), GearPair(stiffness=stiffness, seat_stiffness=2 * stiffness)
@@ -139,29 +86,3 @@ def test_the_designed_loop_is_stable_up_to_its_margin(stiffness: float) -> None:
     less = replace(found.impedance, damping=tuple(0.3 * b for b in found.impedance.damping))
     if stiffness > 1e5:  # below, critical damping is more than the contact asks for
         assert growth(at, replace(found, impedance=less), GAIN_MARGIN * around) > 1.0
-
-
-def test_perfect_calibration_leaves_only_noise() -> None:
-    """The deviation's scatter is that of white noise through the loop, inertia and all."""
-    lanes = 60
-    rig = exact_rig()
-    truth = truths(lanes, loose=False)
-    controller = Controller(servo=Servo(resolution=0.0))
-    machines = fleet(truth, rig=rig, tared=False, noise=5)
-    d = simulate(machines, controller, still(5.0, lanes, controller.step)).traces.deviation[-1]
-    # Noise is added where the filtered wrench is made: its column of the map, by g / (1 − g).
-    A = sample_map(nominal_body(rig, controller), controller, np.zeros((6, 6)))
-    g = controller.sensing.gain
-    column = g / (1.0 - g) * A[:, 36:]
-    force = np.tile(np.eye(3), (1, 3))
-    lever = np.concatenate(
-        [rotations.hat(h) for h in rig.hinge - np.array(controller.impedance.centre)], axis=1
-    )
-    into = column @ np.concatenate([force, lever])  # of the nine channels, aligned sensors
-    P = np.zeros_like(A)
-    for _ in range(1250):
-        P = A @ P @ A.T + into @ into.T
-    sd = controller.sensing.noise * np.sqrt(np.diagonal(P)[24:30])
-    chi2 = float(np.sum((d / sd)[:, :3] ** 2))
-    assert abs(chi2 - 3 * lanes) < 3.3 * np.sqrt(2 * 3 * lanes)
-    assert np.abs(d[:, :3]).max() < 1e-4

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import savgol_coeffs
-from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import wrenches
-from tdfscal.wrench.filtering import filter_for, filtered
-from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned, derivative_kernels, motion
+from tdfscal.wrench.samples_in_motion import Tally, aligned, derivative_kernels
 
 LEVEL = np.tile(np.eye(3), (3, 1, 1))
 STD = 1e-3
@@ -85,24 +83,6 @@ def test_kernels_are_savitzky_and_golays(half: int) -> None:
         assert np.allclose(found[order], oracle, rtol=1e-8, atol=1e-12)
 
 
-def test_motion_of_a_steady_turn_in_a_circle() -> None:
-    """ω about an axis, and the centripetal acceleration in the frame that turns."""
-    N, step, w = 400, 5e-3, 0.4
-    t = step * np.arange(N)
-    axis = np.array([0.48, 0.6, 0.64])
-    turn = Rotation.from_rotvec(w * t[:, None] * axis)
-    path = 0.3 * np.stack([np.cos(w * t), np.sin(w * t), 0 * t], axis=1)
-    found = motion(turn.as_matrix(), path, step, 15)
-    assert found is not None
-    assert np.allclose(found.turning, w * axis, rtol=0, atol=1e-6)
-    assert np.abs(found.turning_rate).max() < 1e-4
-    assert np.allclose(found.acceleration, turn.inv().apply(-(w**2) * path), rtol=0, atol=1e-4)
-    some = found.rows(slice(3, 7))
-    assert np.array_equal(some.acceleration, found.acceleration[3:7])
-    assert motion(turn.as_matrix()[:30], path[:30], step, 15) is None
-    assert motion(turn.as_matrix()[:31], path[:31], step, 15) is not None
-
-
 # Streams.
 
 
@@ -150,21 +130,3 @@ def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -
 
 
 # Filters.
-
-
-@pytest.mark.parametrize("gap", [2.9, 3.1])
-def test_a_filter_starts_anew_after_three_missing_samples(gap: float) -> None:
-    """A step across the gap is smoothed over, or it is not."""
-    time = 0.01 * np.arange(200.0)
-    time[100:] += 0.01 * (gap - 1)
-    force = np.zeros((200, 3, 3))
-    force[100:] = 1.0
-    force += 0.05 * np.random.default_rng(0).normal(size=force.shape)
-    samples = Samples(time, np.zeros((200, 3, 3)), force)
-    model = filter_for(0.3, samples)
-    for pieces in ([samples], [samples.rows(slice(0, 100)), samples.rows(slice(100, 200))]):
-        out = list(filtered(pieces, "kalman", model))
-        value = np.concatenate([s.force for s in out])
-        jump = value[100].mean() - value[99].mean()
-        assert (jump > 0.8) == (gap > 3)
-        assert np.array_equal(np.concatenate([s.time for s in out]), time)
