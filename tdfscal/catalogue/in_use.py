@@ -252,12 +252,13 @@ home-unknown warns
   home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
   -> state the LCS origin at home, --home X,Y,Z, or --given LOG
 path-in-contact rejects
-  {subject}: the wrench reaches {size} at {time:.4g} s of the path, where {limit:.3g} is the
-  most without contact: something touched, or the calibration no longer holds
-  -> drive it free, or see whether it holds: tdfscal validate
+  {subject}: the wrench reaches {size} in {axis} at {time:.4g} s of the path, where {limit:.3g} is
+  the most without contact: something touched, zeros have moved, or a sensor has
+  -> drive it free, or ask which: tdfscal validate; where the calibration still holds and zeros have
+  moved, take the new ones in: tdfscal update
 moves-beyond rejects
-  {subject}: while the path moves, the wrench reaches {size} (at {time:.4g} s) though nothing
-  touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
+  {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
+  nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
   count what motion adds, so the machine would stop itself
   -> {unstated:state terminal.inertia, or |}drive slower
 threshold-unbounded rejects

@@ -28,7 +28,6 @@ from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexp
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
-from tdfscal.files.outputs import protect
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record
@@ -265,7 +264,6 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     """
     if len(paths) != 1 or (driven := read_plan(paths[0])) is None:
         return None
-    protect(paths)
     name, loaded = read_source(source)
     rig, given = loaded.loaded_rig(name), about_point(calibrated(loaded), point)
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
@@ -339,9 +337,9 @@ def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
         contact, limit = beyond_contact_free(path.errors, found, largest.size)
         if contact.any():
             worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
-            when = float(largest.when[worst] - path.places.time[0])
-            values: dict[str, Value] = {"limit": float(limit[worst]), "time": when}
-            values |= {"unstated": True} if quasi_static else {}
+            values: dict[str, Value] = {"limit": float(limit[worst]), "axis": COMPONENTS[worst]}
+            values["time"] = float(largest.when[worst] - path.places.time[0])
+            values["unstated"] = quasi_static
             axes, size = _axes(contact), float(largest.size[worst])
             yield Finding(code, axes, size, UNITS[worst], values=values, rejects=True)
     if path.errors.open.any():

@@ -84,7 +84,7 @@ def compare(
     *files: Annotated[
         options.Several,
         Option(
-            "calibration files of one rig, two or more; the first is compared with each other",
+            "calibration files of one rig, two or more: the first against each of the others",
             list[Path],
             "A B…",
         ),

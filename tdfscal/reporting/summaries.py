@@ -35,7 +35,8 @@ _LOWERS = {
     "load": "Weigh the terminal, and find its barycentre.",
     "gain": "Have the sensors' gains calibrated.",
     "calibration": "Calibrate with more postures and a harder squeeze.",
-    "noise": "Filter lower (--filter HZ).",
+    "noise": "Filter (--filter HZ).",
+    "filtered": "Filter lower (--filter HZ).",
 }
 
 
@@ -137,6 +138,8 @@ def capability_report(
     noise = _noise(found, request, inertia=not unstated)
     blocks: tuple[Block, ...] = (_by_component(columns), *noise)
     most = [max(found.shares, key=lambda source: found.shares[source][c]) for c in found.worst]
+    if request.cutoff is not None:
+        most = ["filtered" if source == "noise" else source for source in most]
     apart = " (noise not counted)" if noiseless else ""
     return Report(
         "Contact that this rig sees",

@@ -1,6 +1,7 @@
 """`tdfscal capability` on simulated campaigns, by the command line."""
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -103,7 +104,8 @@ def test_a_lower_filter_sees_smaller_contacts(places: Places, cli: Cli) -> None:
         # Of white noise 1.11 · 5 Hz of 100 Hz are left.
         assert after["noise"] == pytest.approx(before["noise"] * np.sqrt(0.0555), rel=0.15)
         assert after["smallest_contact"] < 0.5 * before["smallest_contact"]
-    assert "Filter lower" in places.plain.text
+    assert "no filter" in places.plain.text
+    assert "  - Filter (--filter HZ)" in places.plain.text
 
 
 def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:
@@ -111,6 +113,10 @@ def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:
     assert status == 1
     said = next(f for f in found["findings"] if f["code"] == "path-in-contact")
     assert {"fx", "fy", "fz"} <= set(said["subject"])
+    axis = re.search(r"reaches \S+ (\S+) in ([fm])[xyz] at ", said["text"])
+    assert axis is not None
+    assert axis.groups() == (said["unit"], "f" if said["unit"] == "N" else "m")
+    assert "tdfscal update" in said["cure"]  # where it is the zeros
     assert all(axis["threshold"] for axis in found["axes"])
 
 

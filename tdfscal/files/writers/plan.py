@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.files.outputs import protect
 from tdfscal.files.saving import csv_comment
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
@@ -39,7 +40,8 @@ class Driven:
 
 
 def read_plan(path: Path) -> Driven | None:
-    """Read a plan that `plan` wrote; None where a file is none. Raises DataError."""
+    """Read a plan that `plan` wrote; None where a file is none. Raises DataError, UsageError."""
+    protect([path])
     if path.suffix.lower() != ".csv" or not path.is_file():
         return None
     with path.open(encoding="utf-8", errors="replace") as file:
