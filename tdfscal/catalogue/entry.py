@@ -137,8 +137,8 @@ def _fields(finding: Finding) -> dict[str, Any]:
     size = finding.size
     fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
     fields["subjects"] = len(finding.subject) > 1
-    if isinstance(between := finding.values.get("between"), list):
-        fields["cut"] = f"{between[1]:.1f}"
+    if isinstance(cut := finding.values.get("cut"), float):
+        fields["cut"] = f"{cut:.1f}"
     std = finding.values.get("std")
     known = [std] if isinstance(std, float) else []
     beside = known.copy()

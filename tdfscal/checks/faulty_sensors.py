@@ -58,9 +58,10 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
             check_unit(rig, dwells.force)
             raise _stuck(rig, dwells, int(i), int(j), stuck[i])
     reasons: dict[int, Finding] = {}
-    for k, i, j in np.argwhere(_over(rig, dwells)):
-        full = float(rig.capacity[i, j])
-        reasons.setdefault(int(k), _spoilt("posture-over-capacity", rig, i, j, full))
+    capacity, over = _over(rig, dwells)
+    for k, i, j in np.argwhere(over):
+        code = "posture-over-capacity" if np.isfinite(rig.capacity[i, j]) else "posture-saturated"
+        reasons.setdefault(int(k), _spoilt(code, rig, i, j, float(capacity[i, j])))
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = _same(low, high) & (dwells.count >= 8)[..., None]
     lively = rig.axes & (np.mean(~still, axis=0) > 0.5)
@@ -76,10 +77,26 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     return Screened(keep, reasons)
 
 
-def _over(rig: Rig, dwells: Dwells) -> BoolArray:
-    """Readings (K, n, 3) that reach a capacity."""
-    peak = np.maximum(np.abs(dwells.force_min), np.abs(dwells.force_max))
-    return np.asarray((peak >= rig.capacity) & np.isfinite(rig.capacity) & rig.axes)
+def _over(rig: Rig, dwells: Dwells) -> tuple[FloatArray, BoolArray]:
+    """Capacities (n, 3), stated or shown, and the readings (K, n, 3) that reach them.
+
+    A range that nobody states shows where several dwells stand without any scatter at one end of
+    the log's readings, and none elsewhere: a coarse resolution has such dwells anywhere.
+    """
+    low, high, capacity = dwells.force_min, dwells.force_max, rig.capacity.copy()
+    peak = np.maximum(np.abs(low), np.abs(high))
+    over = (peak >= capacity) & np.isfinite(capacity)
+    if not len(dwells):
+        return capacity, over
+    still = _same(low, high) & (dwells.count >= 8)[..., None]
+    reached = [_same(low, low.min(axis=0)), _same(high, high.max(axis=0))]
+    clipped = np.isinf(capacity) & np.isnan(_since(dwells))  # or else it is frozen there
+    clipped &= np.any(~still, axis=0) & np.all(~still | reached[0] | reached[1], axis=0)
+    for end, there in zip((low.min(axis=0), high.max(axis=0)), reached, strict=True):
+        shown = clipped & (np.sum(still & there, axis=0) >= _FROZEN) & (end != 0)
+        capacity = np.where(shown, np.minimum(capacity, np.abs(end)), capacity)
+        over |= shown & (there | _same(peak, np.abs(end)))
+    return capacity, np.asarray(over & rig.axes)
 
 
 def exceeded_ranges(rig: Rig, dwells: Dwells, state: State) -> tuple[Finding, ...]:
@@ -91,7 +108,7 @@ def exceeded_ranges(rig: Rig, dwells: Dwells, state: State) -> tuple[Finding, ..
 
     state : calibrated. Returned with the one that exceeds most first.
     """
-    over, every = _over(rig, dwells), postures(rig, dwells)
+    (capacity, over), every = _over(rig, dwells), postures(rig, dwells)
     rows = np.flatnonzero(over.any(axis=(1, 2)))
     needed, squeezed = np.full((2, *over.shape), np.nan)
     for axes in np.unique(over[rows], axis=0):
@@ -110,12 +127,12 @@ def exceeded_ranges(rig: Rig, dwells: Dwells, state: State) -> tuple[Finding, ..
             continue
         peak = float(np.median(noise[~over[:, i, j], i, j]))
         size, inner = np.abs(needed[own, i, j]), np.sign(needed[own, i, j]) * squeezed[own, i, j]
-        left = rig.capacity[i, j] - peak - (size - inner)
+        left = capacity[i, j] - peak - (size - inner)
         share = np.where(left > 0, left / np.maximum(inner, left), 0.0).min()
         most = float(size.max() + peak)
         facts: dict[str, Value] = {
             "axis": AXES[j],
-            "excess": most - float(rig.capacity[i, j]),
+            "excess": most - float(capacity[i, j]),
             "range": most / OF_CAPACITY,
             "share": f"{share:.0%}" if share > 0 else "",
         }

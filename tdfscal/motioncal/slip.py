@@ -280,6 +280,7 @@ def _cause(rig: Rig, step: Step) -> Finding:
         "change": step.amount.tolist(),
         "change_95": (INTERVAL_FACTOR * step.std).tolist(),
         "between": list(step.between),
+        "cut": step.between[1],
     }
     turned = step.group == "rotation"
     code, unit = ("sensor-slipped", "rad") if turned else ("zero-jumped", "N")

@@ -314,6 +314,7 @@ def _cause(rig: Rig, change: _Change, time: FloatArray, number: IntArray) -> Fin
         return Finding("contact-stays", (), size, "N", values=values)
     if timed:
         values["between"] = time[first - 1 : first + 1].tolist()
+        values["cut"] = float(time[first - 1 : first + 1].mean())  # middles: the move lies between
     if change.what == "rotation":
         return Finding("sensor-slipped", subject, size, "rad", values=values)
     return Finding("zero-jumped", subject, size, "N", values=values)

@@ -252,6 +252,6 @@ def misread(
         "check": check,
     }
     if not np.array_equal(rests.time, rests.number - 1):  # a row that is a posture has no other
-        values["between"] = rests.time[[last, first]].tolist()
+        values |= {"between": rests.time[[last, first]].tolist(), "cut": float(rests.time[first])}
     size = float(np.linalg.norm(found.jump))
     return DataError(Finding("zero-tared", subject, size, "N", values=values))

@@ -177,6 +177,27 @@ def test_how_much_a_reading_is_cut_off_and_what_squeeze_it_bears(squeeze: float)
     assert np.abs(less.force[:, 1, 1]).max() == pytest.approx(largest[-4], rel=0.05)
 
 
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.7])
+def test_a_range_that_nobody_states_shows_where_many_dwells_stand_at_its_end(share: float) -> None:
+    options = simulation.Options(postures=24, squeeze=500.0)
+    free = simulation.simulate_dwells(RIG, options, np.random.default_rng(4), 1).dwells(0)
+    limit = float(np.quantile(np.abs(free.force[:, 1, 1]), 1 - share))
+    names = ("force", "force_min", "force_max")
+    clipped = {name: getattr(free, name).copy() for name in names}
+    for value in clipped.values():
+        value[:, 1, 1] = np.clip(value[:, 1, 1], -limit, limit)
+    unstated = replace(RIG, capacity=np.full((3, 3), np.inf))
+    reached = np.maximum(np.abs(free.force_min), np.abs(free.force_max))[:, 1, 1] >= limit
+    found = screen(unstated, replace(free, **clipped))
+    assert np.array_equal(~found.keep, reached)
+    assert {reason.code for reason in found.reasons.values()} == {"posture-saturated"}
+    assert screen(unstated, free).reasons == {}
+    # Readings in steps have dwells without scatter too, anywhere.
+    coarse = {name: 200.0 * np.round(getattr(free, name) / 200.0) for name in names}
+    spoilt = screen(unstated, replace(free, **coarse)).reasons.values()
+    assert "posture-saturated" not in {reason.code for reason in spoilt}
+
+
 def range_findings(rig: Rig, dwells: Dwells) -> list[Finding]:
     found = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
     return [finding for finding in found.findings if finding.code == "range-exceeded"]
