@@ -150,7 +150,7 @@ postures-rejected rejects
 contact-uncertain rejects
   the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty
   of {size} (k = 2, 95.45 %), above the limit of {limit:g}; its error exceeds the limit
-  with a probability of {exceeding:.1g}
+  with a probability of {exceeding:p}
 motion-left-out rejects
   {number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}
 moments-unlike-noise rejects

@@ -12,6 +12,7 @@ import numpy as np
 from tdfscal.catalogue.numbers import (
     UNITS,
     p_text,
+    probability,
     quantity,
     upwards,
     when,
@@ -118,6 +119,8 @@ class _Words(Formatter):
         if isinstance(value, _Sizes):
             unit, sign = ("", format_spec) if format_spec in ("+", "-") else (format_spec, "")
             return quantity(value, unit, value.beside, value.stds, sign)
+        if format_spec == "p":
+            return probability(value)
         if format_spec.startswith("±"):
             return f"± {quantity(value, format_spec[1:], stds=[value])}"
         if format_spec in UNITS:

@@ -141,7 +141,7 @@ def _forecasts(c: Calibration) -> Iterator[str]:
     worst, half = float(c.rpy_std[c.determined].max()), 1e3 * half_widths(c).max()
     found = []
     for f in seen.forecasts:
-        amount = float(f"{f.amount:.2g}") if f.change == "squeeze" else f.amount
+        amount = float(f"{rounded(f.amount)}") if f.change == "squeeze" else f.amount
         found.append((f.worst_std / worst, _CHANGES[f.change].format(amount, _bearable(c))))
     if seen.with_moves is not None and not c.campaigns and not c.found("moves-add-nothing"):
         share = seen.with_moves / float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))

@@ -215,7 +215,7 @@ def _stated(c: Calibration) -> tuple[tuple[str, str], ...]:
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
     tiles = [
-        ("each angle, 95 %", within(c), f"limit ± {1e3 * c.limit_half_width:.2g}"),
+        ("each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)}"),
         *layout.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.birge if c.tracker is not None else None
@@ -229,7 +229,9 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     if c.fit is not None:
         birge = c.fit.birge
     if isinstance(birge, float):
-        tiles.append(("residuals against stated", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
+        tiles.append(
+            ("residuals against stated", f"{birge:.2f}", f"limit {rounded(limits.birge_max)}")
+        )
     return tuple(tiles)
 
 

@@ -140,11 +140,13 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"an alarm is raised where the last {', '.join(shorter)} or {longest} checks show a sensor "
         "turned against all checks before, by more than drift.angle allows (χ² of a turn of that "
         "one alone), or all sensors together changed. All tests of a check share its level "
-        f"({life.level[-1]:.2g} for the last), so that an unchanged rig raises at most "
-        f"{life.rate:.2g} false alarms a year, however often it is checked{FIXED}"
+        f"({rounded(life.level[-1])} for the last), so that an unchanged rig raises at most "
+        f"{rounded(life.rate)} false alarms a year, however often it is checked{FIXED}"
     )
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
-    sizes = (f"{name} {1e3 * x:.2g} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen)
+    sizes = (
+        f"{name} {rounded(1e3 * x)} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen
+    )
     step = (
         f"had a sensor turned just before the last check ({day(life.month[-1])}), that check alone "
         f"would have shown it with {DETECTION_POWER:.0%} probability from this size on: "
@@ -173,7 +175,7 @@ def _facts(
     rows = [
         ("checks", f"{len(life.names)}{time}{beside}"),
         ("alarms", f"{len(alarms)}" + (" in the checks judged" if lost else "")),
-        ("false alarms", f"at most {life.rate:.2g} a year while nothing changes"),
+        ("false alarms", f"at most {rounded(life.rate)} a year while nothing changes"),
         ("random walk", _walk(life)),
         ("next calibration", due),
     ]
@@ -203,7 +205,7 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     if slipped or _turned(alarms):
         return "now: the mounting has changed"
     due, name = life.due, life.supports[life.due.sensor]
-    now = f"{name} is at {rounded(1e3 * due.now)} of {1e3 * due.limit:.2g} mrad"
+    now = f"{name} is at {rounded(1e3 * due.now)} of {rounded(1e3 * due.limit)} mrad"
     if due.now >= due.limit:
         return f"now: {now}"
     months = life.month[-1] - life.month[0]

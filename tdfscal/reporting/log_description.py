@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.catalogue.numbers import by_wall_clock, when
+from tdfscal.catalogue.numbers import by_wall_clock, rounded, when
 from tdfscal.errors import visible
 from tdfscal.files.saving import printable
 from tdfscal.files.yaml import shorten
@@ -90,7 +90,7 @@ def _file(contents: Contents) -> Iterator[str]:
 
 def _rate(stream: Stream) -> str:
     span = 0.0 if stream.start is None or stream.end is None else stream.end - stream.start
-    rate = f" in {span:.2f} s, {(stream.count - 1) / span:.4g} Hz" if span > 0 else ""
+    rate = f" in {span:.2f} s, {rounded((stream.count - 1) / span, 4)} Hz" if span > 0 else ""
     return f", {stream.count} messages{rate}"
 
 
@@ -113,7 +113,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
     yield from _said(f"Signals, as read with {which}")
     rows = [
         (s.support, s.quantity, f"{s.count}", "–" if s.rate is None else f"{s.rate:.5g}",
-         f"{(s.end or 0.0) - (s.start or 0.0):.2f}", f"{s.gaps}", f"{s.longest_interval:.4g}")
+         f"{(s.end or 0.0) - (s.start or 0.0):.2f}", f"{s.gaps}", rounded(s.longest_interval, 4))
         for s in info.signals
     ]  # fmt: skip
     header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
@@ -188,6 +188,6 @@ def _size(count: int) -> str:
     value = float(count)
     for unit in ("B", "kB", "MB"):
         if value < 1000.0:
-            return f"{value:.3g} {unit}"
+            return f"{rounded(value, 3)} {unit}"
         value /= 1000.0
-    return f"{value:.4g} GB"
+    return f"{rounded(value, 4)} GB"

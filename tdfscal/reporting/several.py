@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import p_text, with_std
+from tdfscal.catalogue.numbers import p_text, rounded, with_std
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import Named, compared
 from tdfscal.files.calibration.document import Calibration, defects
@@ -93,7 +93,7 @@ def against_first(named: Sequence[Named]) -> Several:
 
 def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out verdict, files, angles, each pair's differences, the rule, where each comes from."""
-    rule = ("Decision rule", _RULE.format(limit=f"{view.pairs[0].limit:.2g}"))
+    rule = ("Decision rule", _RULE.format(limit=f"{rounded(view.pairs[0].limit)}"))
     said = tuple(begun(_verdict(pair), ".") for pair in view.pairs)
     keep = (_keep(view),) if view.verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
     files = Facts(tuple((name, _described(c)) for name, c in view.named))
@@ -176,7 +176,7 @@ def _pair(c: Comparison) -> tuple[Block, ...]:
         table,
         f"All angles together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. The sensor that "
         f"differs most, by itself: {p_text(c.alone)}. Compatible where neither is below "
-        f"{c.limit:.2g}.",
+        f"{rounded(c.limit)}.",
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import places, rounded, to_place, with_std
+from tdfscal.catalogue.numbers import places, rounded, to_place, with_std, without_exponent
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -51,7 +51,9 @@ def _place(point: Sequence[float]) -> str:
 
 
 def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") -> str:
-    return unknown if value is None or not np.isfinite(value) else format(value, form)
+    if value is None or not np.isfinite(value):
+        return unknown
+    return without_exponent(format(value, form))
 
 
 def wrench_report(summary: dict[str, Any]) -> Report:
@@ -67,8 +69,9 @@ def wrench_report(summary: dict[str, Any]) -> Report:
     }
     way = "without inertia" if summary["quasi_static"] else "with inertia"
     about = _place(summary["about"])
-    largest = "The largest force is {force:.3g} N, the largest torque {torque:.3g} N·m."
-    said = [largest.format(**summary["largest"]), *_of_motion(summary), _of_noise(summary)]
+    force, torque = (rounded(summary["largest"][name], 3) for name in ("force", "torque"))
+    largest = f"The largest force is {force} N, the largest torque {torque} N·m."
+    said = [largest, *_of_motion(summary), _of_noise(summary)]
     return Report(
         f"Contact wrench of {summary['rows']} samples",
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
@@ -102,10 +105,11 @@ def _of_zeros(summary: dict[str, Any]) -> Iterator[str]:
     moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
     if moved == 0.0:
         return
-    size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
+    size = "by an unknown amount" if moved is None else f"by {rounded(moved)} N (std)"
     since = "are of unknown age (taken as if the log followed the calibration's at once)"
     if summary["zeros"]["age_known"]:
-        since = f"are {abs(age) / 86400:.2g} days {'older' if age >= 0 else 'younger'} than the log"
+        since = "older" if age >= 0 else "younger"
+        since = f"are {rounded(abs(age) / 86400)} days {since} than the log"
     yield f"The calibration's zeros {since} and may have moved {size} by its end."
 
 
@@ -115,9 +119,9 @@ def _filter(f: dict[str, Any] | None) -> str:
     left = f["noise_left"]
     if left is None:
         return f"filter {f['kind']}: the sensors show no noise, and nothing is taken off"
-    late = f"{1e3 * f['delay']:.3g} ms late" if f["delay"] else "without delay"
+    late = f"{rounded(1e3 * f['delay'], 3)} ms late" if f["delay"] else "without delay"
     stays = f": noise as slow as a force that walks by {f['walk']:g} N in 1 s stays"
-    said = f"leaves {100 * left:.0f} % of the sensors' noise of {f['noise']:.3g} N"
+    said = f"leaves {100 * left:.0f} % of the sensors' noise of {rounded(f['noise'], 3)} N"
     return f"filter {f['kind']}: {late}; {said}{stays if left >= _IDLE else ''}"
 
 
@@ -129,7 +133,7 @@ def capability_report(
     bad = rejecting(findings)
     noiseless = tuple(f for f in unfit(findings) if not f.rejects)
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
-    length = f"{found.duration:.4g} s" if timed else "postures, as if an hour long"
+    length = f"{rounded(found.duration, 4)} s" if timed else "postures, as if an hour long"
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
     columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
     for name, share in found.shares.items():
@@ -148,8 +152,8 @@ def capability_report(
         accepted=not (bad or noiseless),
         claim=f"A machine that stops at these thresholds stops falsely at most "
         f"{request.false_stops:g} times an hour and axis{apart}. It then sees the smallest contact "
-        f"below with {100 * request.detect:.4g} % probability; the shares say what that comes "
-        "from.",
+        f"below with {rounded(100 * request.detect, 4)} % probability; the shares say what that "
+        "comes from.",
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks), *layout.illustrated(drawings, {})),
@@ -160,7 +164,9 @@ def capability_report(
 def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[str]:
     """What noise is, where it counts most; inertia : stated, or of no matter."""
     worst = [c for c in found.worst if found.shares["noise"][c] > _MOSTLY]
-    sizes = ", ".join(f"{found.noise[c].std:.3g} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
+    sizes = ", ".join(
+        f"{rounded(found.noise[c].std, 3)} {UNITS[c]} in {COMPONENTS[c]}" for c in worst
+    )
     if worst and not any(found.noise[c].std for c in worst):
         yield "The noise is what the rig file declares of a posture (uncertainty.force_noise)."
     elif worst:
@@ -185,7 +191,7 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
     table = Table(caption, ("sensor", *ANGLES), rows)
     told = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
     title, drive, contact, used = told
-    mean = f"On average {1e3 * plan.expected.mean:.3g} mrad."
+    mean = f"On average {rounded(1e3 * plan.expected.mean, 3)} mrad."
     blocks = (table, *contact, f"{mean} {used}")
     return Report(title, drive, sections=(Section("What to expect", blocks),))
 
@@ -193,12 +199,16 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
 def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
     limits, request = plan.request.limits, plan.request
     more = f", after {plan.given} recorded before" if plan.given else ""
-    before = "" if plan.before is None else f"Before the plan: {1e3 * plan.before.mean:.3g} mrad. "
+    before = (
+        ""
+        if plan.before is None
+        else f"Before the plan: {rounded(1e3 * plan.before.mean, 3)} mrad. "
+    )
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
     return (
         f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, {_squeezed(plan)}; "
-        f"{request.noise:.3g} N noise per axis and posture beside the rig file's; "
+        f"{rounded(request.noise, 3)} N noise per axis and posture beside the rig file's; "
         f"home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         tuple(_contact(plan)),
@@ -214,7 +224,8 @@ def _squeezed(plan: Plan | MovingPlan) -> str:
         return f"{said} by servoed forces"
     said += f" by displacements against {limits.stiffness:g} N/m"
     unasked = limits.repeatability_force(plan.rig)
-    told = f"; the positioners' own scatter adds {unasked:.3g} N at random, which informs as well"
+    told = f"; the positioners' own scatter adds {rounded(unasked, 3)} N at random, which "
+    told += "informs as well"
     return said + (told if unasked else "")
 
 
@@ -227,7 +238,7 @@ def _contact(plan: Plan) -> Iterator[Block]:
     if sizes is None or all(limit is None for *_, limit in limits):
         return
     parts = [
-        f"{name} {size:.3g} {unit} of {limit:g}"
+        f"{name} {rounded(size, 3)} {unit} of {limit:g}"
         for (name, unit, _, limit), size in zip(limits, sizes, strict=True)
         if limit is not None
     ]
@@ -305,7 +316,7 @@ def registration_report(r: PointRegistration) -> Report:
     rotation = tuple(tuple(to_place(v, 12, "+") for v in row) for row in r.rotation)
     scale = f"1 + ({with_std(1e6 * (r.scale - 1), 1e6 * r.scale_std)}) ppm (not applied)"
     if r.chi2 is None or r.p_value is None:
-        noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
+        noise = f"{rounded(1e3 * r.sigma, 3)} mm per coordinate" if r.sigma is not None else "none"
         fit = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
     else:
         fit = ("Fit", layout.chi_squared(r.chi2, r.dof, r.p_value))
@@ -317,7 +328,7 @@ def registration_report(r: PointRegistration) -> Report:
         Facts((fit, ("Scale", scale))),
     )  # fmt: skip
     return Report(
-        title=f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
+        title=f"{len(r.names)} points fit within {rounded(1e3 * r.rms, 3)} mm (rms)",
         reasons=tuple(map(told, r.findings)),
         sections=(Section("Transform", blocks),),
     )

@@ -125,10 +125,10 @@ def decision_rule(c: Calibration) -> str:
     """When a result is accepted (ISO/IEC 17025, 7.8.6), and who set each limit."""
     limits = c.rig.acceptance
     rules = [
-        f"every angle's standard uncertainty is at most {1e3 * limits.angle_std:.3g} mrad"
+        f"every angle's standard uncertainty is at most {rounded(1e3 * limits.angle_std, 3)} mrad"
         + _whose(c, "angle_std"),
-        f"the residuals are at most {limits.birge_max:.2g} times what the stated uncertainties "
-        f"predict{_whose(c, 'birge_max')}",
+        f"the residuals are at most {rounded(limits.birge_max)} times what the stated "
+        f"uncertainties predict{_whose(c, 'birge_max')}",
     ]
     end = "no finding rejects"
     if c.method != "tracker":
@@ -168,7 +168,7 @@ def _whose(c: Calibration, key: str) -> str:
 def _contact(c: Calibration, found: ConformityResult) -> str:
     """Expanded uncertainty of force and torque against their limits; what they leave out."""
     said = [
-        f"{name} conforms: U = {part.expanded:.3g} {unit}, limit {part.limit:g} {unit}, "
+        f"{name} conforms: U = {rounded(part.expanded, 3)} {unit}, limit {part.limit:g} {unit}, "
         f"exceeded with probability {probability(part.exceeding)}"
         for name, unit, part in (("force", "N", found.force), ("torque", "N·m", found.torque))
         if part.limit is not None

@@ -9,6 +9,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import rounded
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.evidence import DwellTable, PostureTable
@@ -94,8 +95,8 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
     origin = making.section(
         ("Rig file", f"{rig.path}, SHA-256 {rig.sha256}"),
         ("Decision rule", "an angle is determined where the standard uncertainty of its turn is "
-         f"below {limit:.3g} mrad (acceptance.identifiable) and at most half of what was stated "
-         "before"),
+         f"below {rounded(limit, 3)} mrad (acceptance.identifiable) and at most half of what was "
+         "stated before"),
     )  # fmt: skip
     return Report(
         title=rig.rig.name,
@@ -133,7 +134,7 @@ def _turns(seen: Seen) -> tuple[Table | Items, ...]:
     said = (f"{', '.join(names)}: {cause}" for cause, names in causes.items())
     spread = np.degrees(seen.observability.spread)
     rows = tuple(
-        (name, f"{angle:.2g}") for name, angle in zip(seen.rig.supports, spread, strict=True)
+        (name, f"{rounded(angle)}") for name, angle in zip(seen.rig.supports, spread, strict=True)
     )
     table = Table("", ("sensor", "directions of its loads within, degrees"), rows)
     return (*layout.listed("Not determined", said), table)

@@ -192,7 +192,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
 def _tests(v: Tested) -> tuple[str, str]:
     """The probabilities of the likeliest single change and of χ², each with its limit."""
     both = (v.judged.search_p, VALIDATION_SEARCH), (v.judged.p_value, VALIDATION_CHI2)
-    search, chi2 = (f"{p_text(p)}, limit {limit:.3g}" for p, limit in both)
+    search, chi2 = (f"{p_text(p)}, limit {rounded(limit, 3)}" for p, limit in both)
     return search, chi2
 
 
@@ -302,9 +302,9 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("residuals against stated", f"{(v.chi2 / v.dof) ** 0.5:.3g}",
-             f"{p_text(v.judged.p_value)}, limit {VALIDATION_CHI2:.3g}"),
-            ("single change", p_text(v.judged.search_p), f"limit {VALIDATION_SEARCH:.3g}"),
+            ("residuals against stated", f"{rounded((v.chi2 / v.dof) ** 0.5, 3)}",
+             f"{p_text(v.judged.p_value)}, limit {rounded(VALIDATION_CHI2, 3)}"),
+            ("single change", p_text(v.judged.search_p), f"limit {rounded(VALIDATION_SEARCH, 3)}"),
         ),
         summary=(table,),
         sections=(
@@ -342,7 +342,7 @@ def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
         calibration_fact(origin.name, c),
         ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
         ("χ² test", f"{layout.chi_squared(v.chi2, v.dof, v.judged.p_value)}{fisher}, limit "
-         f"{VALIDATION_CHI2:.3g}"),
+         f"{rounded(VALIDATION_CHI2, 3)}"),
         ("Single change", f"the likeliest one, by chance alone: {_tests(v)[0]}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),

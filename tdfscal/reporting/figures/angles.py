@@ -69,9 +69,9 @@ def draw(c: Calibration) -> Drawing:
     return Drawing(
         "angles",
         "Installation angles",
-        f"{ANGLES[j].capitalize()} of {c.mounted[i].name} is known to {1e3 * std[i, j]:.2g} mrad, "
-        f"the least well; {ANGLES[b]} of {c.mounted[a].name} to {1e3 * std[a, b]:.2g} mrad, "
-        "the best (standard uncertainties).",
+        f"{ANGLES[j].capitalize()} of {c.mounted[i].name} is known to "
+        f"{rounded(1e3 * std[i, j])} mrad, the least well; {ANGLES[b]} of {c.mounted[a].name} to "
+        f"{rounded(1e3 * std[a, b])} mrad, the best (standard uncertainties).",
         lambda: _paint(c),
     )
 
@@ -186,7 +186,7 @@ def determined(seen: Observability, limit: float) -> Drawing:
     known = sum(angle.identified for angle in seen.angles)
     said = (
         f"{known} of {len(seen.angles)} turns are determined: their standard uncertainty is below "
-        f"{1e3 * limit:.3g} mrad, and below half of what was stated before the log."
+        f"{rounded(1e3 * limit, 3)} mrad, and below half of what was stated before the log."
     )
     return Drawing(
         "determined", "What the data determine", said, lambda: _paint_determined(seen, limit)
@@ -203,7 +203,7 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
         ax.barh(y, width - left, left=left, height=0.72, **look)
         beside(ax, words(angle.std), width, y, 4)
     ax.axvline(1e3 * limit, color=style.BLACK, linewidth=1.2, linestyle="--")
-    ax.set_title(f"dashed: limit {1e3 * limit:.3g} mrad", fontsize=7.5, loc="right", pad=2)
+    ax.set_title(f"dashed: limit {rounded(1e3 * limit, 3)} mrad", fontsize=7.5, loc="right", pad=2)
     logarithmic(ax, "x")
     ax.set_xlim(left, 4e3 * _OPEN)
     ax.set_xlabel("standard uncertainty, mrad; hatched: not determined")
@@ -214,4 +214,4 @@ def words(std: float) -> str:
     """A standard uncertainty in rad, as it is worth saying."""
     if not std < _OPEN:
         return "over 1 rad"
-    return f"{1e3 * std:.0f} mrad" if std >= 0.1 else f"{1e3 * std:.2g} mrad"
+    return f"{1e3 * std:.0f} mrad" if std >= 0.1 else f"{rounded(1e3 * std)} mrad"

@@ -143,8 +143,8 @@ def survey(c: Calibration) -> Drawing | None:
     return Drawing(
         "survey",
         "Residuals of the tracker's points",
-        f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
-        f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
+        f"The {len(names)} points fit within {rounded(rms, 3)} µm (rms); the worst is "
+        f"{names[worst]}, {np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
         lambda: _points(names, normalised),
     )
 

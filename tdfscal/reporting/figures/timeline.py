@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tdfscal.catalogue.numbers import typeset, with_std
+from tdfscal.catalogue.numbers import rounded, typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.detection.capability import Capability
@@ -192,7 +192,7 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
         axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
         return fig
 
-    said = f"The largest contact force of the log is {largest:.3g} N."
+    said = f"The largest contact force of the log is {rounded(largest, 3)} N."
     return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
 
 
@@ -255,7 +255,7 @@ def _improbability(alarm: Alarm) -> float:
 def _control_chart(life: Life, i: int) -> Drawing:
     own = [alarm for alarm in life.alarms if alarm.sensor in (i, None)]
     moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
-    way = f"moves by {moved:.2g} mrad" if moved >= _STILL else "does not move"
+    way = f"moves by {rounded(moved)} mrad" if moved >= _STILL else "does not move"
     calm = f"No alarm; between the first and the last check the path {way}."
     said = " ".join(_alarm_said(life, alarm) for alarm in own) or calm
     title = f"{life.supports[i]} over time"
@@ -269,8 +269,8 @@ def _alarm_said(life: Life, alarm: Alarm) -> str:
         what = "The load has changed" if alarm.kind == "load" else "All sensors together depart"
         return f"{what} on {when}."
     if alarm.kind == "creep":
-        return f"Creep of {size:.2g} mrad a month since about {when}."
-    return f"Step of {size:.2g} mrad seen on {when}."
+        return f"Creep of {rounded(size)} mrad a month since about {when}."
+    return f"Step of {rounded(size)} mrad seen on {when}."
 
 
 def _paint_chart(life: Life, i: int, own: list[Alarm]) -> Figure:
