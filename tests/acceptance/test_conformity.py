@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.acceptance import Conformity, assess, at_rest, coverage_radius, within
+from tdfscal.acceptance import Conformity, assess, coverage_radius, within
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray
 from tdfscal.significance import EXPANDED_COVERAGE
-from tdfscal.wrench.contact_wrench import wrenches
 from tests.simulation.rigs import exact_rig
 
 from .test_gate import LEVEL
@@ -69,14 +68,6 @@ def test_the_limit_is_guarded_by_the_expanded_uncertainty(quantity: str) -> None
         assert sum(finding.rejects for finding in found.findings) == (factor < 1)
         assert judged.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
     assert len(limited(given(), force=1e-3, torque=1e-3).findings) == 2
-
-
-def test_the_posture_is_the_rig_files_and_at_rest() -> None:
-    rpy = (0.05, -0.03, 0.2)
-    stated = replace(given().rig.acceptance, contact_rpy=rpy)
-    assert assess(replace(given(), rig=replace(given().rig, acceptance=stated))).rpy == rpy
-    value = wrenches(given(), np.zeros(1), *at_rest(given(), rpy)).value
-    assert np.abs(value).max() < 1e-8
 
 
 def test_coverage_radius_in_one_two_and_three_dimensions() -> None:

@@ -52,11 +52,6 @@ def test_in_motion() -> None:
     assert abs(error - 0.005) < 3.0 * std < 0.05
 
 
-def test_stops_that_follow_each_other_evenly_are_told_apart() -> None:
-    error, std = found(campaign("stops", 3), Apart(17.0))
-    assert abs(error - 0.005) < 3.0 * std < 0.05
-
-
 def test_a_campaign_that_repeats_itself_is_not_decided() -> None:
     log = campaign("self", 4)
     span = float(log.force[0].time[-1]) + 0.01

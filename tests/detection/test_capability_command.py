@@ -97,15 +97,6 @@ def test_a_free_log_gives_thresholds(places: Places) -> None:
     assert not codes(found) & {"path-in-contact", "threshold-unbounded"}
 
 
-def test_a_lower_filter_sees_smaller_contacts(places: Places, cli: Cli) -> None:
-    plain = places.plain.to_dict()
-    _, slow = asked(cli, places.calibration, places.free, "--filter", "5")
-    for before, after in zip(plain["axes"], slow["axes"], strict=True):
-        # Of white noise 1.11 · 5 Hz of 100 Hz are left.
-        assert after["noise"] == pytest.approx(before["noise"] * np.sqrt(0.0555), rel=0.15)
-        assert after["smallest_contact"] < 0.5 * before["smallest_contact"]
-    assert "no filter" in places.plain.text
-    assert "  - Filter (--filter HZ)" in places.plain.text
 
 
 def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:

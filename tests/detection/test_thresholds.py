@@ -36,15 +36,6 @@ def test_a_calibration_alone_gives_the_normal_quantile(probability: float) -> No
     assert watch.threshold(probability) == pytest.approx(expected, rel=3e-3)
 
 
-def test_white_noise_alone_gives_the_extreme_of_its_samples() -> None:
-    N, probability = 6000, 0.05
-    watch = Watch(
-        Places.of(np.zeros((3, 2)), np.ones(3), 2.0), Noise(2.0, 0.0, 0.0, 1.0, 0.01), N / 100
-    )
-    expected = -2.0 * ndtri(-np.expm1(np.log1p(-probability) / N) / 2.0)
-    assert watch.threshold(probability) == pytest.approx(expected, rel=2e-3)
-
-
 @pytest.mark.parametrize(
     ("fast", "slow", "systematic"),
     [(1.0, 0.0, 0.5), (1.0, 0.5, 1.0), (0.3, 1.0, 0.0), (0.2, 0.3, 2.0)],
@@ -103,13 +94,3 @@ def test_noise_of_dwells_is_measured(cutoff: float | None, share: float) -> None
     assert fast == pytest.approx(2.0 * np.sqrt(share), rel=0.1)
     # 600 s of a relaxation of 1 s: some 300 independent values.
     assert stands == pytest.approx(1.0, rel=0.2)
-
-
-@pytest.mark.parametrize("cutoff", [None, 5.0])
-def test_noise_of_a_motion_shorter_than_a_window_is_measured(cutoff: float | None) -> None:
-    rng, rate, N = np.random.default_rng(3), 100, 3000
-    value = 2.0 * rng.standard_normal((N, 6))
-    found = measured_noise(np.arange(N) / rate, value, [], cutoff, window=60.0, degree=0)
-    share = 1.0 if cutoff is None else np.pi / np.sqrt(8.0) * 0.1
-    assert found.spans == 1
-    assert [one.std for one in found.components] == pytest.approx([2.0 * share**0.5] * 6, rel=0.15)

@@ -15,7 +15,7 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.changes import changes
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.options import MovingOptions, Touch
+from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.truth import Truth
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tests.motioncal.campaigns import DELAY, played
@@ -75,14 +75,6 @@ def test_readings_of_another_name_or_sign_are_no_noise(matrix: FloatArray, excha
         validate_moving(result.calibrated, replace(slow, force=force), DELAY)
     assert caught.value.finding is not None
     assert caught.value.finding.values["exchange"] == exchange
-
-
-def test_a_contact_is_left_out_with_its_times_and_spoils_nothing() -> None:
-    v = validated(options=replace(MINUTE, touches=(Touch(20.0, 23.0, (9.0, -6.0, 10.0)),)))
-    (stretch,) = v.rejected
-    assert stretch.begin == pytest.approx(20.0, abs=1.5)
-    assert stretch.end == pytest.approx(23.0, abs=1.5)
-    assert v.holds
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])

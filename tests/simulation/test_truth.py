@@ -41,11 +41,6 @@ def test_draws_match_the_stated_uncertainties() -> None:
     np.testing.assert_allclose(np.linalg.norm(truth.gravity, axis=-1), 9.80665, rtol=1e-14)
 
 
-def test_wrong_width_would_be_seen() -> None:
-    truth = draw_truths(loose_rig(), Options(), np.random.default_rng(1), TRIALS)
-    assert not plausible(chi2_p(truth.zero / 0.55))
-
-
 def test_unknown_quantities_are_drawn_wide() -> None:
     inf = np.inf
     rig = make_rig(mass_std=inf, barycentre_std=inf, zero_std=inf)

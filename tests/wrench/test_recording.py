@@ -61,29 +61,3 @@ def test_wrenches_are_in_the_frames_of_the_exports(applied: Path, tmp_path: Path
 
 def six(wrench: Any) -> list[float]:
     return [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
-
-
-def test_a_ros_decoder_reads_the_table_back(applied: Path) -> None:
-    expected = table(applied)
-    seen: dict[str, tuple[list[int], list[list[float]], list[int]]]
-    seen = {topic: ([], [], []) for topic in TOPICS}
-    with (applied / "w.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        assert reader.get_header().profile == "ros2"
-        for schema, channel, message, decoded in reader.iter_decoded_messages():
-            assert schema is not None
-            assert (schema.name, schema.encoding) == ("geometry_msgs/msg/WrenchStamped", "ros2msg")
-            assert channel.message_encoding == "cdr"
-            assert decoded.header.frame_id == "lcs"
-            stamp = decoded.header.stamp.sec * 10**9 + decoded.header.stamp.nanosec
-            assert stamp == message.log_time == message.publish_time
-            times, values, order = seen[channel.topic]
-            times.append(stamp)
-            values.append(six(decoded.wrench))
-            order.append(message.sequence)
-    for topic, prefix in TOPICS.items():
-        times, values, order = seen[topic]
-        assert order == list(range(len(expected["time"])))
-        np.testing.assert_allclose(np.array(times) * 1e-9, expected["time"], rtol=0, atol=1e-9)
-        columns = np.stack([expected[f"{prefix}{c}"] for c in COMPONENTS], axis=1)
-        assert np.array_equal(np.array(values), columns)

@@ -95,15 +95,6 @@ def test_no_posture_is_left_out_silently(tmp_path: Path) -> None:
         read([csv(tmp_path, [5.0, 6.0, 6.0])], POSTURES)
 
 
-def test_supports_come_in_the_order_asked_for(tmp_path: Path) -> None:
-    truth = make_truth()
-    path = write(tmp_path / "log.mcap", mcap_bytes(truth))
-    log = read_log([path], LOG_TIME, ("ncp3", "ncp1"))
-    assert log.supports == ("ncp3", "ncp1")
-    np.testing.assert_array_equal(log.force[0].value, truth.force[2])
-    np.testing.assert_array_equal(log.position[1].value, truth.position[0])
-
-
 def test_pieces_put_together_are_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tdfscal.logs.messages.recording._ENOUGH", 100)
     truth = make_truth(200)
