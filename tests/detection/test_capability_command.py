@@ -97,8 +97,6 @@ def test_a_free_log_gives_thresholds(places: Places) -> None:
     assert not codes(found) & {"path-in-contact", "threshold-unbounded"}
 
 
-
-
 def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:
     status, found = asked(cli, places.calibration, places.touched, "--filter", "10")
     assert status == 1
