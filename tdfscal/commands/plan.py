@@ -79,6 +79,13 @@ class PlanResult(CommandResult):
         return pd.read_csv(io.StringIO(self.content), comment="#")
 
 
+Driven = Annotated[
+    PathLike | None,
+    options.written("postures, or the time table, to drive", ".csv", metavar="FILE.csv"),
+]
+Count = Annotated[
+    int | None, Option("postures to drive; default 24, or more for acceptance.contact", least=1)
+]
 Target = Annotated[
     float | None,
     Option("as many postures as bring every angle within this, mrad", metavar="MRAD", least=1e-6),
@@ -135,13 +142,8 @@ Given = Annotated[
 def plan(
     rig: Annotated[PathLike, Option("a rig.yaml, or its folder", Path, "RIG")],
     *,
-    output: Annotated[
-        PathLike | None,
-        options.written("postures, or the time table, to drive", ".csv", metavar="FILE.csv"),
-    ] = None,
-    postures: Annotated[
-        int | None, Option("postures to drive; default 24, or more for acceptance.contact", least=1)
-    ] = None,
+    output: Driven = None,
+    postures: Count = None,
     target: Target = None,
     tilt: Tilt = 5.0,
     squeeze: Squeeze = 200.0,
@@ -181,13 +183,10 @@ def plan(
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, np.random.default_rng(0))
     else:
-        request = Request(limits, _noise(known.rig, seen) if noise is None else noise)
-        request = replace(request, objective=objective)
-        fit = (
-            recorded(known.rig, seen, noise or DEFAULT_NOISE)
-            if before and seen is not None
-            else None
-        )
+        own, fit = _noise(known.rig, seen) if noise is None else noise, None
+        request = Request(limits, own, objective=objective)
+        if before and seen is not None:
+            fit = recorded(known.rig, seen, noise or DEFAULT_NOISE)
         found = make_plan(
             known.rig,
             request,

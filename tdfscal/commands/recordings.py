@@ -6,7 +6,8 @@ And the same recording in two of them: told by its files, its hours or its mean 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from itertools import combinations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdfscal.catalogue import rigs_apart
+from tdfscal.catalogue import rigs_apart, sentence
 from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.checks.calibrated_rig import different_constants, other_papers
 from tdfscal.commands.campaign import PathLike, resolve
@@ -231,6 +232,15 @@ def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Fin
     if found := different_constants(first[1], other[1]):
         raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
     return other_papers(first, other)
+
+
+def left_out(reasons: Collection[Finding], postures: int) -> list[Finding]:
+    """Say how many of the postures had to be left out, if any, and why most of them."""
+    if not reasons:
+        return []
+    (reason, _), *_ = Counter(map(sentence, reasons)).most_common(1)
+    values: dict[str, Value] = {"postures": postures, "reason": reason}
+    return [Finding("postures-left-out", size=len(reasons), values=values)]
 
 
 @contextmanager

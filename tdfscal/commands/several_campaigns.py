@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import fields
@@ -20,6 +19,7 @@ from tdfscal.commands.recordings import (
     Read,
     Recording,
     Unusable,
+    left_out,
     naming,
     read_campaigns,
     refuse_repeated,
@@ -117,14 +117,12 @@ def _told(read: Read, alone: Own | None) -> list[str]:
     """
     found = [one for one in read.log.messages if severity(one) == "warns"]
     found += [read.log.stops] if read.log.stops else []
-    if isinstance(alone, SelfCalibration) and alone.rejected:
-        (reason, _), *_ = Counter(map(sentence, alone.rejected.values())).most_common(1)
-        values: dict[str, Value] = {"postures": len(alone.dwells), "reason": reason}
-        found.append(Finding("postures-left-out", size=len(alone.rejected), values=values))
-    elif alone is not None and not isinstance(alone, SelfCalibration):
+    if isinstance(alone, SelfCalibration):
+        found += left_out(alone.rejected.values(), len(alone.dwells))
+    elif alone is not None:
         found += (one for one in alone.findings if one.code == "dwells-few")
         found += (stretch.finding for stretch in alone.rejected)
-    elif alone is None and read.dwells is not None:
+    elif read.dwells is not None:
         found.append(Finding("dwells-unjudged", size=len(read.dwells)))
     first = {one.code: one for one in reversed(found)}
     codes = list(dict.fromkeys(one.code for one in found))[:_REMARKS]

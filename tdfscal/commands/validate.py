@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
 from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of
 from tdfscal.commands.options import Option, silent, window
-from tdfscal.commands.recordings import measured
+from tdfscal.commands.recordings import left_out, measured
 from tdfscal.commands.result import Calibration, CommandResult
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
@@ -142,8 +140,12 @@ def validate(
     when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
     past = before_calibration(use, when)
     result = replace(result, earlier=bool(past), gate_rejected=not use.calibration.accepted)
+    # A motion says its own.
+    lost = list[Finding]()
+    if isinstance(result, Validation):
+        lost = left_out(result.left_out.values(), len(result.dwells))
     ended = overdue(by.rig, when.end[:10], "this check")
-    found = (*use.findings, *own, *past, *_left_out(result), *result.findings, *ended)
+    found = (*use.findings, *own, *past, *lost, *result.findings, *ended)
     making = Making(command, tuple(log.inputs))
     origin = Origin(use.calibration, use.name, by, when, making)
     return ValidateResult(result, use.calibration, found, origin)
@@ -210,12 +212,3 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
         for k, (file, span) in enumerate(zip(log.files_at(dwells.end), spans, strict=True))
         if again[k] or Recorded(file.sha256, span).meets_any(used)
     }
-
-
-def _left_out(tested: Validation | MovingValidation) -> list[Finding]:
-    """Say on how many postures the verdict does not rest, and why; a motion says its own."""
-    if isinstance(tested, MovingValidation) or not tested.left_out:
-        return []
-    (reason, _), *_ = Counter(map(sentence, tested.left_out.values())).most_common(1)
-    values: dict[str, Value] = {"postures": len(tested.dwells), "reason": reason}
-    return [Finding("postures-left-out", size=len(tested.left_out), values=values)]
