@@ -17,8 +17,8 @@ _BESIDES = """
 SUSPECTS: dict[str, Entry] = entries(
     """
 zero-suspected warns
-  the zero of {subject} is not what is stated
-  -> tare again, or write `zero.std: {stated}` for {subject} in rig.yaml (N)
+  {subject:the zero of ~ is|the zeros of all sensors are} not what is stated
+  -> tare again, or write `zero.std: {stated}` for {subject:~|every support} in rig.yaml (N)
 sensitivity-suspected warns
   gain or crosstalk of {subject} is not what is stated
   -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:

@@ -37,6 +37,7 @@ from tdfscal.significance import (
 #: is of one support.
 CODES = {
     "zero": ("zero-suspected", "N", True),
+    "all zero": ("zero-suspected", "N", False),
     "sensitivity": ("sensitivity-suspected", "", True),
     "gain": ("gain-suspected", "", True),
     "mounting": ("mounting-suspected", "rad", True),
@@ -297,6 +298,8 @@ def stated_suspects(
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
                     own = pull[start : start + 3].sum(keepdims=True)
                     yield "gain", index, alike, unit[:1], own
+        if group == "zero" and held[where].all():  # a tare is made of all at once
+            yield "all zero", 0, columns[:, where], std[where], pull[where]
 
 
 def misstated_mountings(rig: Rig, rows: int, after: int = 0) -> Iterator[Suspect]:

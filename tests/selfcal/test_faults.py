@@ -8,6 +8,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Contact, Crosstalk, Drift, Faults, Gain, Jolt, Options
 from tdfscal.simulation.faults import Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, distance, fitted, study
@@ -156,3 +157,16 @@ def test_a_jolt_does_not_reach_the_angles() -> None:
     result = fitted(RIG, find_dwells(campaign.log))
     assert distance(campaign.truth.rotation, result) < stats.chi2.ppf(1 - 1e-4, 9)
     assert not result.reasons
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_stale_tare_is_that_of_all_sensors(seed: int) -> None:
+    """And not one sensor's a round, nor a positioner's offset."""
+    rig = simulation.make_rig()
+    options = simulation.Options(postures=24, squeeze=200.0)
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), 1).dwells(0)
+    off = 10.0 * np.random.default_rng(seed).choice([-1.0, 1.0], (3, 3))
+    moved = {name: getattr(dwells, name) + off for name in ("force", "force_min", "force_max")}
+    rng = np.random.default_rng(0)
+    found = self_calibrate(rig, replace(dwells, **moved), rng=rng, max_trials=0).reasons
+    assert [(one.code, one.subject) for one in found[:1]] == [("zero-suspected", ())]
