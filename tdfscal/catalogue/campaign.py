@@ -169,11 +169,11 @@ posture-over-capacity warns
   the {axis} axis of the sensor of {subject} reaches its capacity of {size}
 posture-saturated warns
   the {axis} axis of the sensor of {subject} is saturated at {size}
-  -> squeeze less, carry less, or widen the range of sensor and amplifier: how much is
-    cut off, the reading hides
+  -> squeeze less, carry less, or widen the range of sensor and amplifier; how much is
+    cut off is not known
 range-exceeded warns
-  the {axis} axis of the sensor of {subject} would have to read up to {size}, {excess:N} above
-  its capacity: so the other readings have it where it is cut off
+  by the other readings the {axis} axis of the sensor of {subject} would read up to {size} where it
+  is cut off, {excess:N} above its capacity
   -> {share:squeeze with at most ~ of these forces|lean or carry less, since the load alone
     exceeds it}, or widen the range of sensor and amplifier to {range:N} (or correct `capacity` in
     rig.yaml)
@@ -202,7 +202,7 @@ stretch-standing warns
 stretch-over-capacity warns
   a sensor is at its capacity
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> squeeze less, or carry less: how much is cut off, the reading hides
+  -> squeeze less, or carry less; how much is cut off is not known
 stretch-touched warns
   a wrench of {size} and {moment:N·m} about the barycentre that the model does not
   know: contact, or a motion too fast for it

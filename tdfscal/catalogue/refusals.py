@@ -73,19 +73,19 @@ axis-saturated refuses
   {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
   read{left_out: (~ more were left out)|}
   ? moves , and the whole log reads {low:.6g} to {high:.6g} N
-  -> check the range of the sensor and of its amplifier, and squeeze less: how much is
-    cut off, the reading hides
+  -> check the range of the sensor and of its amplifier, and squeeze less; how much is
+    cut off is not known
   @ log forces
 hinges-off refuses
   the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~
   is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
   servo coordinates of ~ are offset, or out of scale, by {by:m}{more: or more|}|}
   ? fits ; it would fit with {fits}
-  -> {fits:correct the position fields of the log block in rig.yaml (a sign by a negative factor of
-    `position_scale`, m per unit of the log)|measure
+  -> {fits:correct the position fields of the log block in rig.yaml|measure
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
     ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
-    or check the position fields and that log and rig.yaml belong together}
+    or check the position fields and that log and rig.yaml belong together}{turned:, or write
+    `log.supports.~.position_scale: [{signs}]`, times the metres of one unit of the log|}
   @ log positions
 terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards
@@ -119,8 +119,8 @@ instants-broken refuses
 forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the
   residuals fall from {before:.2g} to {after:.2g} times what is stated
-  -> correct the force fields of the log block in rig.yaml (a sign by a negative factor of
-    `force_scale`, N per unit of the log), or the cabling
+  -> correct the force fields of the log block in rig.yaml, or the cabling{turned:, or write
+    `log.supports.~.force_scale: [{signs}]`, times the newtons of one unit of the log|}
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors
@@ -128,9 +128,9 @@ force-rescaled refuses
   where ~ is declared|};
   without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
-  -> look at the recorder's scaling of that channel, and at its amplifier. Write the
-    newtons of one unit of the log as `force_scale` beside its force in the log block, or leave a
-    faulty axis out of `axes` in rig.yaml
+  -> look at the recorder's scaling of that channel, and at its amplifier. Write
+    `log.supports.{subject}.force_scale: [x, y, z]`, the newtons of one unit of the log on each
+    axis, or leave a faulty one out of `axes` in rig.yaml
   @ log forces
 zero-tared refuses
   the zero of {subject} jumped by ({jump}) N before posture {first:.0f}{between:time}{tared:, as a

@@ -42,6 +42,14 @@ class Wiring:
     source: IntArray
     sign: FloatArray
 
+    def turned(self, supports: tuple[str, ...]) -> dict[str, Value]:
+        """Whose axes have the opposite sign, and each axis' own; nothing of an exchange."""
+        which = np.flatnonzero((self.sign < 0).any(axis=1))
+        if not len(which) or np.any(np.diff(self.source.ravel()) != 1):
+            return {}
+        whose = supports[which[0]] if len(which) == 1 else "<each>"
+        return {"turned": whose, "signs": ", ".join(f"{s:.0f}" for s in self.sign[which[0]])}
+
     def signals(self, value: FloatArray) -> FloatArray:
         """Positions or forces (..., n, 3) as they would be."""
         flat = value.reshape(*value.shape[:-2], -1)
@@ -165,10 +173,7 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if off <= limit and up > 0:
         check_size(rig, position)
         return
-    facts: dict[str, Value] = {
-        "fits": _explanation(rig, position, limit),
-        **_farthest(rig, position),
-    }
+    facts = _explanation(rig, position, limit) | _farthest(rig, position)
     misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
     if not (facts["fits"] or misplaced):
         check_size(rig, position)
@@ -187,9 +192,8 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
 def _misplaced(rig: Rig, position: FloatArray) -> list[geometry.Cause]:
     """The hinges or positioners one of which explains the distances, the likeliest first."""
     found = geometry.examine(rig, position, np.full(len(position), rig.declared.positioner**2))
-    if not (found.explained and found.causes and found.causes[0].support is not None):
-        return []
-    return [cause for cause in found.causes if cause.support is not None]
+    told = found.explained and found.causes and found.causes[0].support is not None
+    return [cause for cause in found.causes if told and cause.support is not None]
 
 
 def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:
@@ -198,12 +202,8 @@ def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:
     logged = np.median(np.linalg.norm(position[:, first] - position[:, second], axis=2), axis=0)
     stated = np.linalg.norm(rig.hinge[first] - rig.hinge[second], axis=1)
     k = int(np.argmax(np.abs(logged - stated)))
-    return {
-        "first": rig.supports[first[k]],
-        "second": rig.supports[second[k]],
-        "logged": float(logged[k]),
-        "stated_m": float(stated[k]),
-    }
+    names = {"first": rig.supports[first[k]], "second": rig.supports[second[k]]}
+    return {**names, "logged": float(logged[k]), "stated_m": float(stated[k])}
 
 
 def check_size(rig: Rig, position: FloatArray) -> None:
@@ -271,16 +271,17 @@ def _turn(rig: Rig, position: FloatArray) -> FloatArray:
     return np.asarray(so3.log(so3.project(R.mean(axis=0))))
 
 
-def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
-    """Words for the rearrangement that fits upright with the terminal least turned."""
-    fitting = []
+def _explanation(rig: Rig, position: FloatArray, limit: float) -> dict[str, Value]:
+    """The rearrangement that fits upright with the terminal least turned: words and signs."""
+    fitting = {}
     for other in rewired_positions(rig.supports):
         place = other.signals(position)
         off, up = geometry.misfit(rig.hinge, place)
         if off <= limit and up > 0:
-            R, _ = register(rig.hinge, place)
-            fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), other.words))
-    return min(fitting)[1] if fitting else None
+            turn = so3.log(register(rig.hinge, place)[0])
+            fitting[float(np.median(np.linalg.norm(turn, axis=1))), other.words] = other
+    best = fitting[min(fitting)] if fitting else None
+    return {"fits": None} if best is None else {"fits": best.words, **best.turned(rig.supports)}
 
 
 def check_weight(rig: Rig, postures: Postures, state: State) -> None:

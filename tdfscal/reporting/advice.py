@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import ceil
 
 import numpy as np
@@ -106,9 +106,12 @@ def _to_mend(c: Calibration) -> Iterator[str]:
         yield begun(cure(Finding(found[0].code, names)), ".")
     rejected = c.fit.rejected if c.fit is not None else ()
     if touched := [r for r in rejected if r.code not in SPOILT]:
-        which = f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
-        yield f"Look what touched the terminal at {which}."
+        yield f"Look what touched the terminal at {_named(touched)}."
     yield from (begun(said, ".") for said in tuple(_of_the_sensors(c, rejected))[:1])
+
+
+def _named(touched: Sequence[RejectedPosture]) -> str:
+    return f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
 
 
 def _proof(c: Calibration) -> str:
@@ -202,7 +205,7 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
     if c.motion is None:
         if touched := [r for r in _many_rejected(c) if r.code not in SPOILT]:
             yield (
-                f"find what touched the terminal at postures {numbers(touched)} (cables, a hand, "
+                f"find what touched the terminal at {_named(touched)} (cables, a hand, "
                 "a stop), free it, and record again"
             )
         return

@@ -141,8 +141,8 @@ def _not_counted(c: Calibration) -> str:
         off = ":" if said else " off would move an angle by"
         move = rounded(1e3 * np.max(q.effect))
         said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
-    size = "" if counted == within(c) else f"; errors of that size would make it {counted}"
-    return f"Not counted, exact in the rig file: {', '.join(said)}{size}."
+    first = f"This does not count what the rig file calls exact: {', '.join(said)}"
+    return f"{first}." if counted == within(c) else f"{first}; if so, reckon with {counted}."
 
 
 def _trusted(c: Calibration) -> str:
@@ -229,7 +229,7 @@ def _rests_on(c: Calibration) -> str:
     said = f"Used: {', '.join(parts)}"
     if c.fit is not None and c.fit.dof:
         said += f"; residuals {c.fit.birge:.2f} times as large as stated"
-    return f"{said} (a constant contact would not show)." if contact else f"{said}."
+    return f"{said}. A constant contact would not show." if contact else f"{said}."
 
 
 def _without(left_out: Sequence[_Part], told: Callable[[Sequence[_Part]], str]) -> str:

@@ -144,8 +144,7 @@ def decision_rule(c: Calibration) -> str:
             f"{100 * UNDECLARED_ERROR:.1f} % of sound campaigns at most raise such a suspicion"
         )
     numbered = "; ".join(f"({k + 1}) {rule}" for k, rule in enumerate((*rules, end)))
-    said = f"Accepted where {numbered}. The limit is one of the uncertainty itself, so that no "
-    said += "guard band stands before it."
+    said = f"Accepted where {numbered}. Limits of uncertainties need no guard band."
     if c.status == "provisional":
         said += " Provisional: accepted, with lines of the drafted rig file still to be confirmed."
     if limits.contact is not None:

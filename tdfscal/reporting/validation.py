@@ -73,10 +73,8 @@ _SAID = {
         ),
     ),
 }
-_REJECTED = (
-    "Mend what the quality gate names and calibrate again: a rejected calibration is not fit for "
-    "use, whatever a check says."
-)
+_REJECTED = "Mend what the quality gate names and calibrate again: a check mends no calibration."
+_NEW_ZEROS = "Keep its angles; if the sensors were tared, bring their zeros in by `tdfscal update`."
 _LITTLE = ("rejected-in-use", "log-used-before", "log-before-calibration")
 _ANOTHER = "Validate on a log that did not go into the calibration."
 _LATER = "Validate on a log recorded since the calibration: only that shows whether it holds."
@@ -148,7 +146,8 @@ def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     if v.outcome == "unproven":
         advice = {_REJECTED: v.gate_rejected, _ANOTHER: v.own, _LATER: v.earlier, _MORE: v.few}
         return "not contradicted", (next((said for said in advice if advice[said]), _SHARPER),)
-    return _SAID[v.outcome]
+    verdict, steps = _SAID[v.outcome]
+    return verdict, (_NEW_ZEROS, *steps[1:]) if v.holds and v.zeros.moved else steps
 
 
 def _own(v: Tested, found: Finding) -> bool:
@@ -166,7 +165,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
     if v.holds:
         own = [f"{sentence(found)}." for found in findings if _own(v, found)]
         passed = f"{left} no more {allow} (χ² test: {chi2}; test for a single change: {search})."
-        zeros = [begun(told(found), ".") for found in changes(v)]
+        zeros = [begun(sentence(found), ".") for found in changes(v)]
         return [*own, passed, *zeros, *([] if own else [_sure(v)])]
     failed = []
     if v.judged.search_p < VALIDATION_SEARCH:

@@ -7,7 +7,7 @@ and its length says the scale. A jump is tried between all postures, its size el
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 
 import numpy as np
@@ -15,7 +15,8 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.log_against_rig import exchanged_channels, rewired_sensors
 from tdfscal.estimation.fit import Priors
-from tdfscal.frozen import record, replace
+from tdfscal.findings import Value
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import starting_state
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
@@ -43,13 +44,15 @@ _GAIN = np.log(1.2)
 class Undone:
     """The postures without a mistake.
 
-    names : what is named otherwise, in words, where that is the mistake. support, axis : whose
-    readings are `factor` times what they should be, every axis where None; `free`: that scale is
-    still in them. first : posture from which the support's zero jumped, which still is, too.
+    names : what is named otherwise, in words, where that is the mistake; signs : whose axes have
+    the opposite one, and each axis' own. support, axis : whose readings are `factor` times what
+    they should be, every axis where None; `free`: that scale is still in them. first : posture from
+    which the support's zero jumped, which still is, too.
     """
 
     postures: Postures
     names: str = ""
+    signs: Mapping[str, Value] = field(default_factory=dict)
     support: int = 0
     axis: int | None = None
     factor: float = 1.0
@@ -191,7 +194,7 @@ def _descended(
 
 def _renamed(rig: Rig, seen: Postures) -> Iterator[Undone]:
     for other in chain(rewired_sensors(rig.supports), exchanged_channels(rig.supports, rig.axes)):
-        yield Undone(other.postures(seen), other.words)
+        yield Undone(other.postures(seen), other.words, other.turned(rig.supports))
 
 
 def _in_other_units(rig: Rig, seen: Postures) -> Iterator[Undone]:

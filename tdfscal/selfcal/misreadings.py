@@ -237,7 +237,8 @@ def misread(
         "after": float(np.sqrt(found.misfit)),
     }
     if mistake.names:
-        return DataError(Finding("forces-exchanged", values=values | {"exchange": mistake.names}))
+        values |= {"exchange": mistake.names, **mistake.signs}
+        return DataError(Finding("forces-exchanged", values=values))
     subject = (rig.supports[mistake.support],)
     if rests is None or found.jump is None:
         axis = "" if mistake.axis is None else "xyz"[mistake.axis]

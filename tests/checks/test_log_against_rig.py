@@ -291,3 +291,16 @@ def test_a_unit_that_leaves_few_digits_is_no_dead_sensor(step: float, unit: floa
     }
     with pytest.raises(DataError, match="in kN where N" if unit < 1 else "in N where kN"):
         screen(rig, replace(DWELLS, **arrays))
+
+
+def test_signs_are_told_of_what_is_mirrored_and_not_of_what_is_exchanged() -> None:
+    """Written as factors they make of the readings what the wiring makes of them."""
+    value = np.random.default_rng(1).normal(size=(4, RIG.n, 3))
+    for wiring in rewired_sensors(RIG.supports):
+        told = wiring.turned(RIG.supports)
+        assert bool(told) is bool((wiring.sign < 0).any())
+        if told:
+            factor = np.ones((RIG.n, 3))
+            whose = [told["turned"] in (name, "<each>") for name in RIG.supports]
+            factor[whose] = [float(sign) for sign in str(told["signs"]).split(",")]
+            assert np.array_equal(factor * value, wiring.signals(value))

@@ -60,7 +60,7 @@ def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int
     assert len(exceeding(c)) == named
     sizes = np.diag(size) if apart else np.diag([np.hypot(*size), 0.0])
     total = np.hypot(half_widths(c), half_widths(c).max() * np.pad(sizes.sum(0), (0, 1))).max()
-    told = re.search(r"errors of that size would make it ± ([\d.]+) mrad", headline(c))
+    told = re.search(r"if so, reckon with ± ([\d.]+) mrad", headline(c))
     assert told
     assert 1e3 * total <= float(told[1]) < 1.1e3 * total
 
