@@ -154,19 +154,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return out
 
 
-def test_a_pool_and_an_update_name_the_sources_beneath(made: dict[str, Path]) -> None:
-    read = {name: tdfscal.load_calibration(made[name]) for name in ("a", "pooled", "ab")}
-    budgets = {name: c.to_dict()["budget"] for name, c in read.items()}
-    sources = {name: set(budget["sources"]) for name, budget in budgets.items()}
-    assert sources["pooled"] == sources["ab"] == sources["a"]
-    pairs = zip(budgets["pooled"]["angles"], budgets["ab"]["angles"], strict=True)
-    for ours, theirs in pairs:
-        assert ours["variance"]["zero"] == pytest.approx(theirs["variance"]["zero"], rel=0.1)
-    for name in ("pooled", "ab"):
-        total = [sum(angle["variance"].values()) for angle in budgets[name]["angles"]]
-        assert total == pytest.approx(np.ravel(read[name].rpy_std) ** 2, rel=1e-9)
-
-
 def codes(document: dict[str, list[dict[str, str]]]) -> list[str]:
     return [finding["code"] for finding in document["findings"]]
 

@@ -53,19 +53,6 @@ def test_lines_and_slow_waves_pass_and_fast_ones_do_not() -> None:
     assert np.abs(fast.force[inner]).max() < 0.02
 
 
-@pytest.mark.parametrize("rate", [50.0, 100.0, 500.0])
-def test_stamps_that_jitter_are_worth_their_jitter(rate: float) -> None:
-    """An error of a stamp is the slope times it: at most, as kernels average."""
-    even = np.arange(0, 60, 1 / rate)
-    jitter = 1e-3 * np.random.default_rng(1).uniform(-1.0, 1.0, even.size)
-    w = 2 * np.pi * 0.3
-    exact = log(even, np.sin(w * even))
-    shaken = Series(np.maximum.accumulate(even + jitter), exact.force[0].value)
-    slow = slow_streams([Log(NAMES, exact.position, (shaken,) * 3)], OPEN)
-    inner = slice(5, -5)
-    assert np.abs(slow.force - slow.position)[inner].max() < 1.0e-3 * w
-
-
 @pytest.mark.parametrize("parts", [2, 13])
 def test_pieces_make_no_difference(parts: int) -> None:
     time = np.arange(0, 20, 0.01)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.model.statics import internal_modes
 from tdfscal.planning.candidates import displacement, draw, travel_limits
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
@@ -14,17 +13,6 @@ from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 from .limits import limits
 
 RNG = np.random.default_rng
-
-
-@pytest.mark.parametrize("n", [3, 4, 8])
-def test_internal_modes_have_no_net_wrench_and_are_orthonormal(n: int) -> None:
-    arm = RNG(n).normal(size=(5, n, 3))
-    modes = internal_modes(arm)
-    assert modes.shape == (5, 3 * n - 6, n, 3)
-    assert np.allclose(modes.sum(axis=2), 0.0, atol=1e-12)
-    assert np.allclose(np.cross(arm[:, None], modes).sum(axis=2), 0.0, atol=1e-12)
-    flat = modes.reshape(5, 3 * n - 6, -1)
-    assert np.allclose(flat @ np.swapaxes(flat, 1, 2), np.eye(3 * n - 6), atol=1e-12)
 
 
 def test_forces_are_those_of_the_simulated_machine() -> None:

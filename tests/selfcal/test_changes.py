@@ -102,24 +102,6 @@ def test_postures_without_a_stated_noise_show_a_slip_too() -> None:
     assert result.reasons
 
 
-def test_a_noisy_channel_is_no_slip_and_a_slip_no_noise() -> None:
-    """Either explains some of the other; the likelier is named."""
-    options = Options(squeeze=100.0, postures=POSTURES)
-    batch = simulation.simulate_dwells(RIG, options, np.random.default_rng(77), 40)
-    for k in (7,):  # by themselves its residuals ask for a slip with χ² above 600
-        dwells = batch.dwells(k)
-        force = dwells.force.copy()
-        force[:, 0, 1] += 2.0 * np.random.default_rng(k).standard_normal(POSTURES)
-        noisy = fitted(RIG, replace(dwells, force=force))
-        assert ("sensor noise", 0) in [(s.kind, s.support) for s in noisy.suspicions]
-    faults = Faults(slips=(Slip(1, 12, (0.0, 0.0, SLIP)),))
-    batch = simulation.simulate_dwells(
-        RIG, replace(options, faults=faults), np.random.default_rng(22), 100
-    )
-    slipping = calibrated(batch, RIG, 66)  # its channels ask for noise too
-    assert turned(slipping)
-
-
 FORCE = (25.0, -15.0, 40.0)
 
 

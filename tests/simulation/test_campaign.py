@@ -82,20 +82,6 @@ def test_a_move_takes_the_force_that_its_mass_needs() -> None:
     np.testing.assert_allclose(net, expected, atol=1.01 * atol)
 
 
-def test_settling_dies_away_and_follows_a_move_only() -> None:
-    recorder = replace(SILENT, settling_force=20.0, settling=0.3)
-    options = still(postures=6, recorder=recorder, rpy=np.zeros((3, 3)))
-    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(6))
-    time, value = campaign.log.force[0].time, forces(campaign.log)
-    np.testing.assert_allclose(value[at_rest(campaign, 0)] - campaign.force[0], 0.0, atol=1e-9)
-    for k in range(1, 6):
-        wave = np.abs(value - campaign.force[k]).max(axis=(1, 2))
-        since = time - campaign.start[k]
-        assert wave[(since >= 0.0) & (since < 0.05)].max() > 5.0
-        late = (since > 0.9) & (time <= campaign.end[k])
-        assert wave[late].max() < 0.05**3 * 20.0 * 5.0  # three times 0.3 s; no draw beyond 5 sd
-
-
 def test_datum_errors_shift_what_is_logged_and_strain_nothing() -> None:
     rig = replace(exact_rig(), declared=DeclaredUncertainty(datum=1e-4))
     clean = simulate_campaign(exact_rig(), still(postures=3), np.random.default_rng(15))

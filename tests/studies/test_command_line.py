@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-import yaml
 
-from studies.__main__ import STUDIES, main
+from studies.__main__ import main
 from tests.cli.running import rows
 from tests.reporting.samples import sketch
 
@@ -28,22 +27,6 @@ def test_sensitivity(
     assert max(float(row["force, N"]) for row in rows(out / "plain.csv")) > 80.0
     assert (out / "fig-4.svg").is_file()
     assert "<svg" in (out / "study.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("name", "axes"), [*((name, ["z"]) for name in STUDIES), ("causes", ["x", "z"]), ("causes", [])]
-)
-def test_sensors_that_lack_axes_are_refused(
-    name: str, axes: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    content = yaml.safe_load(RIG.read_text(encoding="utf-8"))
-    content.pop("tracker", None)
-    content["supports"][1]["axes"] = axes
-    rig, out = tmp_path / "rig.yaml", tmp_path / "out"
-    rig.write_text(yaml.safe_dump(content), encoding="utf-8")
-    assert main([name, str(rig), "-o", str(out)]) == 2
-    assert "ncp2 measures fewer" in " ".join(capsys.readouterr().err.split())
-    assert not out.exists()
 
 
 @pytest.mark.parametrize(

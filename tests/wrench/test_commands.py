@@ -1,6 +1,5 @@
 """`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
 
-import re
 import shutil
 import time
 from dataclasses import dataclass, replace
@@ -28,7 +27,6 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.wrench.filtering import WALK, Walk
 from tests.cli.running import SAMPLES, Cli
 from tests.words import found
 
@@ -102,32 +100,6 @@ def test_contact_force_appears_where_it_acts(places: Places, cli: Cli, tmp_path:
         noise = np.sqrt(3 * (2.0**2 / dwell.sum() + 0.1**2))
         assert np.all(np.abs(found - truth) < 4 * np.hypot(std, noise))
         assert np.linalg.norm(raw - truth) > 20.0
-
-
-def test_filters_say_what_they_cost(places: Places, cli: Cli, tmp_path: Path) -> None:
-    found, said = {}, {}
-    for kind in ("none", "kalman", "smooth"):
-        target = tmp_path / f"{kind}.parquet"
-        line = ("apply", places.calibration, places.touched, "-o", target, "--filter", kind)
-        said[kind] = cli.json(*line, ends=0)["filter"]
-        table = pq.read_table(target)
-        found[kind] = np.stack([table[f"f{a}"].to_numpy() for a in "xyz"], axis=1)
-        time = table["time"].to_numpy()
-        assert table.schema.metadata[b"filter"].startswith(kind.encode())
-    assert said["none"] is None
-    # The recorder's noise is 1.5 to 2 N per sample, one draw per sensor.
-    assert 1.5 < said["kalman"]["noise"] < 2.0
-    assert said["smooth"]["delay"] == 0.0
-    c = places.campaign
-    since = time - time[0] + c.log.force[0].time[0]
-    rest = (since > c.start[USED] + 0.8) & (since < c.end[USED] - 0.1)
-    for kind in ("kalman", "smooth"):
-        left = found[kind][rest].std(axis=0) / found["none"][rest].std(axis=0)
-        np.testing.assert_allclose(left, said[kind]["noise_left"], rtol=0.25)
-    line = ("apply", places.calibration, places.held, "-o", target, "--filter", "kalman")
-    plain = cli(*line)
-    late_ms = float(re.search(r"filter kalman: (\d+\.?\d*) ms late", plain.out)[1])  # type: ignore[index]
-    assert late_ms == pytest.approx(1e3 * Walk.of(WALK, 1.75, 1 / 200).delay, rel=0.1)
 
 
 def test_few_samples_show_no_noise(places: Places) -> None:

@@ -1,6 +1,5 @@
 """A log that contradicts its rig is refused by `apply`; what may be contact is only said."""
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.logs import write_wrenches
 from tdfscal.wrench.contact_wrench import Wrenches
-from tests.cli.running import SAMPLES, Cli, Run, rows
+from tests.cli.running import SAMPLES, Cli
 
 
 @pytest.fixture(scope="module")
@@ -34,17 +33,6 @@ def declared(**values: str) -> Callable[[Path], object]:
         (folder / "rig.yaml").write_text(yaml.safe_dump(document))
 
     return edit
-
-
-def circled(folder: Path) -> None:
-    """The recorder's supports 2, 3 and 1 named 1, 2 and 3, with positions and forces."""
-    document = yaml.safe_load((folder / "rig.yaml").read_text())
-    fields = document["log"]["supports"]
-    names = list(fields)
-    document["log"]["supports"] = dict(
-        zip(names, [fields[name] for name in (*names[1:], names[0])], strict=True)
-    )
-    (folder / "rig.yaml").write_text(yaml.safe_dump(document))
 
 
 @pytest.fixture
@@ -95,22 +83,3 @@ def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
         write_wrenches(target, [good, bad], {})
     assert not list(tmp_path.iterdir())
     assert write_wrenches(target, [good], {}) == 3
-
-
-def test_supports_in_a_circle(calibration: Path, campaign: Path, tmp_path: Path, cli: Cli) -> None:
-    circled(campaign)
-    told = "ncp1 taken from ncp3 and ncp2 taken from ncp1 and ncp3 taken from ncp2"
-    target = tmp_path / "c.yaml"
-
-    def heard(seen: Run) -> None:
-        assert seen.status in (0, 1), seen.err
-        (warning,) = (f for f in json.loads(seen.out)["findings"] if "turned by" in f["text"])
-        assert warning["code"] == "terminal-turned"
-        assert "about Z of the BCS in every posture" in warning["text"]
-        assert told in warning["cure"]
-
-    heard(cli("calibrate", campaign, "-o", target, "--trials", 0, "-q", "--json"))
-    heard(cli("apply", calibration, campaign, "-o", tmp_path / "w.csv", "--json"))
-    heard(cli("validate", calibration, campaign, "-q", "--json"))
-    assert len(rows(tmp_path / "w.csv")) > 5000
-    assert "turned by" not in calibration.read_text()
