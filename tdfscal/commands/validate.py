@@ -144,7 +144,8 @@ def validate(
     lost = list[Finding]()
     if isinstance(result, Validation):
         lost = left_out(result.left_out.values(), len(result.dwells))
-    ended = overdue(by.rig, when.end[:10], "this check")
+    papers = by.rig if by.rig.sensors else use.calibration.rig.record()
+    ended = overdue(papers, when.end[:10], "this check")
     found = (*use.findings, *own, *past, *lost, *result.findings, *ended)
     making = Making(command, tuple(log.inputs))
     origin = Origin(use.calibration, use.name, by, when, making)

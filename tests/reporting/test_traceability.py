@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal import calibrate
+from tdfscal import calibrate, validate
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.numerics.distributions import coverage_factor
@@ -110,6 +110,16 @@ def test_what_an_error_of_the_tare_does(request: pytest.FixtureRequest, tmp_path
     wrong = calibrate(folder / "log.parquet", rig=tmp_path / "rig.yaml", trials=0)
     moved = 1e3 * float(np.abs(wrong.rpy - right.rpy).max())
     assert 0.1 * float(told[1]) < moved <= 1.05 * float(told[1])
+
+
+def test_a_check_goes_by_the_papers_of_the_calibration(tmp_path: Path) -> None:
+    rig = yaml.safe_load(Path("sample_data/csv/rig.yaml").read_text("utf-8"))
+    rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-01"}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig), "utf-8")
+    log = "sample_data/csv/log.csv"
+    found = calibrate([log], rig=tmp_path / "rig.yaml", trials=0, output=tmp_path / "c.yaml")
+    codes = [f.code for f in validate(found, ["sample_data/csv"]).findings]
+    assert "sensor-overdue" in codes
 
 
 def _due(c: Calibration) -> str:

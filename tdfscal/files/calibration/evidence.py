@@ -208,7 +208,9 @@ class ClockResult(Strict):
     """
 
     recorder: Text = key("its files, as the rig file names them")
-    offset: Number = key("s: its stamps minus the first's, at the first's first stamp")
+    offset: Number = key(
+        "s: its stamps minus the first's, at the first's first stamp, delay included"
+    )
     offset_std: NotNegative = key("s: standard uncertainty")
     rate: Number = key("relative: growth of the offset")
     rate_std: NotNegative = key("relative: standard uncertainty")
@@ -278,7 +280,9 @@ class MotionResult(Strict):
     seconds: Positive = key("s: length of what went in")
     dwells: Count = key("number of static postures that went in too", 0)
     rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
-    delay: MotionValue = key("s: force stamps minus position stamps, in the middle of the log")
+    delay: MotionValue = key(
+        "s: force stamps minus position stamps, in the middle of the log; beyond `clocks`"
+    )
     rate: MotionValue | None = key("growth of that delay, where the log says it", None)
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
