@@ -20,7 +20,7 @@ from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_
 from tdfscal.findings import Finding
 from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
-from tdfscal.reporting.traceability import doubts, measured_on, report_digest
+from tdfscal.reporting.traceability import digest_told, doubts, measured_on, report_digest
 from tdfscal.wrench.contact_wrench import unknown_components
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
@@ -202,7 +202,7 @@ def csv_table(c: Calibration) -> str:
         "measured": c.measured.told[1],
         "created": c.created,
         "software": f"{c.software.name} {c.software.version}",
-        "content_sha256": "" if c.unsealed else report_digest(c),
+        "content_sha256": report_digest(c) or "",
         "convention": c.convention,
         "remarks": "; ".join(cautions(c)),
     }
@@ -264,11 +264,10 @@ def _initialiser(values: FloatArray) -> str:
 
 def origin(c: Calibration) -> list[str]:
     """Lines that say what the numbers are, from what, and how to use them."""
-    own = " as it was read; the file itself keeps none" if c.unsealed else ""
     lines = [
         f"Installation rotations of the force sensors of: {c.rig.name}",
         f"{c.software.name} {c.software.version}, {c.method} calibration{measured_on(c)}, created "
-        f"{c.created}, {c.status}, content SHA-256 {report_digest(c)}{own}",
+        f"{c.created}, {c.status}, content {digest_told(c)}",
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
         *cautions(c),

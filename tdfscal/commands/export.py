@@ -12,7 +12,7 @@ from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import Calibration, CommandResult, read_source
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS, cautions
-from tdfscal.files.calibration.document import below_accepted
+from tdfscal.files.calibration.document import defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
@@ -33,7 +33,8 @@ class ExportResult(CommandResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What must be known of the calibration, and of what no controller takes from it."""
-        return (*map(told, self.findings), *cautions(self.calibration))
+        own = (told(found) for found in self.findings if found.code != "calibration-unsealed")
+        return (*own, *cautions(self.calibration))
 
     @property
     def text(self) -> str:
@@ -86,4 +87,4 @@ def export(
             hint="use --allow-rejected to export it all the same",
         )
     text = FORMATS[to](loaded, parent)
-    return ExportResult(to, text, loaded, one(output), tuple(below_accepted(name, loaded)))
+    return ExportResult(to, text, loaded, one(output), defects(name, loaded))

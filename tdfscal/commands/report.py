@@ -18,6 +18,7 @@ from tdfscal.commands.result import (
     read_sources,
     sources_of,
 )
+from tdfscal.files.calibration.document import defects
 from tdfscal.files.outputs import PAGE_SUFFIXES
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -35,8 +36,8 @@ class ReportResult(CommandResult):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What tells several apart; one by itself has its own."""
-        return () if self._compared is None else self._compared.findings
+        """What must be known of each, and what tells several apart."""
+        return defects(*self.named[0]) if self._compared is None else self._compared.findings
 
     @property
     def _compared(self) -> CompareResult | None:

@@ -100,22 +100,21 @@ class Result:
         return ()
 
     def plot(self, name: str | None = None) -> Figure:
-        """Draw one of the result's figures; the first, unless named.
+        """Draw one of the result's figures; the first, unless named; its table, where it has none.
 
         Raises
         ------
         UsageError
             There is no such figure.
         """
-        from tdfscal.reporting.figures.style import to_figure
+        from tdfscal.reporting.figures.style import of_table, to_figure
 
         drawings = {drawing.name: drawing for drawing in self.drawings()}
-        if not drawings:
-            raise UsageError(f"{type(self).__name__} has no figure", hint="use to_frame()")
         if name is not None and name not in drawings:
-            raise UsageError(
-                f"there is no figure {name!r}", hint=f"choose from {', '.join(drawings)}"
-            )
+            hint = f"choose from {', '.join(drawings)}" if drawings else "name none: the table"
+            raise UsageError(f"there is no figure {name!r}", hint=hint)
+        if not drawings:
+            return of_table(self.to_frame())
         return to_figure(drawings[name] if name else next(iter(drawings.values())))
 
     @property
@@ -213,7 +212,7 @@ class Calibration(Result, CalibrationFile):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file as plain JSON values, what was found first."""
-        content = file_content(self)
+        content = file_content(self) | ({"content_sha256": None} if self.unsealed else {})
         return {key: content[key] for key in ("command", "findings")} | content
 
     def table(self) -> dict[str, list[Any]]:

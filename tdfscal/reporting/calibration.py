@@ -76,7 +76,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         warnings=warnings(c),
         advice=advise(c),
         created=layout.utc(c.created),
-        number=report_digest(c)[:8],
+        number=(report_digest(c) or "")[:8],
     )
 
 

@@ -89,7 +89,7 @@ def content_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
     """By which method a calibration was made, what it holds, on what it relies."""
     return (
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
-        ("Content", f"SHA-256 {report_digest(c)}"),
+        ("Content", digest_told(c)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
         ("Taken as exact", exact_names(c)),
     )
@@ -110,15 +110,23 @@ def exact_names(c: Calibration) -> str:
     return "; ".join(q.name for q in c.taken_as_exact) or "nothing"
 
 
-def report_digest(c: Calibration) -> str:
-    """SHA-256 of the calibration's content; a report's number is its first eight digits."""
-    return str(file_content(c)["content_sha256"])
+def report_digest(c: Calibration) -> str | None:
+    """SHA-256 of the calibration's content, None where it was read from a file without one.
+
+    A report's number is its first eight digits.
+    """
+    return None if c.unsealed else str(file_content(c)["content_sha256"])
+
+
+def digest_told(c: Calibration) -> str:
+    """The same in words."""
+    return f"SHA-256 {report_digest(c) or 'not stated by the file'}"
 
 
 def calibration_fact(name: str, c: Calibration) -> tuple[str, str]:
     """Name a calibration that a check stands on: when it was measured, what it holds."""
     said = f"{name}, {METHODS[c.method]}{measured_on(c)}, {c.status}"
-    return "Calibration", f"{said}, content SHA-256 {report_digest(c)}"
+    return "Calibration", f"{said}, content {digest_told(c)}"
 
 
 def decision_rule(c: Calibration) -> str:

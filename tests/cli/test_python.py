@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import shutil
 from collections.abc import Hashable
 from pathlib import Path
@@ -16,7 +17,7 @@ import tdfscal
 from tdfscal.cli import app
 from tdfscal.errors import RejectedError
 from tests.cli.cases import CASES, COMMANDS, Case, called, function_of
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, Cli, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
@@ -71,8 +72,9 @@ def test_python_and_json_are_the_same(case: Case, capsys: pytest.CaptureFixture[
     frame = result.to_frame()
     assert isinstance(frame, pd.DataFrame)
     assert len(frame)
-    if result.drawings():
-        assert isinstance(result.plot(), Figure)
+    figure = result.plot()
+    assert isinstance(figure, Figure)
+    assert any(ax.has_data() for ax in figure.axes)
     for name in ("command", "status", "new"):
         with pytest.raises(AttributeError, match=f"cannot assign to field '{name}'"):
             setattr(result, name, "")
@@ -86,6 +88,26 @@ def test_options_have_the_same_names(command: str) -> None:
     of_both = {p.name for p in app.described(command).parameters}
     assert of_cli == of_both <= set(parameters)
     assert set(parameters) - of_both == {"progress"}
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("report BARE", "compare BARE survey.json", "report BARE survey.json"),
+        *("validate BARE brief", "apply BARE brief -o out/w.csv", "capability BARE brief"),
+        *("export BARE --to csv", "monitor BARE survey.json", "update BARE brief -o out/u.yaml"),
+    ],
+)
+def test_a_file_without_digest_is_told_by_whatever_uses_it(line: str, cli: Cli) -> None:
+    """And none is shown as if it stated one."""
+    own = Path("own.yaml").read_text(encoding="utf-8")
+    Path("bare.yaml").write_text(re.sub("content_sha256: .*\n", "", own), encoding="utf-8")
+    digest = re.findall(r"content_sha256: (\w+)", own)[0]
+    said = cli.json(*line.replace("BARE", "bare.yaml").split(), "-q")
+    Path("bare.yaml").unlink()
+    assert "calibration-unsealed" in {found["code"] for found in said["findings"]}
+    assert digest not in json.dumps(said)
 
 
 def test_a_function_follows_the_work(capsys: pytest.CaptureFixture[str]) -> None:

@@ -71,7 +71,7 @@ def test_still_valid() -> None:
         "2026-03-02 10:00:00 UTC to 2026-03-02 10:00:40 UTC",
         "2026-03-03 10:00:00 UTC",
         *("RH-02", "A. Muster", "Hall 3", "doors closed", "T-2", "D-K-2", "2027-01-31"),
-        *(report_digest(own.calibration), own.rig.sha256),
+        *(str(report_digest(own.calibration)), own.rig.sha256),
         *(q.name for q in own.calibration.taken_as_exact),
         "0.5 % of calibrations that hold",
     ):

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
@@ -25,6 +25,9 @@ from tdfscal.catalogue.numbers import typeset
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures import Drawing as Drawing
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BLACK, GREY, PALE = "#1a1a1a", "#6b6b6b", "#d9d9d9"
 BLUE, ORANGE, GREEN, RED = "#0b5394", "#d55e00", "#117733", "#a50f15"
@@ -153,6 +156,17 @@ def to_figure(drawing: Drawing) -> Figure:
     """Return the figure itself, for a notebook or to be changed."""
     with look():
         return drawing.paint()
+
+
+def of_table(table: pd.DataFrame) -> Figure:
+    """Return the numbers of a table over its rows, a line for each column."""
+    with look():
+        fig, (ax,) = panels(3.0, [""])
+        for k, (name, column) in enumerate(table.select_dtypes("number").items()):
+            ax.plot(column.to_numpy(), marker=".", color=LINES[k % len(LINES)], label=str(name))
+        ax.set_xlabel("row of the table")
+        legend_outside(fig, ax)
+    return fig
 
 
 def to_svg(drawing: Drawing) -> str:
