@@ -217,3 +217,8 @@ def test_a_survey_whose_log_is_missing_says_so(home: Path, tmp_path: Path, cli: 
     (found,) = result["findings"]
     assert found["subject"] == [str(bare)]
     assert "describes a log" in found["text"]
+
+
+def test_where_none_can_be_judged_there_is_no_history(home: Path, cli: Cli) -> None:
+    done = cli("monitor", home / "slipped", home / "saturated", "-q", ends=1)
+    assert str(home / "slipped") in done.err

@@ -251,3 +251,11 @@ def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
         load_rig(tmp_path)
     with pytest.raises(UsageError, match="cannot be read"):
         load_rig("rig\0.yaml")
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_fewer_than_three_supports(count: int) -> None:
+    head, _, rest = MINIMAL.partition("supports:\n")
+    kept = "".join(rest.splitlines(keepends=True)[:count])
+    with pytest.raises(RigError, match=r"supports: must be a list of three or more"):
+        parse(f"{head}supports:{'' if count else ' []'}\n{kept}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.cli.running import Cli
+from tests.cli.running import SAMPLES, Cli
 
 RPY = (0.1, -0.2, 0.3)
 SHIFT = np.array([1.0, -2.0, 0.5])
@@ -38,3 +38,10 @@ def test_options_of_instrument_and_groups(pair: tuple[Path, Path], cli: Cli) -> 
     assert abs(found["scale"] - 1) < 5 * found["scale_std"]
     for wrong in (["--range", "1e-5"], ["--range", "-1"], ["--groups", "A"], ["--match", "best"]):
         cli(*asked, *wrong, ends=2)
+
+
+def test_groups_in_frames_of_their_own(cli: Cli) -> None:
+    """Targets on several sensors share no frame: the advice is to take them one by one."""
+    survey = SAMPLES / "csv" / "tracker"
+    done = cli("register", survey / "targets.csv", survey / "nominal.csv", "--unit", "mm", ends=4)
+    assert "Each of the groups ncp1, ncp2, ncp3 fits by itself" in done.err

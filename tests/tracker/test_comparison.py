@@ -133,3 +133,12 @@ def test_joint_weights_in_closed_form() -> None:
     assert joint.rpy_std == pytest.approx(np.sqrt(0.8) * 1e-3, rel=1e-9)
     assert joint.weight == pytest.approx(0.2)
     assert joint.test.verified
+
+
+def test_other_supports_are_refused() -> None:
+    rng = np.random.default_rng(2)
+    X = truths(rng)
+    a = draw(rng, X, covariance(rng, 1e-3))
+    b = draw(rng, X, covariance(rng, 1e-3), ("ncp1", "ncp2", "ncp4"))
+    with pytest.raises(DataError, match="ncp4"):
+        compare_pair(("a", a), ("b", b))

@@ -231,3 +231,10 @@ def test_json_has_the_shape_of_the_model(tmp_path: Path) -> None:
     path.write_text(json.dumps({**content, "points": [point, point]}))
     with pytest.raises(DataError, match="already"):
         read_points(path, length_unit="m")
+
+
+def test_other_encodings(tmp_path: Path) -> None:
+    text = PLAIN.replace("P1", "Prüfpunkt")
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
+        read = read_points(write(tmp_path, text, encoding), length_unit="m")
+        assert read.point[0] == "Prüfpunkt"

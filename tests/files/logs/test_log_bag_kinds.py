@@ -25,6 +25,7 @@ from tests.files.logs.log_making import (
     rosbag2,
     write,
 )
+from tests.words import in_words
 
 TRUTH = make_truth()
 POINT = "geometry_msgs/msg/PointStamped"
@@ -150,3 +151,12 @@ def test_what_is_compressed_otherwise(tmp_path: Path, name: str) -> None:
     for look in (lambda: read_log([path], MAPPING, SUPPORTS), lambda: describe_logs([path])):
         with pytest.raises(UsageError, match=r"(?i)decompress it first.*\.zst"):
             look()
+
+
+def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
+    folder = sqlite_bag(tmp_path / "bag")
+    (path,) = folder.glob("*.db3")
+    (folder / "bag_1.db3").write_bytes(path.read_bytes())
+    log = read_log([folder], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert any("also holds bag_1.db3" in warning for warning in in_words(log.findings))

@@ -116,3 +116,17 @@ def test_paths_that_are_no_logs(tmp_path: Path) -> None:
         read([tmp_path])
     with pytest.raises(UsageError, match="no log is given"):
         read([])
+
+
+def test_gaps_are_counted(tmp_path: Path) -> None:
+    times = np.arange(3000) * 0.01
+    times[1000:] += 0.045
+    times[2000:] += 7.0
+    log = read([csv(tmp_path, times)])
+    assert len(log.position[0].time) == 3000
+    (warning,) = in_words(log.findings)
+    assert "2 gaps of more than 5 periods of 0.01 s" in warning
+    assert "longest of 7.01 s at 20.035 s" in warning
+    times = np.arange(3000) * 0.01
+    times[1000:] += 0.035
+    assert in_words(read([csv(tmp_path, times)]).findings) == ()

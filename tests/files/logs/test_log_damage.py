@@ -204,3 +204,12 @@ def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Pa
     for end in ("", "\n"):
         path.write_text(text + end)
         assert len(read_log([path], replace(DEFAULT, rows="postures"), ONE).force[0].time) == 5
+
+
+def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:
+    content = bytearray(whole("log.bag"))
+    *_, message = re.finditer(rb"conn=", content[: len(content) // 3])
+    content[message.end() - 1] ^= 4  # no name ends there any more
+    path = write(tmp_path / "log.bag", bytes(content[: len(content) // 2]))
+    with pytest.raises(DataError, match=r"the record at byte \d+ cannot be read"):
+        read_log([path], MAPPING, SUPPORTS)

@@ -186,3 +186,18 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
 def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
         read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)
+
+
+def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
+    channels = {
+        "/a": ("json", "x", b"{}"),
+        "/a.b": ("json", "x", b"{}"),
+    }
+    messages = [
+        ("/a", 10, json.dumps({"list": [{"p": {"x": 1, "y": 2, "z": 3}}]}).encode()),
+        ("/a.b", 20, json.dumps({"f": {"x": 4, "y": 5, "z": 6}}).encode()),
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    log = read_log([path], one_support("/a.list[0].p", "/a.b.f"), ("a",))
+    np.testing.assert_array_equal(log.position[0].value, [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(log.force[0].value, [[4.0, 5.0, 6.0]])

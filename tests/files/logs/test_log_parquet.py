@@ -1,5 +1,6 @@
 """Parquet logs."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log, LogMapping
 
 ONE = ("a",)
+STRUCT = LogMapping(ONE, (("p",),), (("f",),))
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
 
 
@@ -96,3 +98,14 @@ def test_times_know_their_unit(tmp_path: Path, unit: str, kind: str) -> None:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(plain(time=times)), path)
     np.testing.assert_array_equal(read_log([path], None, ONE).force[0].time, [0.0, 1.0, 2.0])
+
+
+def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
+    vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
+    columns = {"time": [10, 20], "p": vectors, "f": vectors}
+    mapping = replace(STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time_unit="ms")
+    log = read(tmp_path, columns, mapping)
+    values = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
+    np.testing.assert_allclose(log.position[0].value, values * 1e-6, rtol=3e-16)
+    np.testing.assert_allclose(log.force[0].value, -values * 1e3, rtol=3e-16)
+    np.testing.assert_allclose(log.force[0].time, [0.01, 0.02], rtol=3e-16)

@@ -73,6 +73,8 @@ def test_dates_are_clocks(tmp_path: Path, write: Callable[[datetime], str], ahea
     path = tmp_path / "log.csv"
     FRAME.assign(time=stamps(write)).to_csv(path, index=False)
     assert_same(path, None, BEGIN + ahead)
+    FRAME.assign(time=stamps(write)).to_parquet(tmp_path / "log.parquet")
+    assert_same(tmp_path / "log.parquet", None, BEGIN + ahead)
     info = describe_logs([path])
     assert info.mapping is not None
     assert info.mapping.time_field == "time"
