@@ -18,7 +18,6 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart, sentence
 from tdfscal.catalogue.numbers import by_wall_clock
-from tdfscal.checks.calibrated_rig import different_constants, other_papers
 from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.comparison.shared_data import Readings, readings, repeated
@@ -229,6 +228,8 @@ def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Fin
 
     Raises UsageError where they state other constants.
     """
+    from tdfscal.checks.calibrated_rig import different_constants, other_papers
+
     if found := different_constants(first[1], other[1]):
         raise UsageError(rigs_apart(found, "rigs-differ", first=first[0]), where=other[0])
     return other_papers(first, other)
