@@ -72,21 +72,3 @@ def test_an_undetermined_sensor(months: dict[str, list[Path]], tmp_path: Path, c
     result = monitored(cli, 0, first, last)
     assert all(check["path_rpy"][2] is None for check in result["checks"])
     assert any(warning.startswith("ncp3: no check") for warning in texts(result))
-
-
-def test_one_that_was_determined(months: dict[str, list[Path]], tmp_path: Path, cli: Cli) -> None:
-    """Two channels die after the first campaign, which still tells how the sensor is mounted."""
-    mixed = [months["whole"][0], *months["lacking"][1:3]]
-    found = calibrated(cli, tmp_path / "mixed.json", *mixed)
-    first = calibrated(cli, tmp_path / "first.json", mixed[0])
-    third, alone = found["supports"][2], first["supports"][2]
-    assert np.all(np.array(third["rpy_std"]) <= 1.05 * np.array(alone["rpy_std"]))
-    away = np.abs(np.array(third["rpy"]) - truth(mixed[-1])[2])
-    assert np.all(away < 4 * np.array(third["rpy_std"]))
-    assert [value is None for value in found["campaigns"][0]["zero"][2]] == [False] * 3
-    assert [value is None for value in found["campaigns"][1]["zero"][2]] == [True, True, False]
-    calibrated(cli, tmp_path / "second.json", mixed[1])
-    result = monitored(cli, 0, tmp_path / "first.json", tmp_path / "second.json")
-    assert all(check["path_rpy"][2] is not None for check in result["checks"])
-    assert [check["rpy"][2] is None for check in result["checks"]] == [False, True]
-    assert any("leaves ncp3 undetermined" in warning for warning in texts(result))

@@ -41,17 +41,6 @@ def test_each_dwell_has_the_temperature_of_its_time(fields: int, rate: float) ->
     assert np.abs(dwells.temperature - truth).max() < 0.5 * 3.0 / 3600.0 + 5 * 0.02
 
 
-def test_postures_carry_their_rows_temperature() -> None:
-    rows = np.arange(4.0)
-    rng = np.random.default_rng(0)
-    series = tuple(Series(rows, rng.normal(size=(4, 3))) for _ in range(6))
-    celsius = Series(rows, np.array([[20.0], [20.5], [21.0], [23.0]]))
-    log = Log(("a", "b", "c"), series[:3], series[3:], rows="postures", temperature=(celsius,))
-    dwells = find_dwells(log)
-    assert dwells.temperature is not None
-    np.testing.assert_allclose(dwells.temperature, np.tile(celsius.value, (1, 3)))
-
-
 def test_a_field_without_numbers_is_refused() -> None:
     log = with_fields(1)
     empty = Series(log.temperature[0].time, np.full_like(log.temperature[0].value, np.nan))

@@ -3,8 +3,6 @@
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
-
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
@@ -82,14 +80,3 @@ def test_still_valid() -> None:
     assert written["rig"] == {**own.rig.document, "sha256": own.rig.sha256}
     assert written["calibration"]["content_sha256"] == report_digest(own.calibration)
     assert written["calibration"]["measured"]["end"] == "2026-01-08T00:00:00Z"
-
-
-def test_what_changed_is_named_with_its_posture() -> None:
-    v = validation(60.0)
-    assert not v.holds
-    said = words(v)
-    assert v.outcome == "touched"
-    assert "RECORD AGAIN" in said
-    assert "contact in posture 3" in said
-    worst = np.linalg.norm(v.calibrated[:, :3], axis=1).max()
-    assert f"the largest is {worst:.2g} N, at posture 3" in said

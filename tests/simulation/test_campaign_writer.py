@@ -80,32 +80,3 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
     assert (not loaded.log) == (format == "parquet")
     assert loaded.tracker is not None
     assert loaded.tracker.paths[3] == tmp_path / "c/tracker/moves.csv"
-
-
-def test_tracker_files(tmp_path: Path) -> None:
-    played = simulate_to_folder(tmp_path / "c", scenario="tracker")
-    assert sorted(contents(tmp_path / "c")) == [
-        "rig.yaml",
-        "tracker/moves.csv",
-        "tracker/nominal.csv",
-        "tracker/servo.csv",
-        "tracker/targets.csv",
-        "truth.yaml",
-    ]
-    assert played.survey is not None
-    session = played.survey.session
-    for name, points, atol in (
-        ("nominal", session.nominal, 1e-16),
-        ("servo", session.servo, 1e-15),
-        ("targets", session.targets, 0.5e-9),
-        ("moves", session.moves, 0.5e-9),
-    ):
-        lines = (tmp_path / f"c/tracker/{name}.csv").read_text().splitlines()
-        rows = [line.split(",") for line in lines if line and not line.startswith(("//", "group"))]
-        assert tuple(row[0].strip() for row in rows) == points.group
-        assert tuple(row[1].strip() for row in rows) == points.point
-        xyz = np.array([[float(v) for v in row[2:]] for row in rows]) / 1000.0
-        np.testing.assert_allclose(xyz, points.xyz, rtol=0.0, atol=atol * 1.001)
-    measured = (tmp_path / "c/tracker/moves.csv").read_text()
-    assert "AXES = CARTESIAN" in measured
-    assert "(mm)" in measured
