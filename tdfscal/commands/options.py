@@ -197,7 +197,7 @@ def command(example: str) -> Callable[[_Function], _Function]:
         run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
         # `help` shows the types alone.
         bare = [named[p.name].replace(annotation=p.kind) for p in each]
-        bare[-1] = bare[-1].replace(default=None)  # nobody follows
+        bare[-1] = bare[-1].replace(default=None, annotation=Progress | None)  # nobody follows
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
