@@ -359,6 +359,15 @@ class Measured:
         return self.end / (30.4375 * 86400.0)
 
 
+#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
+_WALL_CLOCK = (631152000.0, 4102444800.0)
+
+
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether times of a log, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
 @record
 class Log:
     """A recorded campaign, or a piece of one, in SI units and tdfscal's sign.

@@ -14,6 +14,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from tdfscal.records import by_wall_clock
+
 #: Larger and smaller units in which a size is read, with their factors.
 UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6)),
@@ -23,9 +25,6 @@ UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "1": (("ppm", 1e6),),
     "N·m": (("N·m", 1.0),),
 }
-
-#: A log whose times lie between 1990 and 2100 has a wall clock; others count from some start, s.
-_WALL_CLOCK = (631152000.0, 4102444800.0)
 
 #: Probabilities that are told; beyond, nobody acts otherwise.
 _LEAST, _MOST = 1e-3, 0.99
@@ -67,11 +66,6 @@ def quantity(
 def bracketed(said: Sequence[str]) -> str:
     """Return several words as one: in brackets."""
     return f"({', '.join(said)})" if len(said) > 1 else "".join(said)
-
-
-def by_wall_clock(*times: float) -> bool:
-    """Tell whether times, s, are those of a wall clock."""
-    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
 
 
 def when(time: float) -> str:

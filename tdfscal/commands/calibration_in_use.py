@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart
-from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
 from tdfscal.commands.campaign import Campaign, PathLike, PathLikes, no_log, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
@@ -29,7 +28,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.postures import ZeroAge
-from tdfscal.records import CampaignInfo, FloatArray, Rig
+from tdfscal.records import CampaignInfo, FloatArray, Rig, by_wall_clock
 from tdfscal.wrench.contact_wrench import (
     Wrenches,
     at_rest,

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart, sentence
-from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.errors import DataError, OutputError, RigError, TdfscalError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
-from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
+from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations, by_wall_clock
 
 if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration

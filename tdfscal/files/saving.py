@@ -149,7 +149,7 @@ def input_file(path: Path, integrity: Integrity) -> InputFile:
         return described(integrity)
 
 
-def printable(text: str) -> str:
+def in_utf8(text: str) -> str:
     r"""A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
@@ -182,7 +182,7 @@ def fingerprint(path: Path) -> Iterator[Callable[[Integrity], InputFile]]:
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:
         digest = pool.submit(_sha256, path, stop.is_set)
         try:
-            yield lambda integrity: InputFile(printable(str(path)), *digest.result(), integrity)
+            yield lambda integrity: InputFile(in_utf8(str(path)), *digest.result(), integrity)
         finally:
             stop.set()
 

@@ -26,7 +26,7 @@ from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.rig.recorders import UNITS, canonical
-from tdfscal.files.saving import printable
+from tdfscal.files.saving import in_utf8
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
@@ -156,7 +156,7 @@ def describe_logs(
 
 
 def _with_problems(info: LogInfo, problems: list[str]) -> LogInfo:
-    return replace(info, problems=tuple(dict.fromkeys(map(printable, problems))))
+    return replace(info, problems=tuple(dict.fromkeys(map(in_utf8, problems))))
 
 
 class _Used:

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.rig.recorders import UNITS, canonical
-from tdfscal.files.saving import printable
+from tdfscal.files.saving import in_utf8
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, Piece, Request
 from tdfscal.logs.table import (
@@ -117,7 +117,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
         known = pq.read_metadata(stream)
         sizes = [known.row_group(k).total_byte_size for k in range(known.num_row_groups)]
         # Pyarrow takes no other names than UTF-8; Python opens any.
-        named = printable(str(path)) == str(path)
+        named = in_utf8(str(path)) == str(path)
         with pq.ParquetFile(
             path if named else stream,
             metadata=known,

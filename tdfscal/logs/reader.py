@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.catalogue.numbers import by_wall_clock, when
+from tdfscal.catalogue.numbers import when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.saving import fingerprint
@@ -18,7 +18,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.logs.formats import expand, files_of, open_log
 from tdfscal.logs.log_file import Request, ahead, make_request, placed
 from tdfscal.logs.streams import Streams, as_log, files_by_recorder, on_one_clock
-from tdfscal.records import BoolArray, Log, LogMapping, Series
+from tdfscal.records import BoolArray, Log, LogMapping, Series, by_wall_clock
 
 
 @record

@@ -32,7 +32,7 @@ UNSTATED_DELAY = 0.1
 #: oscillators hold 20 to 50 ppm.
 CLOCK_RATE = 3.0e-5
 #: Lever of the friction of which nothing is stated, m: a ball of 20 mm radius with μ = 0.25.
-_FRICTION_LEVER = 5.0e-3
+UNSTATED_FRICTION_LEVER = 5.0e-3
 #: Unstated inertia: 0 ± this many times m L², L the hinges' root mean square distance.
 _INERTIA_SHARE = 3.0
 
@@ -92,7 +92,7 @@ def prior(
         stated = voigt(rig.inertia.std)
         value[INERTIA] = voigt(rig.inertia.value)
         std[INERTIA] = np.where(np.isfinite(stated), stated, _INERTIA_SHARE * size)
-    std[FRICTION] = _FRICTION_LEVER * float(rig.mass.value) * rig.gravity / rig.n
+    std[FRICTION] = UNSTATED_FRICTION_LEVER * float(rig.mass.value) * rig.gravity / rig.n
     value[DELAY] = delay_value
     std[DELAY] = delay_std if np.isfinite(delay_std) else UNSTATED_DELAY
     std[RATE] = rate_std if delay_std > 0 else 0.0

@@ -118,7 +118,7 @@ class Postures:
     position, force : (K, n, 3), servo in the BCS (m), reading in the sensor frame (N).
     position_cov, force_cov : (K, n, 3, 3), all that does not average out included.
     moment_var : N²m², variance per axis of an additive moment (friction of the hinges).
-    approach : (K, 3), unit vector of the turn by which a posture was reached, BCS; 0 unknown.
+    friction_sense : (K, 3), unit vector of the turn by which a posture was reached, BCS; 0 unknown.
     measured : (n, 3), which components the sensors measure; the readings of others are ignored.
     motion : how the zeros may move over the postures.
     """
@@ -128,7 +128,7 @@ class Postures:
     position_cov: FloatArray
     force_cov: FloatArray
     moment_var: float
-    approach: FloatArray
+    friction_sense: FloatArray
     measured: BoolArray
     motion: ZeroMotion | None = None
 
@@ -142,7 +142,7 @@ class Postures:
 
     def subset(self, keep: BoolArray | IntArray | slice) -> Postures:
         """Return the postures that keep (a mask, indices or a slice) selects."""
-        arrays = ("position", "force", "position_cov", "force_cov", "approach")
+        arrays = ("position", "force", "position_cov", "force_cov", "friction_sense")
         motion = None if self.motion is None else self.motion.subset(keep)
         return replace(self, motion=motion, **{name: getattr(self, name)[keep] for name in arrays})
 
@@ -168,7 +168,7 @@ def alike(
         position_cov=place**2 * unit,
         force_cov=noise**2 * unit,
         moment_var=moment_var,
-        approach=np.zeros((len(force), 3)),
+        friction_sense=np.zeros((len(force), 3)),
         measured=measured,
         motion=motion,
     )
@@ -190,7 +190,7 @@ def postures(rig: Rig, dwells: Dwells, age: ZeroAge | None = None) -> Postures:
         position_cov=dwells.position_cov + rig.declared.positioner**2 * eye,
         force_cov=np.where(both, dwells.force_cov + excess * eye, 0.0),
         moment_var=rig.declared.hinge_moment**2,
-        approach=approach(register(rig.hinge, dwells.position)[0]),
+        friction_sense=friction_senses(register(rig.hinge, dwells.position)[0]),
         measured=rig.axes,
         motion=motion,
     )
@@ -223,7 +223,7 @@ def register(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, Float
     return R, p0 - R @ r0
 
 
-def approach(rotation: FloatArray) -> FloatArray:
+def friction_senses(rotation: FloatArray) -> FloatArray:
     """Unit vectors (K, 3), BCS, of the turns from posture to posture; rotation (K, 3, 3).
 
     Where a posture differs from the one before by a squeeze or a shift only, its hinges stay as

@@ -216,7 +216,7 @@ def _design(
     vertical = np.einsum("knr,kn->kr", turned[..., 2], F[..., 2])
     design[:, 3:, 18 * n + 12] = given - vertical
     design[:, 3:, 18 * n + 13] = vertical
-    design[:, 3:, 18 * n + 14] = -n * posture.approach  # − Σ_i ω/|ω| (theory, section 8)
+    design[:, 3:, 18 * n + 14] = -n * posture.friction_sense  # − Σ_i ω/|ω| (theory, section 8)
     if posture.motion is not None:
         by_motion = (
             of_zeros.reshape(K, 6, 1, n, 3)

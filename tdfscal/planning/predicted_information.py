@@ -87,7 +87,7 @@ class Sight:
             position_cov=np.broadcast_to(declared.positioner**2 * np.eye(3), shape),
             force_cov=np.broadcast_to(force_var * np.eye(3), shape),
             moment_var=declared.hinge_moment**2,
-            approach=np.zeros((len(force), 3)),
+            friction_sense=np.zeros((len(force), 3)),
             measured=rig.axes,
         )
 

@@ -12,12 +12,13 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
-from tdfscal.catalogue.numbers import by_wall_clock, rounded, when
+from tdfscal.catalogue.numbers import rounded, when
 from tdfscal.errors import visible
-from tdfscal.files.saving import printable
+from tdfscal.files.saving import in_utf8
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
+from tdfscal.records import by_wall_clock
 from tdfscal.reporting.layout import told_clock
 from tdfscal.reporting.text import table, wrapped
 
@@ -49,7 +50,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
         }
     files = [
         {
-            "path": printable(str(contents.path)),
+            "path": in_utf8(str(contents.path)),
             "format": contents.format,
             "bytes": contents.bytes,
             "streams": [asdict(stream) for stream in contents.streams],

@@ -9,6 +9,14 @@ import numpy as np
 from tdfscal.frozen import record, replace
 from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
+from tdfscal.simulation.driving import (
+    Moment,
+    Timeline,
+    between,
+    draw_timeline,
+    shaking,
+    streams,
+)
 from tdfscal.simulation.equilibrium import (
     Load,
     Postures,
@@ -21,14 +29,6 @@ from tdfscal.simulation.equilibrium import (
 )
 from tdfscal.simulation.faults import Place
 from tdfscal.simulation.options import Options
-from tdfscal.simulation.time_course import (
-    Moment,
-    Timeline,
-    between,
-    draw_timeline,
-    shaking,
-    streams,
-)
 from tdfscal.simulation.truth import Truth, draw_inertia
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults
+from tdfscal.simulation.driving import Trajectory, correlated, draw_trajectory, streams
 from tdfscal.simulation.equilibrium import Load, Pose, inertial, internal_part, reading, settle
 from tdfscal.simulation.options import MovingOptions, Options
-from tdfscal.simulation.time_course import Trajectory, correlated, draw_trajectory, streams
 from tdfscal.simulation.truth import Truth, draw_inertia, draw_truths
 
 #: Rate at which the equilibrium is computed, Hz; between its instants splines run.

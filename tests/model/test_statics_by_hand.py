@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal import simulation
 from tdfscal.model.parameters import State, nominal
-from tdfscal.model.postures import Postures, ZeroMotion, approach, postures, register
+from tdfscal.model.postures import Postures, ZeroMotion, friction_senses, postures, register
 from tdfscal.model.statics import balance, features
 from tdfscal.numerics import least_squares, so3
 from tdfscal.records import DeclaredUncertainty, Drift, FloatArray
@@ -59,7 +59,7 @@ def seen() -> Postures:
         position_cov=where @ np.swapaxes(where, 2, 3),
         force_cov=root @ np.swapaxes(root, 2, 3),
         moment_var=0.2,
-        approach=np.array([Rotation.random(random_state=k).as_rotvec() for k in range(K)]),
+        friction_sense=np.array([Rotation.random(random_state=k).as_rotvec() for k in range(K)]),
         measured=np.ones((4, 3), dtype=np.bool_),
         motion=ZeroMotion(("time",), elapsed, np.ones(1)),
     )
@@ -102,7 +102,7 @@ def test_residual_is_newtons_law() -> None:
         force = F[k].sum(axis=0) + W
         arms = R.apply(STATE.hinge - CENTRE)
         moment = np.cross(arms, F[k]).sum(axis=0) + np.cross(R.apply(STATE.barycentre - CENTRE), W)
-        moment -= 4 * float(STATE.friction) * AT.approach[k]
+        moment -= 4 * float(STATE.friction) * AT.friction_sense[k]
         assert np.abs(e[k] - [*force, *moment]).max() < 1e-8
     assert np.allclose(found.rotation, TURN.as_matrix(), rtol=0, atol=1e-13)
     assert np.allclose(found.arm[0], TURN[0].apply(STATE.hinge - CENTRE), rtol=0, atol=1e-13)
@@ -184,12 +184,12 @@ def test_postures_are_reached_along_their_last_turn() -> None:
     """Still, still, about x, squeezed there, back about −x, about y."""
     turns = [[0, 0, 0], [0, 0, 0], [0.1, 0, 0], [0.1, 0, 0], [0.05, 0, 0], [0.05, 0.2, 0]]
     R = Rotation.from_rotvec(turns)
-    found = approach(R.as_matrix())
+    found = friction_senses(R.as_matrix())
     last = (R[5] * R[4].inv()).as_rotvec()
     expected = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [-1, 0, 0], last / np.linalg.norm(last)]
     assert np.allclose(found, expected, rtol=0, atol=1e-12)
-    assert not approach(R[:2].as_matrix()).any()
-    assert not approach(R[:1].as_matrix()).any()
+    assert not friction_senses(R[:2].as_matrix()).any()
+    assert not friction_senses(R[:1].as_matrix()).any()
 
 
 def test_dwells_get_what_the_rig_file_declares() -> None:
@@ -214,8 +214,8 @@ def test_dwells_get_what_the_rig_file_declares() -> None:
     middle = (dwells.start + dwells.end) / 2
     assert np.allclose(found.motion.value[:, 0, 0], middle - middle[0], rtol=0, atol=1e-9)
     R, _ = register(rig.hinge, dwells.position)
-    assert np.array_equal(found.approach, approach(R))
+    assert np.array_equal(found.friction_sense, friction_senses(R))
     some = found.subset(np.arange(len(found)) > 2)
     assert len(some) == len(found) - 3
     assert np.array_equal(some.motion.value, found.motion.value[3:])  # type: ignore[union-attr]
-    assert np.array_equal(some.approach, found.approach[3:])
+    assert np.array_equal(some.friction_sense, found.friction_sense[3:])

@@ -11,7 +11,7 @@ import yaml
 from tdfscal.errors import visible
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.files.rig.reading import CONFIRM
-from tdfscal.files.saving import printable, represent_text
+from tdfscal.files.saving import in_utf8, represent_text
 
 if TYPE_CHECKING:
     from tdfscal.checks.rig_from_log import RigSketch
@@ -65,7 +65,7 @@ def draft(
         f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
         "# right: until then `calibrate` says which of them its result rests on.",
         f"format: {RIG_FORMAT}",
-        f"name: {_flow(printable(name))}",
+        f"name: {_flow(in_utf8(name))}",
         *_entry("levelness of the BCS, rad per horizontal axis; gravity points along its −Z",
                 "gravity: {magnitude: 9.80665, tilt_std: 0.0005}"),
         "terminal:",

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from tdfscal.catalogue.numbers import by_wall_clock
 from tdfscal.frozen import field, record
+from tdfscal.records import by_wall_clock
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

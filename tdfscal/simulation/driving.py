@@ -1,4 +1,4 @@
-"""The course of a campaign in time: dwells, smooth moves between them, and what they shake."""
+"""How a campaign is driven: dwells, smooth moves between them and what they shake, motions."""
 
 from __future__ import annotations
 
