@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
-from tdfscal.estimation.observability import PRIOR_SHARE
+from tdfscal.estimation.observability import PRIOR_SHARE, faked_information
 from tdfscal.frozen import record, replace
 from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Request, check_noise, draw
@@ -32,7 +32,6 @@ from tdfscal.planning.selection import (
 )
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.noisy_columns import faked_information
 
 
 @record

@@ -11,6 +11,7 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.estimation.fit import information as fit_information
+from tdfscal.estimation.observability import faked_information
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes, postures
@@ -20,7 +21,6 @@ from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, variances
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state, evaluate
-from tdfscal.selfcal.noisy_columns import faked_information
 from tdfscal.selfcal.outliers import fit_robust
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the

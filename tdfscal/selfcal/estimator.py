@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.estimation.fit import Priors, factored_information, information, solve
+from tdfscal.estimation.observability import faked_information, noise_pull
 from tdfscal.estimation.uncertainty import (
     NOISE,
     UNDECLARED,
@@ -46,7 +47,6 @@ from tdfscal.numerics.least_squares import (
     triangular,
 )
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.noisy_columns import faked_information, noise_pull
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6

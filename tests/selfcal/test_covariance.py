@@ -7,11 +7,11 @@ import pytest
 from scipy import stats
 
 from tdfscal.estimation.fit import information
+from tdfscal.estimation.observability import faked_information
 from tdfscal.estimation.uncertainty import EARLIER, NOISE, quality, without_faked
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
 from tdfscal.selfcal.estimator import evaluate, fit
-from tdfscal.selfcal.noisy_columns import faked_information
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
 
