@@ -22,10 +22,16 @@ if TYPE_CHECKING:
 #: What is loaded from `tdfscal.api` on first use.
 __all__ = [
     "Calibration",
+    "DataError",
     "Dwells",
     "LoadedRig",
     "Log",
+    "NotConvergedError",
+    "NotIdentifiableError",
+    "RejectedError",
+    "RigError",
     "TdfscalError",
+    "UsageError",
     "__version__",
     "apply",
     "calibrate",

@@ -25,7 +25,13 @@ from tdfscal.commands.simulate import simulate as simulate
 from tdfscal.commands.update import update as update
 from tdfscal.commands.validate import validate as validate
 from tdfscal.dwells import find_dwells as find_dwells
+from tdfscal.errors import DataError as DataError
+from tdfscal.errors import NotConvergedError as NotConvergedError
+from tdfscal.errors import NotIdentifiableError as NotIdentifiableError
+from tdfscal.errors import RejectedError as RejectedError
+from tdfscal.errors import RigError as RigError
 from tdfscal.errors import TdfscalError as TdfscalError
+from tdfscal.errors import UsageError as UsageError
 from tdfscal.errors import expect
 from tdfscal.files.calibration.document import save_calibration as save_calibration
 from tdfscal.files.rig.reading import LoadedRig as LoadedRig

@@ -71,6 +71,9 @@ class TdfscalError(Exception):
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
         super().__init__(visible(f"{place}{what}.{advice}"))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self).__new__, (type(self), *self.args), self.__dict__
+
     @property
     def finding(self) -> Finding:
         """What is wrong, by its code: its class's own where the error is stated in words."""

@@ -29,7 +29,16 @@ def _compared(self: Any) -> tuple[object, ...]:
 
 
 def _equal(self: Any, other: object) -> bool:
-    return _compared(self) == _compared(other) if type(other) is type(self) else NotImplemented
+    return _same(_compared(self), _compared(other)) if type(other) is type(self) else NotImplemented
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Equal, arrays by their shapes and elements."""
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if hasattr(a, "shape") and hasattr(b, "shape"):
+        return a.shape == b.shape and bool((a == b).all())
+    return a is b or bool(a == b)
 
 
 def _hash(self: Any) -> int:

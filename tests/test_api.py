@@ -1,12 +1,14 @@
 """The Python interface, as its documentation shows it."""
 
 import doctest
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tdfscal
+from tdfscal.frozen import replace
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 
@@ -30,3 +32,18 @@ def test_every_public_name_is_there_and_documented() -> None:
     for name in set(tdfscal.__all__) - {"__version__"}:
         assert getattr(tdfscal, name).__doc__, name
     assert set(tdfscal.__all__) == set(dir(tdfscal))
+
+
+def test_an_error_says_the_same_in_another_process() -> None:
+    with pytest.raises(tdfscal.UsageError) as caught:
+        tdfscal.calibrate("")
+    again = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(caught.value))))
+    assert type(again) is tdfscal.UsageError
+    assert (str(again), again.hint) == (str(caught.value), caught.value.hint)
+
+
+def test_what_is_read_twice_is_equal() -> None:
+    once, twice = (tdfscal.load_rig(SAMPLES / "mcap" / "rig.yaml") for _ in range(2))
+    assert once == twice
+    moved = replace(once.rig, hinge=once.rig.hinge + 1e-3)
+    assert once != replace(twice, rig=moved)

@@ -34,6 +34,8 @@ _PERCENT = re.compile(r"(?<=\d)%(?!\w)")
 #: Spaces at which no line ends, and what stands there.
 _UNBROKEN, FIXED = re.compile(r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)"), "\u00a0"
 _EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
+#: Beyond, nobody counts the digits of a number.
+_NO_LONGER_READ = 1e15
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 
@@ -79,8 +81,8 @@ def when(time: float) -> str:
 
 
 def without_exponent(number: str) -> str:
-    """Return a formatted number, whatever its size, without an exponent."""
-    if not _EXPONENT.fullmatch(number):
+    """Return a formatted number without an exponent, unless it is beyond all sense."""
+    if not _EXPONENT.fullmatch(number) or abs(float(number)) > _NO_LONGER_READ:
         return number
     return np.format_float_positional(float(number), trim="-", sign=number.startswith("+"))
 

@@ -190,7 +190,11 @@ def command(example: str) -> Callable[[_Function], _Function]:
 
         @wraps(function)
         def run(*positional: Any, **options: Any) -> Result:
-            return call(f"tdfscal.{name}", *positional, **options)
+            from threadpoolctl import threadpool_limits
+
+            # More threads of linear algebra wait for each other; numbers would follow the machine.
+            with threadpool_limits(1, "blas"):
+                return call(f"tdfscal.{name}", *positional, **options)
 
         told = "\n".join(f"    {p.name} : {p.option.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")

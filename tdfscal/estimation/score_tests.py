@@ -195,8 +195,9 @@ def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
 
 #: Share of the columns' size below which what stands out of the fit's is rounding.
 NOISE_ONLY = 1e-9
-#: Group, support, whitened columns (rows, g), what they are per unit of the rig file, and the score
-#: (g,) that noise makes by standing in them.
+#: Group (a key of `CODES`; of each and a support the likeliest stays), support, whitened columns
+#: (rows, g), what they are per unit of the rig file, and the score (g,) that noise makes by
+#: standing in them: 0 where they hold no readings, or their noise cancels over the postures.
 Suspect = tuple[str, int, FloatArray, float | FloatArray, FloatArray | float]
 #: The test of columns (m, g), the score (g,) that noise makes of them and what was asked, as a
 #: noise that is itself estimated widens it.
@@ -250,8 +251,9 @@ def ask(
     lean: FloatArray | float = 0.0,
     seen_from: float = NOISE_ONLY,
 ) -> Asked:
-    """Score of columns, `apart` of them beyond the fit's; lean : the score that noise makes.
+    """Score of columns G, `apart` of them beyond the fit's; lean : the score that noise makes.
 
+    The amount is what removes the residual e: −A⁺s, s = Gᵀe, A = GᵀG.
     seen_from : share of the columns' size that has to stand out of the fit's.
     """
     floor = seen_from * max(float(np.sum(columns**2)), np.finfo(float).tiny)

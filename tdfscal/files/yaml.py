@@ -101,11 +101,13 @@ def parse_document(
 
 def as_path(given: str | PathLike[str]) -> Path:
     """Return a path. Raises UsageError for what names no file."""
+    if given == "":  # as a path it would be the folder of now
+        raise UsageError("a path is empty", hint="name the file or folder")
     try:
         path = Path(given)
         path.lstat()
     except TypeError:
-        raise UsageError(f"{given!r:.40} names no file", hint="give a path") from None
+        raise UsageError(f"{shorten(repr(given), 40)} names no file", hint="give a path") from None
     except (ValueError, OSError) as fault:
         if isinstance(fault, ValueError) or fault.errno == errno.ENAMETOOLONG:
             raise unreadable(path, fault) from fault

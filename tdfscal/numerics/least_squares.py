@@ -115,8 +115,9 @@ class Asked:
 
 
 def ask(information: FloatArray, score: FloatArray, floor: FloatArray | float) -> Asked:
-    """Test columns by their information (..., g, g) and score (..., g) beyond a fit's.
+    """Test columns by their information A (..., g, g) and score s (..., g) beyond a fit's.
 
+    The statistic is sᵀA⁺s, the amount A⁺s.
     floor : (...), information below which a direction is rounding.
     """
     values, vectors = np.linalg.eigh(information)
