@@ -273,7 +273,9 @@ clock-jumped warns
 holes-more warns
   {number:.0f} more holes in all streams, cut likewise
 dwells-few notes
-  {number:.0f} static dwells are too few: the motion between them was taken
+  {number:.0f} static dwells are too few, {enough:.0f} are the least: the motion between them
+  was used
+  -> hold {enough:.0f} postures or more, each for 3 s ({number:.0f} are too few)
 dwells-unjudged notes
   {number:.0f} static {several:dwells do|dwell does} not suffice to be judged alone: what
   touched the terminal there only the other campaigns can tell

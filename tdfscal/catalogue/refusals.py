@@ -13,9 +13,10 @@ by-prior refuses
     rpy_std to let the data speak
 few-postures refuses
   standard uncertainty {unknown:more than ±1 rad|±{mrad:.2g} mrad} from {moving:too
-  short or too small a motion|too few or too similar postures}
-  -> {moving:move for longer|record more postures} with more tilt, tare the sensors,
-    and weigh the terminal
+  short or too small a motion|{few:~ postures, which are too few|too few or too similar
+  postures}}
+  -> {moving:move for longer|record {least:~ or |}more postures} with more tilt,
+    tare the sensors, and weigh the terminal
 along-load refuses
   the loads on this sensor stay within {within:.2g}° of one direction, and turning a
   sensor about its load changes nothing
@@ -46,8 +47,10 @@ estimate-unsettled refuses
 mountings-alike refuses
   two mountings explain the log about equally well (χ² apart by {number:.2g}):
   {mountings}
-  -> state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or
-    squeeze harder, tilt more and record more postures
+  ? few ; {few:.0f} postures are too few
+  -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by
+    nominal_rpy and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and
+    record more postures}
 axis-follows refuses
   the {axis} axis of the sensor of {subject} is declared as not measured, but its
   reading follows the load: it varies by {size}

@@ -24,6 +24,7 @@ from tdfscal.errors import (
     TdfscalError,
     UsageError,
 )
+from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.parts import Method
@@ -42,9 +43,6 @@ if TYPE_CHECKING:
 
 Samples = Literal["static", "moving", "all"]
 Own: TypeAlias = "SelfCalibration | MotionCalibration"
-
-#: Dwells from which a log is taken for a campaign of dwells: five determine the angles at all.
-_ENOUGH = 5
 
 
 @options.command("calibrate campaign -o calibration.yaml --html report.html")
@@ -182,7 +180,7 @@ def calibrate_samples(
     def moving(slow: Slow, dwells: int) -> Own:
         return _moving(log, slow, instead_of=dwells, rng=rng)
 
-    return by_samples(log, samples, _ENOUGH, still, moving, NotIdentifiableError)
+    return by_samples(log, samples, ENOUGH, still, moving, NotIdentifiableError)
 
 
 def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibration | None:
@@ -191,7 +189,7 @@ def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibratio
     dwells : of the log, which is read once more where they are too few to calibrate from.
     Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
     """
-    if len(dwells) >= _ENOUGH:
+    if len(dwells) >= ENOUGH:
         return None
     again = LogPass(log.campaign, log.settings)
     try:
@@ -199,7 +197,7 @@ def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibratio
     except TdfscalError as error:
         if len(dwells):
             return None
-        raise neither(dwells, error) from error
+        raise neither(dwells, ENOUGH, error) from error
 
 
 def _static(
@@ -242,8 +240,9 @@ def _moving(
     log.clocks = with_delay(log, found.fit.state.moving, found.estimate.moving_std, middle)
     # At rest the dwells bring along what the log says of itself.
     told = [finding for finding in log.messages if finding not in found.findings]
-    few = [Finding("dwells-few", size=instead_of)] if instead_of > 1 else []
-    return replace(found, findings=(*found.findings, *told, *few))
+    if instead_of > 1:
+        told.append(Finding("dwells-few", size=instead_of, values={"enough": ENOUGH}))
+    return replace(found, findings=(*found.findings, *told))
 
 
 def _all(log: LogPass, estimator: Estimator, rng: np.random.Generator) -> Own:

@@ -267,12 +267,14 @@ def by_samples(
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, final):
             return still(dwells, None)
-        raise neither(dwells, error) from error
+        raise neither(dwells, enough, error) from error
 
 
-def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
+def neither(dwells: Dwells, enough: int, error: TdfscalError) -> TdfscalError:
     """The error of a log that serves neither at rest nor in motion."""
-    few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
+    few = "there is no dwell"
+    if len(dwells):
+        few = f"{len(dwells)} static dwells are too few: {enough} are the least"
     return error.restated(what=f"{few}, and in motion: {error.what}")
 
 

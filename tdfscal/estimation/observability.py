@@ -27,6 +27,8 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import BoolArray, FloatArray, Rig
 
+#: Postures that determine the angles at all.
+ENOUGH = 5
 #: An angle known better than half its prior owes more to the data than to the prior.
 PRIOR_SHARE = 0.5
 #: Turning a sensor about its load is what no datum shows: within this angle it is the cause.
@@ -195,13 +197,13 @@ def verdict(
         for j in range(3)
     )
     axis, spread, across = load_directions(state, postures)
-    weak = []
+    weak, count = [], 0 if moving else len(postures)
     for k, angle in enumerate(angles):
         if angle.identified:
             continue
         i, j = divmod(k, 3)
         off = float(np.arccos(min(1.0, abs(axis[i, j]))))
-        weak.append(_explain(angle, off, spread[i], across[i], limit, moving))
+        weak.append(_explain(angle, off, spread[i], across[i], limit, count))
     lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
     return Observability(
         angles,
@@ -212,10 +214,15 @@ def verdict(
 
 
 def _explain(
-    angle: Angle, off: float, spread: float, across: float, limit: float, moving: bool
+    angle: Angle, off: float, spread: float, across: float, limit: float, count: int
 ) -> Weakness:
-    """Say why an angle is weak and what would help; off : rad, its axis from the loads'."""
-    values: dict[str, Value] = {"moving": moving, **_size(angle.std)}
+    """Say why an angle is weak and what would help.
+
+    off : rad, its axis from the loads'. count : of postures, 0 of a motion.
+    """
+    values: dict[str, Value] = {"moving": not count, **_size(angle.std)}
+    if 0 < count < ENOUGH:
+        values |= {"few": count, "least": ENOUGH}
     code = "angle-along-load"
     if angle.std < limit:
         code = "angle-by-prior"

@@ -252,7 +252,8 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
     if c.method == "tracker":
         yield f"measure more targets, farther apart, or from nearer: {weakest}"
     elif c.fit is None or not c.fit.postures:
-        yield f"squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
+        still = "".join(f"{found.cure}, or " for found in c.found("dwells-few"))
+        yield f"{still}squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
     else:
         wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
         harder, seen = _SPARE * worst / limit, c.observability

@@ -218,7 +218,11 @@ def _rests_on(c: Calibration) -> str:
     """How much went in, and how it fits."""
     parts = []
     if c.motion is not None:
-        parts.append(f"{c.motion.seconds:.0f} s of motion{_without(c.motion.rejected, _seconds)}")
+        few = "".join(
+            f", since {found.size:.0f} dwells are too few" for found in c.found("dwells-few")
+        )
+        without = _without(c.motion.rejected, _seconds)
+        parts.append(f"{c.motion.seconds:.0f} s of motion{few}{without}")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{count(c.fit.postures, 'posture')}{_without(c.fit.rejected, numbers)}")
     contact = bool(parts)

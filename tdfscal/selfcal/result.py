@@ -13,7 +13,7 @@ from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import Priors, information
-from tdfscal.estimation.observability import Observability, require_angles
+from tdfscal.estimation.observability import ENOUGH, Observability, require_angles
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import (
     Change,
@@ -101,7 +101,10 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
     require_angles(verdict, fit.converged, fit.iterations, seen)
     if near and near[0].as_likely:
         rival = near[0]
+        used = int(np.count_nonzero(fit.weight))
         values: dict[str, Value] = {"mountings": describe(rig, fit.state, rival.state)}
+        if used < ENOUGH:
+            values |= {"few": used, "least": ENOUGH}
         alike = Finding("mountings-alike", size=abs(rival.gap), values=values)
         raise NotIdentifiableError(alike, evidence=seen)
 

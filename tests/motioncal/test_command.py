@@ -130,3 +130,16 @@ def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
         np.sqrt(np.mean(both.rpy_std**2)), rel=0.1
     )
     assert any("--samples all" in sentence for sentence in advise(dwells))
+
+
+def test_two_postures_are_said_to_be_too_few(tmp_path: Path) -> None:
+    """At rest two mountings explain them; their moves stand for them, and say for how many."""
+    tdfscal.simulate(tmp_path, postures=2, format="parquet", rate=50.0)
+    moved = tdfscal.calibrate(tmp_path, trials=0)
+    (few,) = moved.found("dwells-few")
+    assert few.size == 2
+    assert any(few.cure and few.cure in said.lower() for said in advise(moved))
+    sample = Path(__file__).parents[2] / "sample_data" / "csv"
+    with pytest.raises(NotIdentifiableError) as refused:
+        tdfscal.calibrate(sample, to="+13", samples="static", trials=0)
+    assert refused.value.finding.values["few"] == 2
