@@ -131,8 +131,9 @@ serials-untold warns
   {subject} states the serial of {whose}, {than} does not: whether it is the same one is not known
   -> state it in both
 calibration-unsealed warns
-  {subject} has no `content_sha256`: it was edited since it was written, or another
-  program wrote it, and what stands in it once only is taken on trust
+  {subject} has no `content_sha256`: it was edited since it was written, or another program wrote
+  it, and it is taken on trust but where its rotations, zeros, gains, load and covariances
+  contradict each other
 calibrations-compatible notes
   metrologically compatible: {first} and {second} agree within their uncertainties ({p};
   largest difference: {angle} of {support}, {difference:+.3g} mrad, E_n = {en:.2f})

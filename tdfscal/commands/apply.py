@@ -18,6 +18,7 @@ from tdfscal.commands.options import Option, silent, triple, window
 from tdfscal.commands.result import CommandResult
 from tdfscal.files.writers.logs import (
     COLUMNS,
+    STATUS,
     SUFFIXES,
     columns_of,
     numbers_only,
@@ -176,7 +177,7 @@ def _behind(
 
 
 def _about(log: WrenchPass, kind: Kind) -> dict[str, str]:
-    """Metadata of a Parquet file."""
+    """What a file of wrenches says of them."""
     x, y, z = log.point
     place = f"the point ({x:g}, {y:g}, {z:g}) m" if log.point.any() else "the origin"
     c = log.use.calibration
@@ -189,7 +190,8 @@ def _about(log: WrenchPass, kind: Kind) -> dict[str, str]:
         "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
         "filter": "none" if kind == "none" else f"{kind}, walk {WALK:g} N in 1 s",
         "inertia": "not included (quasi-static)" if log.given.rig.inertia is None else "included",
-        "calibration": f"{c.method}, {c.created}, {c.status}",
+        "calibration": f"{c.method}, {c.created}",
+        STATUS: c.status,
         "rig": log.given.rig.name,
     }
 
@@ -238,7 +240,7 @@ class Totals:
         return {
             "rows": self.rows,
             "quasi_static": log.given.rig.inertia is None,
-            "calibration_status": log.use.calibration.status,
+            STATUS: log.use.calibration.status,
             "left_out": document(log.tally, "uncovered unreadable"),
             "start": self.begin,
             "end": self.end,

@@ -56,7 +56,8 @@ class ReportResult(CommandResult):
 
     def document(self) -> dict[str, Any]:
         """Return the content of all files, and how several compare, as JSON values."""
-        found: dict[str, Any] = {"verified": None, "comparisons": []}
+        sealed = not self.named[0][1].unsealed
+        found: dict[str, Any] = {"verified": sealed, "comparisons": []}
         if self._compared is not None:
             found = self._compared.document()
         return {"calibrations": [c.to_dict() for _, c in self.named], **found}

@@ -212,7 +212,7 @@ class Calibration(Result, CalibrationFile):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file as plain JSON values, what was found first."""
-        content = file_content(self) | ({"content_sha256": None} if self.unsealed else {})
+        content = file_content(self)
         return {key: content[key] for key in ("command", "findings")} | content
 
     def table(self) -> dict[str, list[Any]]:

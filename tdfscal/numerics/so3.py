@@ -157,6 +157,19 @@ def rpy_jacobian(R: npt.ArrayLike) -> FloatArray:
     return np.where(stuck[..., None, None], np.eye(3), jacobian)
 
 
+def entry_std(R: npt.ArrayLike, covariance: FloatArray) -> FloatArray:
+    """Standard uncertainties (n, 3, 3) of the entries of R (n, 3, 3): δR = [δ]× R.
+
+    covariance : (3n, 3n), rad², of the left perturbations δ of all of them.
+    """
+    R = np.asarray(R, dtype=np.float64)
+    own = np.arange(len(R))
+    blocks = covariance.reshape(len(R), 3, len(R), 3)[own, :, own]
+    slopes = np.cross(np.eye(3)[:, None], np.swapaxes(R, 1, 2)[:, None])  # of δ, column, row
+    variance = np.einsum("najr,nab,nbjr->nrj", slopes, blocks, slopes)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
 def rpy_covariance(R: npt.ArrayLike, covariance: FloatArray) -> FloatArray:
     """Covariance (n, 3, 3), rad², of roll, pitch, yaw of each of R (n, 3, 3).
 

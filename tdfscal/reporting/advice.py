@@ -20,9 +20,9 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.headline import (
     SOURCES,
     SPOILT,
-    exceeding,
     half_widths,
     numbers,
+    uncounted,
     within,
 )
 from tdfscal.reporting.traceability import not_whole
@@ -50,11 +50,9 @@ _CHANGES = {
 _BEARABLE = " (if sensors and hinges bear it)"
 #: What may be taken as exact, and the key of the rig file that states how well it is known.
 _STATED_BY = {
-    "NCP repeatability": "uncertainty.positioner",
     "hinge drawing": "uncertainty.hinge",
     "servo datums": "uncertainty.datum",
     "gain, crosstalk": "uncertainty.force_sensitivity",
-    "friction of the hinges": "uncertainty.hinge_moment",
     "base level": "gravity.tilt_std",
     "mass": "terminal.mass.std",
     "barycentre": "terminal.barycenter.std",
@@ -92,9 +90,9 @@ def advise(c: Calibration) -> tuple[str, ...]:
 
 
 def _to_measure(c: Calibration) -> Iterator[str]:
-    """What was taken as exact, where typical errors exceed the headline."""
-    if larger := exceeding(c):
-        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in larger)
+    """What was taken as exact, all that the headline names."""
+    if named := uncounted(c):
+        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in named)
         yield f"State in rig.yaml how well these are known: {keys}."
 
 

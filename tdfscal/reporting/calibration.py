@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import PurePath
 
-from tdfscal.catalogue.numbers import places, rounded, to_place, with_std
+import numpy as np
+
+from tdfscal.catalogue.numbers import bracketed, places, rounded, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
+from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.model import parameters
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import student_dof
 from tdfscal.numerics.streams import covered
-from tdfscal.records import ANGLES
+from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
@@ -76,7 +81,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         warnings=warnings(c),
         advice=advise(c),
         created=layout.utc(c.created),
-        number=(report_digest(c) or "")[:8],
+        number=(report_digest(c) or "unsealed")[:8],
     )
 
 
@@ -163,19 +168,27 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
 
 def _matrices(c: Calibration) -> tuple[Table, ...]:
     """What a reading is multiplied by, as the convention says."""
-    turned = [(m.name, m.rotation) for m in c.mounted]
-    gained = [(s.name, s.sensitivity) for s in c.supports if s.sensitivity is not None]
-    tables = [_by_row("Rotation, sensor to BCS", turned)]
-    return (*tables, _by_row("Sensitivity, I + S", gained)) if gained else tuple(tables)
+    n = len(c.supports)
+    turn_std = so3.entry_std(c.rotation, c.rotation_covariance)
+    tables = [_by_row("Rotation, sensor to BCS", c, c.determined, c.rotation, turn_std)]
+    gained = np.array([support.sensitivity is not None for support in c.supports])
+    if gained.any():
+        std = np.sqrt(np.diagonal(calibrated(c).covariance))[parameters.layout(n)["sensitivity"]]
+        gain_std = parameters.symmetric(std.reshape(n, 6))
+        tables.append(_by_row("Sensitivity, I + S", c, gained, c.sensitivity, gain_std))
+    return tuple(tables)
 
 
-def _by_row(caption: str, matrices: Sequence[tuple[str, Sequence[Sequence[float]]]]) -> Table:
+def _by_row(
+    caption: str, c: Calibration, which: BoolArray, value: FloatArray, std: FloatArray
+) -> Table:
+    """Matrices (n, 3, 3) of some sensors, each entry by the digits of its standard uncertainty."""
     rows = tuple(
-        (name, axis, *(f"{value:.9f}" for value in row))
-        for name, matrix in matrices
-        for axis, row in zip("xyz", matrix, strict=True)
+        (c.support_names[i], axis, *map(with_std, value[i, j], std[i, j]))
+        for i in np.flatnonzero(which)
+        for j, axis in enumerate("xyz")
     )
-    return Table(caption, ("sensor", "row", *"xyz"), rows, left=2)
+    return Table(f"{caption}; ± std. unc. (k = 1)", ("sensor", "row", *"xyz"), rows, left=2)
 
 
 def _budget(c: Calibration) -> tuple[Table, ...]:
@@ -196,13 +209,19 @@ def _root(variance: float | None) -> str:
 def _stated(c: Calibration) -> tuple[tuple[str, str], ...]:
     """The quantities with the standard uncertainties that went into the result."""
     rig = c.rig
-    tares = {", ".join(f"{std:g}" for std in s.zero.std) for s in rig.supports}
-    u = rig.uncertainty
+    load, u = rig.terminal, rig.uncertainty
+    tares = [f"{s.name} {_each(s.zero.value)}, std {_each(s.zero.std)} N" for s in rig.supports]
+    middle = [
+        _each(1e3 * size for size in row) for row in (load.barycenter.value, load.barycenter.std)
+    ]
     return (
-        ("Mass", f"{rig.terminal.mass.value:g} kg, std {rig.terminal.mass.std:g} kg"),
-        ("Barycentre", f"std {', '.join(f'{1e3 * s:g}' for s in rig.terminal.barycenter.std)} mm"),
-        ("Tare", f"std {'; '.join(sorted(tares))} N on x, y, z"),
-        ("Gravity", f"{rig.gravity.magnitude:g} m/s², std of the level {rig.gravity.tilt_std:g}"),
+        ("Mass", f"{load.mass.value:g} kg, std {load.mass.std:g} kg"),
+        ("Barycentre", f"{' mm, std '.join(middle)} mm"),
+        ("Tare", "; ".join(tares)),
+        (
+            "Gravity",
+            f"{rig.gravity.magnitude:.9g} m/s², std of the level {rig.gravity.tilt_std:g} rad",
+        ),
         (
             "NCPs, hinges, datums",
             f"std {1e6 * u.positioner:g}, {1e6 * u.hinge:g}, {1e6 * u.datum:g} µm",
@@ -210,6 +229,10 @@ def _stated(c: Calibration) -> tuple[tuple[str, str], ...]:
         ("Force noise, gain", f"std {u.force_noise:g} N, {100 * u.force_sensitivity:g} %"),
         ("Hinge friction", f"std {u.hinge_moment:g} N·m"),
     )
+
+
+def _each(values: Iterable[float]) -> str:
+    return bracketed([f"{value:g}" for value in values])
 
 
 def _tiles(c: Calibration) -> tuple[Row, ...]:

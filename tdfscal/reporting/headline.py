@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from tdfscal.catalogue.numbers import count, quantity, rounded, spans, upwards
+from tdfscal.catalogue.numbers import count, places, quantity, rounded, spans, to_place, upwards
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
@@ -78,12 +78,13 @@ def half_widths(c: Calibration) -> FloatArray:
 
 
 def within(c: Calibration) -> str:
-    """What holds for all angles, each by itself, mrad: never less than any of them."""
+    """What holds for all angles, each by itself, mrad; rounded as the tables are."""
     return _bounds(half_widths(c))
 
 
 def _bounds(half: FloatArray) -> str:
-    return f"± {upwards(1e3 * half.max(), 2)} mrad"
+    largest = 1e3 * float(half.max())
+    return f"± {to_place(largest, places(largest))} mrad"
 
 
 def headline(c: Calibration) -> str:
@@ -128,15 +129,11 @@ def _by_key(c: Calibration, lines: Iterable[str]) -> str:
 
 
 def _not_counted(c: Calibration) -> str:
-    """What is taken as exact, with what a typical error of it does, and what all make of ±.
-
-    What is small against the half widths is not named.
-    """
-    half = half_widths(c)
-    each = [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half.max()][:_QUANTITIES]
-    if not each:
+    """What is taken as exact, with what a typical error of it does, and what all make of ±."""
+    if not (each := uncounted(c)[:_QUANTITIES]):
         return ""
-    said, counted = list[str](), _bounds(np.hypot(half, INTERVAL_FACTOR * _together(_by_effect(c))))
+    together = np.sqrt(np.sum([np.square(q.effect) for q in c.taken_as_exact], axis=0))
+    said, counted = list[str](), _bounds(np.hypot(half_widths(c), INTERVAL_FACTOR * together))
     for q in each:
         off = ":" if said else " off would move an angle by"
         move = rounded(1e3 * np.max(q.effect))
@@ -169,25 +166,12 @@ def _trusted(c: Calibration) -> str:
     return " ".join(parts)
 
 
-def exceeding(c: Calibration) -> list[ExactQuantityResult]:
-    """Quantities taken as exact of which typical errors move an angle by more than its interval.
+def uncounted(c: Calibration) -> list[ExactQuantityResult]:
+    """Quantities taken as exact whose typical errors are not small against the half widths.
 
-    All together, at the interval's coverage. The worst first; the others together do not.
+    The one that moves an angle most first.
     """
-    each, half = _by_effect(c), half_widths(c).max() / INTERVAL_FACTOR
-    sizes = [(_largest(each[:k]), _largest(each[k:])) for k in range(len(each) + 1)]
-    if sizes[-1][0] <= half:
-        return []
-    return each[: next(k for k, (these, others) in enumerate(sizes) if others <= half < these)]
-
-
-def _largest(quantities: Sequence[ExactQuantityResult]) -> float:
-    return float(np.max(_together(quantities), initial=0.0))
-
-
-def _together(quantities: Sequence[ExactQuantityResult]) -> FloatArray:
-    """Moves (m, 3), rad, of the angles by typical errors of all, which are independent."""
-    return np.asarray(np.sqrt(np.sum([np.square(q.effect) for q in quantities], axis=0)))
+    return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half_widths(c).max()]
 
 
 def _by_effect(c: Calibration) -> list[ExactQuantityResult]:

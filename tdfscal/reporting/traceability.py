@@ -101,13 +101,26 @@ def provenance(c: Calibration) -> Section:
     if c.conformity is not None:
         judged = _contact(c, c.conformity) if c.accepted else "not judged: the result is rejected"
         facts.append(("Contact wrench", judged))
-    facts += [("Convention", c.convention), ("Covariance", c.covariance.definition)]
+    size = len(c.covariance.parameters)
+    whole = f"{c.covariance.definition}; the file's covariance block has all {size} × {size} of it"
+    facts += [("Convention", c.convention), ("Covariance", whole)]
     return making_of(c).section(*facts, page_only=False)
 
 
 def exact_names(c: Calibration) -> str:
-    """What has no uncertainty in the rig file, and so none in the result, as the file lists it."""
-    return "; ".join(q.name for q in c.taken_as_exact) or "nothing"
+    """What has no uncertainty in the rig file, and so none in the result."""
+    names, u, drift = [q.name for q in c.taken_as_exact], c.rig.uncertainty, c.rig.drift
+    if c.method != "tracker":
+        stated = {
+            "repeatability of the NCPs": u.positioner,
+            "friction of the hinges": u.hinge_moment,
+            "compliance": u.compliance.lateral + u.compliance.vertical,
+            "drift of the zeros": drift.time + drift.temperature + drift.walk,
+        }
+        known = ["friction of the hinges"] if c.motion is not None else []
+        names += [name for name, std in stated.items() if not std and name not in known]
+        names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
+    return "; ".join(names) or "nothing"
 
 
 def report_digest(c: Calibration) -> str | None:
@@ -115,7 +128,8 @@ def report_digest(c: Calibration) -> str | None:
 
     A report's number is its first eight digits.
     """
-    return None if c.unsealed else str(file_content(c)["content_sha256"])
+    digest: str | None = file_content(c)["content_sha256"]
+    return digest
 
 
 def digest_told(c: Calibration) -> str:
@@ -182,7 +196,7 @@ def _contact(c: Calibration, found: ConformityResult) -> str:
     ]
     rpy = ", ".join(f"{angle:g}" for angle in found.rpy)
     given = f", given that what is taken as exact ({exact_names(c)}) is exact"
-    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given * bool(c.taken_as_exact)}"
+    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given}"
 
 
 def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> Section:

@@ -189,6 +189,7 @@ def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> 
     said = " ".join(cli("export", path, "--to", to, ends=0).out.replace("*", " ").split())
     assert "has no `content_sha256`: it was edited" in said
     assert "certificate of support_2's sensor ended on 2020-01-31" in said
+    assert str(content["content_sha256"]) not in said
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")

@@ -78,6 +78,13 @@ def test_covariance_of_angles_by_differences() -> None:
     assert np.allclose(variance, np.diagonal(expected, axis1=1, axis2=2), rtol=1e-7)
 
 
+def test_what_an_entry_of_a_rotation_is_known_to_by_complex_step() -> None:
+    h, R, A = 1e-30, so3.exp(AXES[:2]), RNG.normal(size=(6, 6))
+    moved = [so3.exp(1j * h * column.reshape(2, 3)) @ R for column in A.T]
+    variance = np.sum([(each.imag / h) ** 2 for each in moved], axis=0)
+    np.testing.assert_allclose(so3.entry_std(R, A @ A.T) ** 2, variance, rtol=1e-12)
+
+
 def test_project_returns_the_nearest_rotation_never_a_mirror() -> None:
     M = RNG.normal(size=(200, 3, 3))
     R = so3.project(M)

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tdfscal.catalogue.numbers import upwards
+from tdfscal.catalogue.numbers import places, to_place
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
@@ -96,7 +96,7 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     assert reader.tags.count("svg") == 4
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
-    half = half_widths(c).max()
-    known = f"within ± {upwards(1e3 * half, 2)} mrad (95 %)"
+    half = 1e3 * half_widths(c).max()
+    known = f"within ± {to_place(half, places(half))} mrad (95 %)"
     assert f"each that is determined is known to {known}" in said
     assert re.search(r"support_4\s+undetermined", said)

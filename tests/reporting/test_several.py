@@ -119,6 +119,12 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, cli: Cli) -> None:
     (pair,) = found["comparisons"]
     told = {each["code"]: each["subject"] for each in pair["findings"]}
     assert told == {key: [str(bare)] for key in ("serials-untold", "calibration-unsealed")}
+    found = cli.json("report", bare, "--html", tmp_path / "bare.html")
+    assert found["verified"] is False
+    assert found["calibrations"][0]["content_sha256"] is None
+    said = (tmp_path / "bare.html").read_text("utf-8") + cli("report", bare).out
+    assert content["content_sha256"][:8] not in said
+    assert cli.json("report", paths[0])["verified"] is True
     same = several([("a", mine), ("b", of(FEBRUARY, "R-1"))])
     assert same.verdict == "COMPATIBLE"
     assert several([("a", mine), ("b", other)]).verdict == "NOT COMPARABLE"

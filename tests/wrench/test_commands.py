@@ -184,6 +184,11 @@ def test_a_rejected_calibration_passes_no_check(places: Places, cli: Cli, tmp_pa
     assert cli.json("validate", target, places.held, ends=1)["holds"]
     used = cli("apply", target, places.held, "-o", tmp_path / "w.csv", ends=0)
     assert "IS A REJECTED CALIBRATION, not fit for use: a test" in used.err
+    assert set(pd.read_csv(tmp_path / "w.csv")["calibration_status"]) == {"rejected"}
+    doubts = cli.json("apply", target, places.held, "-o", tmp_path / "w.parquet")["findings"]
+    assert {each["code"] for each in doubts} >= {"rejected-in-use", "calibration-unsealed"}
+    about = pq.read_schema(tmp_path / "w.parquet").metadata
+    assert about[b"calibration_status"] == b"rejected"
 
 
 def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> None:

@@ -281,7 +281,10 @@ def parse_calibration(raw: bytes, source: str) -> Calibration:
 
 
 def file_content(calibration: Calibration) -> dict[str, Any]:
-    """Return what stands in a calibration file as plain JSON values."""
+    """Return what stands in a calibration file as plain JSON values.
+
+    One that was read without a digest gets none: what nobody vouched for is not sealed.
+    """
     # By the file's own serialiser: another would be built for each class that adds methods to it.
     write = Calibration.__pydantic_serializer__.to_python
     content: dict[str, Any] = write(calibration, mode="json", exclude_none=True)
@@ -291,7 +294,7 @@ def file_content(calibration: Calibration) -> dict[str, Any]:
             support.setdefault(name, None)
     nothing = dict.fromkeys(parts.FindingResult.model_fields)
     content["findings"] = [nothing | finding for finding in content["findings"]]
-    return {**content, "content_sha256": digest}
+    return {**content, "content_sha256": None if calibration.unsealed else digest}
 
 
 def dump_calibration(calibration: Calibration, form: Format) -> str:

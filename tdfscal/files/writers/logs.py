@@ -204,6 +204,8 @@ TOPICS = {
     "/contact_wrench/uncalibrated": "raw_",
 }
 """Topic → prefix of the same columns in a table."""
+STATUS = "calibration_status"
+"""Key of the gate's verdict on the calibration."""
 _LAST = float(2**31)
 Append = Callable[[Wrenches], None]
 
@@ -216,8 +218,9 @@ def write_wrenches(
 ) -> int:
     """Write the pieces as they come and return the number of rows.
 
-    about : what the values are, kept in the metadata of Parquet and MCAP. frame : of the messages
-    in MCAP. A standard uncertainty that is not known is null (CSV: empty, MCAP: NaN).
+    about : what the values are, kept in the metadata of Parquet and MCAP; CSV has a column
+    `calibration_status` where that is not `accepted`. frame : of the messages in MCAP. A standard
+    uncertainty that is not known is null (CSV: empty, MCAP: NaN).
 
     Raises UsageError where the file cannot be written and DataError where a wrench is no number;
     what the pieces raise passes through. Then no file appears.
@@ -264,7 +267,10 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
 
     from tdfscal.files.arrow import as_arrow
 
-    schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
+    fields, told = [(name, pa.float64()) for name in COLUMNS], dict[str, str]()
+    if text and (status := about.get(STATUS, "accepted")) != "accepted":
+        told, fields = {STATUS: status}, [*fields, (STATUS, pa.string())]
+    schema = pa.schema(fields, metadata=dict(about))
     writer: Any
     if text:
         writer = csv.CSVWriter(beside, schema, write_options=csv.WriteOptions(quoting_style="none"))
@@ -274,6 +280,7 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
 
     def append(piece: Wrenches) -> None:
         arrays = [as_arrow(v, ~np.isfinite(v)) for v in columns_of(piece).values()]
+        arrays += [pa.array([said] * len(piece.time)) for said in told.values()]
         writer.write_table(pa.table(arrays, schema=schema))
 
     with writer:
