@@ -84,7 +84,8 @@ hinges-off refuses
   is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
   servo coordinates of ~ are offset, or out of scale, by {by:m}{more: or more|}|}
   ? fits ; it would fit with {fits}
-  -> {fits:correct the position fields of the log block in rig.yaml|measure
+  ? whole , and so would their forces
+  -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|measure
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
     ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
     or check the position fields and that log and rig.yaml belong together}{turned:, or write
@@ -93,8 +94,9 @@ hinges-off refuses
 terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards
   ? fits ; it would fit with {fits}
-  -> {fits:correct the position fields of the log block in rig.yaml|check the position
-    fields, and that log and rig.yaml belong together}
+  ? whole , and so would their forces
+  -> {fits:correct the position {whole:and force |}fields of the log block in
+    rig.yaml|check the position fields, and that log and rig.yaml belong together}
   @ log positions
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml

@@ -64,7 +64,7 @@ class Wiring:
         return replace(seen, force=self.signals(seen.force), force_cov=sign * cov)
 
 
-def exchanged_supports(supports: tuple[str, ...], what: str) -> Iterator[Wiring]:
+def exchanged_supports(supports: tuple[str, ...], what: str = "the positions") -> Iterator[Wiring]:
     """Supports exchanged: in every order for up to four, two by two beyond.
 
     what : that is theirs, in words.
@@ -99,7 +99,7 @@ def rewired_sensors(supports: tuple[str, ...]) -> Iterator[Wiring]:
 
 def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
     """Positioners exchanged; axes of one, or of all, exchanged, or of opposite sign."""
-    yield from exchanged_supports(supports, "the positions")
+    yield from exchanged_supports(supports)
     yield from mirrored_frames(len(supports))
     for name in supports:
         yield from _rewired_axes(supports, name, _PLACES)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: A mistake is believed when without it the residuals' variance is below the present one's by
 #: this, and not above what is stated by as much.
-_BETTER = 9.0
+BETTER = 9.0
 #: Postures that are looked at, at most, evenly spread over the log.
 MOST_POSTURES = 60
 #: Share of a tare by which it may miss the load, at most.
@@ -198,14 +198,14 @@ def misreading(
     order = np.arange(len(observed)) if rests is None else np.argsort(rests.time, kind="stable")
     some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
     seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
-    if misfit < _BETTER:
+    if misfit < BETTER:
         return None
     starts = np.stack([nominal(rig).rotation, present.state.rotation])
     tried = [
         _fitted(rig, seen, each, rotation, order[some])
         for each, rotation in lowest(rig, seen, starts, timed=rests is not None)
     ]
-    better = [m for m in tried if _BETTER * m.misfit < misfit and m.misfit < _BETTER]
+    better = [m for m in tried if BETTER * m.misfit < misfit and m.misfit < BETTER]
     if not better:
         return None
     found = _likeliest(better)

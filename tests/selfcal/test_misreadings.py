@@ -86,3 +86,16 @@ def test_a_mirrored_axis_of_every_sensor_is_no_negative_mass(axis: int) -> None:
     dwells = recorded(3, 150.0, scaled(-1.0, slice(None), axis))
     with pytest.raises(DataError, match=f"F{'xyz'[axis]} of every sensor has the opposite sign"):
         fitted(rig, dwells)
+
+
+@pytest.mark.parametrize("n", RIGS)
+def test_whole_supports_exchanged_are_named_at_once(n: int) -> None:
+    """Positions and forces; where positions alone are exchanged, forces are left as they are."""
+    options = Options(postures=14, squeeze=200.0)
+    dwells = simulation.simulate_dwells(RIGS[n], options, np.random.default_rng(n), 1).dwells(0)
+    order = [1, 0, *range(2, n)]
+    for whole in (True, False):
+        force = dwells.force[:, order] if whole else dwells.force
+        with pytest.raises(DataError, match=r"ncp1 taken from ncp2 and ncp2 taken") as error:
+            fitted(RIGS[n], replace(dwells, position=dwells.position[:, order], force=force))
+        assert ("position and force fields" in str(error.value)) == whole
