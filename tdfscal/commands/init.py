@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, find_logs
 from tdfscal.commands.options import silent
 from tdfscal.commands.result import CommandResult
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
-from tdfscal.files.rig.draft import draft
+from tdfscal.files.rig.draft import RigSketch, draft, sketch_rig
 from tdfscal.files.rig.reading import parse_rig, unconfirmed
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.checks.rig_from_log import sketch_rig
 from tdfscal.errors import DataError
+from tdfscal.files.rig.draft import sketch_rig
 
 
 def test_instants_without_a_finite_number_are_left_out() -> None:
