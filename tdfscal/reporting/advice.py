@@ -92,7 +92,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
 def _to_measure(c: Calibration) -> Iterator[str]:
     """What was taken as exact, all that the headline names."""
     if named := uncounted(c):
-        keys = ", ".join(f"`{_STATED_BY[q.name]}`" for q in named)
+        keys = ", ".join(f"`{_STATED_BY.get(q.name, q.name)}`" for q in named)
         yield f"State in rig.yaml how well these are known: {keys}."
 
 
