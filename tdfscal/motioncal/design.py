@@ -65,7 +65,8 @@ class BlockDesign:
         """Coefficients (F, 6) at features (q + 13 + s + all rests,), or (F, 6, c) of c of them."""
         cut = self.design.shape[2]
         own = psi[cut:][self.place]
-        return np.asarray(self.design @ psi[:cut] + self.rests @ own)
+        # One product of all rows, not one of six rows for every frequency.
+        return np.tensordot(self.design, psi[:cut], axes=1) + np.tensordot(self.rests, own, axes=1)
 
     def weight(self, model: NoiseModel) -> FloatArray:
         """How much the components (F, r) count under a spectrum."""

@@ -195,12 +195,11 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
     information = steps.beside(steps.sums(places, np.arange(6 * n + 1)))
     # Neighbouring instants of a band of frequencies are no tests of their own.
     tests = 2 * BAND * len(steps.time) * len(suspects)
-    found = [
+    asked = (
         _at_its_best(steps, group, support, own, places, information[:, own[:, None], own], tests)
         for group, support, own in suspects
-    ]
-    found = [step for step in found if step.p_value <= CHANGED_RIG]
-    found.sort(key=lambda step: step.worth, reverse=True)
+    )
+    found = sorted(filter(None, asked), key=lambda step: step.worth, reverse=True)
     near = [step for step in found[1:] if found[0].worth - step.worth < CAUSES_APART]
     return (*found[:1], *(step for step in near if step.group != "delay"))
 
@@ -213,8 +212,8 @@ def _at_its_best(
     places: IntArray,
     information: FloatArray,
     tests: float,
-) -> Step:
-    """A step at its likeliest instant.
+) -> Step | None:
+    """A step at its likeliest instant; None where noise does as well.
 
     own : its columns. information : (S, g, g), at the places. tests : made in all.
     """
@@ -223,9 +222,12 @@ def _at_its_best(
     low = np.minimum(at.astype(np.int64), len(places) - 2)
     share = (at - low)[:, None, None]
     between = (1 - share) * information[low] + share * information[low + 1]
-    floor = NOISE_ONLY * np.trace(between, axis1=1, axis2=2)
-    curve = ask(between, steps.score[:, own], floor).statistic
-    place, size = int(np.argmax(curve)), len(own)
+    size, score = len(own), steps.score[:, own]
+    # What is rounding in the information is no more than this, and gives nothing.
+    floor = NOISE_ONLY * np.trace(between, axis1=1, axis2=2) + np.finfo(float).tiny
+    between += floor[:, None, None] * np.eye(size)
+    curve = np.einsum("ka,kab->k", score, np.linalg.solve(between, score[..., None]))
+    place = int(np.argmax(curve))
     sums = steps.sums(np.array([place]), own)
     exact = steps.beside(sums)[0]
     asked = ask(exact, sums[0, :, size], NOISE_ONLY * float(np.trace(sums[0, :, :size])))
@@ -235,6 +237,8 @@ def _at_its_best(
     p_value = tests * float(chi2_sf(statistic, size))
     if p_value <= CHANGED_RIG:
         p_value = max(p_value, tests * float(chi2_sf(steps.beyond(place, own), size)))
+    if p_value > CHANGED_RIG:
+        return None
     move = -steps.root @ (steps.root.T @ (sums[0, :, size + 1 :].T @ amount))
     return Step(
         group=group,
@@ -244,7 +248,7 @@ def _at_its_best(
         std=asked.std,
         move=move,
         statistic=statistic,
-        p_value=min(1.0, p_value),
+        p_value=p_value,
         # Unknowns count as in `likeliest` (Schwarz 1978).
         worth=statistic - size * float(np.log(max(steps.fit.rows, 2))),
         wrench=tuple(steps.removed(place, own, amount, move)),

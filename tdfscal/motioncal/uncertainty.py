@@ -181,17 +181,16 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
     power of the poses' part of the spectrum. The correlation is that of smooth fields of all
     lengths about ℓ (Rasmussen and Williams, Gaussian Processes, 2006, eq. 4.19).
     """
-    p = len(C)
-    out = np.zeros((p, p))
+    size = C.shape[1]
+    out = np.zeros((size, size))
     for item in fit.designs:
         block, N, frequency = item.block, len(item.turned), item.block.frequency
         turned = np.swapaxes(item.turned, 1, 2) * block.taper[0][:, None, None]
-        # Change of the parameters by a unit wrench at every instant, Re Σ_f gain e^{−iωt}: of a
-        # real transform all coefficients but the mean count twice.
-        mix, weight = item.mix, item.weight(fit.noise)[..., None]
-        gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
+        # Score by a unit wrench at every instant, Re Σ_f gain e^{iωt}: of a real transform all
+        # coefficients but the mean count twice.
+        gain = (item.mix.T * item.weight(fit.noise)[:, None]) @ item.mix @ item.wrench(fit.slope)
         gain[1:] /= 2
-        answer = turned @ (block.scale * N * np.fft.irfft(gain.conj(), N, axis=0))
+        answer = turned @ (block.scale * N * np.fft.irfft(gain, N, axis=0))
         few = np.linspace(0, N, min(N, _PLACES), endpoint=False).astype(int)
         answer = np.add.reduceat(answer, few, axis=0)
         place = fit.slow.position[block.index][few].reshape(len(few), -1)
@@ -201,8 +200,8 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
         alike = 1 / (1 + way / (2 * FIELD**2))
         power = 2 * float(np.trapezoid(fit.noise.density(frequency)[1], frequency))
         flat = answer.reshape(len(few), -1)
-        out += power * answer.reshape(-1, p).T @ (alike @ flat).reshape(-1, p)
-    return out
+        out += power * answer.reshape(-1, size).T @ (alike @ flat).reshape(-1, size)
+    return C @ out @ C.T
 
 
 def faked_information(fit: MovingFit) -> FloatArray:
