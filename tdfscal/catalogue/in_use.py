@@ -254,9 +254,11 @@ home-unknown warns
   -> state the LCS origin at home, --home X,Y,Z, or --given LOG
 path-in-contact rejects
   {subject}: the wrench reaches {size} in {axis} at {time:.4g} s of the path, where {limit:.3g} is
-  the most without contact: something touched, zeros have moved, or a sensor has
-  -> drive it free, or ask which: tdfscal validate; where the calibration still holds and zeros have
-  moved, take the new ones in: tdfscal update
+  the most without contact{zeros:|: something touched, zeros have moved, or a sensor has}
+  ? zeros : zeros that moved by up to {zeros:N} explain it, and so would a contact that stays
+  -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
+  validate; where the calibration still holds and zeros have moved, take the new ones
+  in}: tdfscal update
 moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +24,16 @@ from tdfscal.commands.result import (
 )
 from tdfscal.detection.capability import UNTIMED, Capability, Request, assess, beyond_contact_free
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
-from tdfscal.detection.path import Errors, PathPoints, ZeroChange, errors, unexplained
+from tdfscal.detection.path import (
+    ByZeros,
+    Errors,
+    Largest,
+    PathPoints,
+    ZeroChange,
+    errors,
+    explained_by_zeros,
+    unexplained,
+)
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
@@ -163,29 +172,14 @@ def capability(
     return CapabilityResult(own, found, request, findings, point, not places.averaged)
 
 
-@dataclass(slots=True)
-class Largest:
-    """Largest components of a wrench (6,), N and N·m, and when, s."""
-
-    size: FloatArray = field(default_factory=lambda: np.zeros(6))
-    when: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
-
-    def add(self, time: FloatArray, size: FloatArray) -> None:
-        """Take in sizes (N, 6) at times (N,)."""
-        if len(time):
-            place = np.argmax(size, axis=0)
-            new = size[place, np.arange(6)]
-            self.when = np.where(new > self.size, time[place], self.when)
-            self.size = np.maximum(self.size, new)
-
-
 @record(kw_only=True)
 class FreePath:
     """A path without contact, with all that stands on the wrench along it.
 
     given : about the point that moments are about. noise : of the wrench behind the filter.
     duration : s. sampled : at known times. age : of the zeros. largest : of the filtered wrench; of
-    a log of stops, at rest, and moved : between them. in_motion : the log has no stops.
+    a log of stops, at rest, and moved : between them. by_zeros : what zeros that have moved explain
+    of that at rest. in_motion : the log has no stops.
     """
 
     use: InUse
@@ -198,6 +192,7 @@ class FreePath:
     age: ZeroAge = ZeroAge(known=False)
     largest: Largest = field(default_factory=Largest)
     moved: Largest = field(default_factory=Largest)
+    by_zeros: ByZeros | None = None
     in_motion: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -250,6 +245,7 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
         age=age,
         largest=free,
         moved=moved,
+        by_zeros=explained_by_zeros(log.given, places, points.resting(places.time), stand),
         in_motion=not averaged and not len(head.start),
         findings=tuple(log.findings()),
     )
@@ -340,6 +336,8 @@ def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
             values: dict[str, Value] = {"limit": float(limit[worst]), "axis": COMPONENTS[worst]}
             values["time"] = float(largest.when[worst] - path.places.time[0])
             values["unstated"] = quasi_static
+            if code == "path-in-contact" and path.by_zeros is not None:
+                values["zeros"] = path.by_zeros.suffice(largest.size, limit)
             axes, size = _axes(contact), float(largest.size[worst])
             yield Finding(code, axes, size, UNITS[worst], values=values, rejects=True)
     if path.errors.open.any():

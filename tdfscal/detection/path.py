@@ -12,7 +12,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.model.postures import ZeroAge, zero_motion
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
-from tdfscal.wrench.contact_wrench import Linear, linearised
+from tdfscal.wrench.contact_wrench import Linear, linearised, wrenches
 from tdfscal.wrench.samples_in_motion import Samples
 from tdfscal.wrench.wrench_noise import ZeroVariance
 
@@ -24,6 +24,8 @@ _RESTING, _SETTLES = 2e-4, 4
 _SAME_PLACE = 0.02
 #: Postures whose own errors are drawn one by one, at most; of more they count as slow noise.
 _APART = 48
+#: Zeros that differ in what they do by less, relative, are not told apart.
+_ALIKE = 1e-2
 #: Means of blocks whose noise is alike, where it is slow.
 _SLOW = 8.0
 
@@ -114,6 +116,40 @@ class Path:
         return np.asarray(np.unique(np.floor(way / _SAME_PLACE), return_inverse=True)[1])
 
 
+@dataclass(slots=True)
+class Largest:
+    """Largest components of a wrench (6,), N and N·m, and when, s."""
+
+    size: FloatArray = field(default_factory=lambda: np.zeros(6))
+    when: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
+
+    def add(self, time: FloatArray, size: FloatArray) -> None:
+        """Take in sizes (N, 6) at times (N,)."""
+        if len(time):
+            place = np.argmax(size, axis=0)
+            new = size[place, np.arange(6)]
+            self.when = np.where(new > self.size, time[place], self.when)
+            self.size = np.maximum(self.size, new)
+
+
+@record
+class ByZeros:
+    """What zeros that are free to have moved explain of the wrench at the places where it rests.
+
+    change : N, how far one has moved at most. taken, left : (6,), N and N·m, the largest that they
+    explain, and that they do not.
+    """
+
+    change: float
+    taken: FloatArray
+    left: FloatArray
+
+    def suffice(self, largest: FloatArray, limit: FloatArray) -> float:
+        """How far they moved, N, where no more than limit (6,) is left of largest (6,); else 0."""
+        enough = np.all(self.left <= limit) and np.all(largest - self.taken <= limit)
+        return self.change if enough else 0.0
+
+
 @record
 class ZeroChange:
     """How the zeros have moved since they were calibrated: as declared, and by 1/f noise.
@@ -175,6 +211,25 @@ def errors(
     else:
         slow = own.mean(axis=0)
     return Errors(calibration, moved, apart, slow, unknown, linear)
+
+
+def explained_by_zeros(
+    given: Calibrated, path: Path, resting: BoolArray, errors: Errors
+) -> ByZeros | None:
+    """Fit zeros to the wrench where the path rests (B,), everywhere if nowhere."""
+    resting = resting if resting.any() else ~resting
+    time, position, force = path.time[resting], path.position[resting], path.force[resting]
+    seen = wrenches(given, time, position, force).value
+    zero = layout(given.rig.n)["zero"]
+    columns = errors.linear.jacobian[resting][:, :, zero] * given.rig.axes.ravel()
+    scale = np.linalg.norm(columns, axis=2).mean(axis=0)  # newton metres beside newtons
+    if not (scale > 0).all():
+        return None
+    white = (columns / scale[:, None]).reshape(-1, columns.shape[2])
+    change = np.linalg.lstsq(white, (seen / scale).ravel(), rcond=_ALIKE)[0]
+    taken = columns @ change
+    left = np.abs(seen - taken).max(axis=0)
+    return ByZeros(float(np.abs(change).max()), np.abs(taken).max(axis=0), left)
 
 
 def _moved(

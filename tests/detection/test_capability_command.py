@@ -2,11 +2,14 @@
 
 import json
 import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from scipy.special import ndtri
 
@@ -107,6 +110,22 @@ def test_a_path_in_contact_is_said(places: Places, cli: Cli) -> None:
     assert axis.groups() == (said["unit"], "f" if said["unit"] == "N" else "m")
     assert "tdfscal update" in said["cure"]  # where it is the zeros
     assert all(axis["threshold"] for axis in found["axes"])
+
+
+def test_a_tare_is_told_from_a_touch(places: Places, cli: Cli, tmp_path: Path) -> None:
+    """Zeros that have moved explain a tared path, at all places; they explain no passing touch."""
+    log = shutil.copytree(places.free, tmp_path / "tared") / "log.parquet"
+    table = pq.read_table(log)
+    forces = [name for name in table.column_names if re.search(r"(?i)f_?[xyz]$", name)]
+    assert len(forces) == 9
+    for k, name in enumerate(forces):
+        shifted = pc.add(table[name], 30.0 * (-1) ** k)
+        table = table.set_column(table.column_names.index(name), name, shifted)
+    pq.write_table(table, log)
+    for folder, tared in ((log.parent, True), (places.touched, False)):
+        _, found = asked(cli, places.calibration, folder, "--filter", "10")
+        said = next(f for f in found["findings"] if f["code"] == "path-in-contact")
+        assert ("tdfscal validate" not in said["cure"]) == tared
 
 
 def test_a_stated_contact_must_be_seen(places: Places, cli: Cli, tmp_path: Path) -> None:
