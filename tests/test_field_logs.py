@@ -40,7 +40,7 @@ def test_hub_a_by_both_methods(tmp_path: Path) -> None:
 def test_frame_b_is_refused_naming_yaw(tmp_path: Path) -> None:
     done = calibrate("frame_b", tmp_path / "c.json")
     assert done.returncode == 4
-    assert all(f"yaw of ncp{i}" in done.stderr for i in (1, 2, 3, 4))
+    assert "yaw of every sensor" in done.stderr
     assert "Squeeze" in done.stderr
     assert not (tmp_path / "c.json").exists()
 
