@@ -258,7 +258,7 @@ path-in-contact rejects
   ? zeros : zeros that moved by up to {zeros:N} explain it, and so would a contact that stays
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
   validate; where the calibration still holds and zeros have moved, take the new ones
-  in}: tdfscal update
+  in}: tdfscal update CALIBRATION LOG -o FILE
 moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not

@@ -50,7 +50,7 @@ mountings-alike refuses
   ? few ; {few:.0f} postures are too few
   -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by
     nominal_rpy and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and
-    record more postures}
+    record more postures, as `tdfscal plan RIG -o plan.csv` chooses them}
 axis-follows refuses
   the {axis} axis of the sensor of {subject} is declared as not measured, but its
   reading follows the load: it varies by {size}

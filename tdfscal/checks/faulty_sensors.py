@@ -21,7 +21,7 @@ _FOLLOWS, _AUDIBLE = 0.1, 10.0
 #: Share of a direction that the axes of all sensors measure, below which they miss it.
 _ALONG = 1e-3
 #: Relative; what rounding makes of one reading.
-_ROUNDED = 1e-12
+_ROUNDED = 1e-9
 #: Dwells with one reading, of the last, that freeze an axis: no noise repeats itself so often.
 _FROZEN = 3
 
@@ -81,7 +81,8 @@ def _over(rig: Rig, dwells: Dwells) -> tuple[FloatArray, BoolArray]:
     """Capacities (n, 3), stated or shown, and the readings (K, n, 3) that reach them.
 
     A range that nobody states shows where several dwells stand without any scatter at one end of
-    the log's readings, and none elsewhere: a coarse resolution has such dwells anywhere.
+    the log's readings, and none elsewhere: a coarse resolution has such dwells anywhere. Where all
+    stand so, both ends have to be there, and alike.
     """
     low, high, capacity = dwells.force_min, dwells.force_max, rig.capacity.copy()
     peak = np.maximum(np.abs(low), np.abs(high))
@@ -91,7 +92,9 @@ def _over(rig: Rig, dwells: Dwells) -> tuple[FloatArray, BoolArray]:
     still = _same(low, high) & (dwells.count >= 8)[..., None]
     reached = [_same(low, low.min(axis=0)), _same(high, high.max(axis=0))]
     clipped = np.isinf(capacity) & np.isnan(_since(dwells))  # or else it is frozen there
-    clipped &= np.any(~still, axis=0) & np.all(~still | reached[0] | reached[1], axis=0)
+    alike = _same(low.min(axis=0), -high.max(axis=0))
+    clipped &= np.any(~still, axis=0) | alike
+    clipped &= np.all(~still | reached[0] | reached[1], axis=0)
     for end, there in zip((low.min(axis=0), high.max(axis=0)), reached, strict=True):
         shown = clipped & (np.sum(still & there, axis=0) >= _FROZEN) & (end != 0)
         capacity = np.where(shown, np.minimum(capacity, np.abs(end)), capacity)

@@ -25,7 +25,9 @@ from tdfscal.records import LogMapping, Rig
 Role = Literal["position", "force", "other"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
-_FORCE: Final = frozenset({"f", "force", "forces", "tdfs", "load", "loadcell", "wrench", "sensor"})
+_FORCE: Final = frozenset(
+    {"f", "force", "forces", "kraft", "tdfs", "load", "loadcell", "wrench", "sensor"}
+)
 _POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "pose", "xyz"})
 _POSITION_PART: Final = ("pos", "point")
 _OTHER: Final = frozenset(

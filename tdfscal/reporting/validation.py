@@ -145,7 +145,8 @@ def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
         advice = {_REJECTED: v.gate_rejected, _ANOTHER: v.own, _LATER: v.earlier, _MORE: v.few}
-        return "not contradicted", (next((said for said in advice if advice[said]), _SHARPER),)
+        verdict = "not fit for use" if v.gate_rejected else "not contradicted"
+        return verdict, (next((said for said in advice if advice[said]), _SHARPER),)
     verdict, steps = _SAID[v.outcome]
     return verdict, (_NEW_ZEROS, *steps[1:]) if v.holds and v.zeros.moved else steps
 

@@ -95,7 +95,9 @@ def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
     if cause.kind in COURSES:
         shapes = (each for kind, each in _drifts(at) if kind == cause.kind)
         drifts = (_drifting(shape, cause.support, at) for shape in shapes)
-        return next(columns for columns in drifts if columns.shape[1] == cause.unknowns)
+        # Of what a shape moves the residuals may tell less than all.
+        telling = (columns for columns in drifts if columns.shape[1] >= cause.unknowns)
+        return min(telling, key=lambda columns: columns.shape[1])
     return at.columns[:, :0]
 
 

@@ -179,7 +179,7 @@ def test_a_rejected_calibration_passes_no_check(places: Places, cli: Cli, tmp_pa
     edited(target, lambda d: d.update(rejected, content_sha256=None))
     assert "STILL VALID" in cli("validate", places.calibration, places.held, ends=0).out
     said = cli("validate", target, places.held, "-q", ends=1).out.splitlines()
-    assert said[0].endswith("NOT CONTRADICTED")
+    assert said[0].endswith("NOT FIT FOR USE")
     assert "IS A REJECTED CALIBRATION" in "".join(said[1:3])
     assert cli.json("validate", target, places.held, ends=1)["holds"]
     used = cli("apply", target, places.held, "-o", tmp_path / "w.csv", ends=0)
@@ -202,3 +202,13 @@ def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> N
     line = ("apply", tmp_path / "c.yaml", folder, "-o", tmp_path / "w.csv", "-q")
     said = cli.json(*line, ends=0)
     assert "log-before-calibration" not in {finding["code"] for finding in said["findings"]}
+
+
+def test_a_drift_that_few_postures_tell_in_part(tmp_path: Path) -> None:
+    """The same seed repeats most postures, which are left out; five see less than each zero's."""
+    tdfscal.simulate(tmp_path / "sound")
+    tdfscal.simulate(tmp_path / "drift", scenario="drift")
+    found = tdfscal.calibrate(tmp_path / "sound", trials=0, output=tmp_path / "c.yaml")
+    seen = tdfscal.validate(found, tmp_path / "drift")
+    assert not seen.holds
+    assert "change-zeros-drift" in [finding.code for finding in seen.findings]

@@ -221,16 +221,20 @@ def drift(result: SelfCalibration) -> dict[str, Any] | None:
     return found or None
 
 
-def motion(result: MotionCalibration) -> dict[str, Any]:
-    """Return the `motion` block of a calibration in motion."""
+def motion(result: MotionCalibration, in_clock: bool) -> dict[str, Any]:
+    """Return the `motion` block of a calibration in motion.
+
+    in_clock : the other recorder's clock holds delay and rate already.
+    """
     moving, std = result.fit.state.moving, result.estimate.moving_std
+    told = result.rate_told and not in_clock
     return {
         "begin": result.begin,
         "seconds": result.seconds,
         "dwells": result.dwells,
         "rejected": [{"begin": s.begin, "end": s.end, **_why(s.reason)} for s in result.rejected],
-        "delay": {"value": moving.delay, "std": std[DELAY]},
-        "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
+        "delay": {"value": 0.0 if in_clock else moving.delay, "std": std[DELAY]},
+        "rate": {"value": moving.rate, "std": std[RATE]} if told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
         "residual": result.residual,
