@@ -26,6 +26,7 @@ from tdfscal.errors import (
     TdfscalError,
     UsageError,
 )
+from tdfscal.files.calibration.evidence import has_delay
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -295,7 +296,7 @@ def with_delay(
     std : standard uncertainties of what it shows. Of more than two recorders nothing says whose
     delay it is.
     """
-    if len(log.clocks) != 1:
+    if not has_delay(log.clocks):
         return log.clocks
     clock = log.clocks[0]
     late = any(log.campaign.rig.log[1].force)  # the forces are the second recorder's

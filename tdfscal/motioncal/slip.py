@@ -22,7 +22,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
+from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_by_either_end
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model import statics
@@ -257,14 +257,9 @@ def _at_its_best(
 
 def suspicion_of(steps: Sequence[Step], of: MovingEstimate) -> Suspicion:
     """The likeliest steps as one suspicion, with the angle that they spoil most by either end."""
-    rig, best, moves = of.fit.rig, steps[0], list[FloatArray]()
-    for step in steps:
-        before = step.move[: 3 * rig.n]
-        after = before.copy()
-        if step.group == "rotation":
-            after[3 * step.support : 3 * step.support + 3] += step.amount
-        moves += [np.abs(before), np.abs(after)]
-    shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
+    rig, best = of.fit.rig, steps[0]
+    changes = ((s.move, s.support if s.group == "rotation" else None, s.amount) for s in steps)
+    shift, harm, angle = worst_by_either_end(rig, of.uncertainty, changes)
     return Suspicion(
         causes=tuple(_cause(rig, step) for step in steps),
         p_value=best.p_value,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 import numpy as np
 
 from tdfscal.catalogue.numbers import bracketed, places, rounded, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence import MotionResult, ResidualWrench
+from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.model import parameters
 from tdfscal.numerics import so3
@@ -268,7 +268,7 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         facts += [
             ("Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.recorders)}") for k in c.clocks
         ]
-        facts += _motion(c.motion, len(c.clocks)) if c.motion is not None else []
+        facts += _motion(c.motion, c.clocks) if c.motion is not None else []
         facts += [
             (
                 "Residuals",
@@ -321,21 +321,21 @@ def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
     return " to ".join(dict.fromkeys(format(end, form) for end in ends))
 
 
-def _motion(m: MotionResult, others: int) -> list[tuple[str, str]]:
-    """What the motion told besides the angles; others : recorders, of which one has the delay."""
+def _motion(m: MotionResult, clocks: Sequence[ClockResult]) -> list[tuple[str, str]]:
+    """What the motion told besides the angles; clocks : of the other recorders."""
     lost = covered(m.rejected)
     rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
     moments = ", ".join(with_std(m.inertia.value[k][k], m.inertia.std[k][k]) for k in range(3))
-    beyond = ", beyond the recorders' clocks" if others else ""
+    beyond = ", beyond the recorders' clocks" if clocks else ""
     delay = f"{with_std(1e3 * m.delay.value, 1e3 * m.delay.std)} ms, force after position{beyond}"
-    clocks = []
+    rates = []
     if m.rate is not None:
         ppm = f"{with_std(1e6 * m.rate.value, 1e6 * m.rate.std)} ppm"
-        clocks = [("Clocks", f"run apart by {ppm}: the delay is that in the middle of the log")]
+        rates = [("Clocks", f"run apart by {ppm}: the delay is that in the middle of the log")]
     return [
         ("Motion", f"{m.seconds:.1f} s used{rejected}"),
-        ("Delay", "stands in the other recorder's clock" if others == 1 else delay),
-        *clocks,
+        ("Delay", "stands in the other recorder's clock" if has_delay(clocks) else delay),
+        *rates,
         ("Friction", f"{with_std(m.friction.value, m.friction.std)} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
     ]

@@ -32,7 +32,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
+from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_by_either_end
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -273,14 +273,9 @@ def _suspicion(
     tied: bool,
 ) -> Suspicion:
     """Name the changes, the likeliest first, and the angle that they spoil most by either end."""
-    rig, moves, best = of.fit.rig, [], changes[0]
-    for each in changes:
-        before = each.move[: 3 * rig.n]
-        after = before.copy()
-        if each.what == "rotation":
-            after[3 * each.sensor : 3 * each.sensor + 3] += each.amount
-        moves += [np.abs(before), np.abs(after)]
-    shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
+    rig, best = of.fit.rig, changes[0]
+    turns = ((c.move, c.sensor if c.what == "rotation" else None, c.amount) for c in changes)
+    shift, harm, angle = worst_by_either_end(rig, of.uncertainty, turns)
     return Suspicion(
         causes=tuple(_cause(rig, each, time, number) for each in changes),
         p_value=p_value,

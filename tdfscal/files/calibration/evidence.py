@@ -1,5 +1,6 @@
 """The evidence behind a calibration, which a report draws and `update` and `compare` go by."""
 
+from collections.abc import Sized
 from typing import Annotated, Self
 
 import numpy as np
@@ -214,6 +215,11 @@ class ClockResult(Strict):
     offset_std: NotNegative = key("s: standard uncertainty")
     rate: Number = key("relative: growth of the offset")
     rate_std: NotNegative = key("relative: standard uncertainty")
+
+
+def has_delay(clocks: Sized) -> bool:
+    """Whether the clocks beside the first hold the delay: of one it is, of more nothing says."""
+    return len(clocks) == 1
 
 
 class Stretch(Strict):

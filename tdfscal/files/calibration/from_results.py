@@ -92,7 +92,7 @@ def from_self(
     else:
         state, std = result.fit.state.still, published_std(result.calibrated, std)
         parts["parameters"] = parameters_document(result.calibrated)
-        parts["motion"] = statistics.motion(result, len(origin.clocks) == 1)
+        parts["motion"] = statistics.motion(result, evidence.has_delay(origin.clocks))
     determined = result.observability.determined
     return _file(
         origin,
