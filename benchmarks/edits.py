@@ -4,7 +4,7 @@
 
 Each file is edited as tdfscal wrote it, and without its digest, as a program would write it that
 knows the format alone: a number, a word, a switch, a key or an order. What is read all the same is
-exported as CSV and C, applied to a log and held against one; all numbers of these are compared.
+exported as CSV, applied to a log and held against one; all numbers of these are compared.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tdfscal.commands.calibrate import calibrate
 from tdfscal.commands.update import update
 from tdfscal.commands.validate import validate
 from tdfscal.errors import TdfscalError
-from tdfscal.exports import c_header, csv_table
+from tdfscal.exports import csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
@@ -107,7 +107,7 @@ def files(home: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def used(c: Calibration, log: Path) -> Numbers:
     """Every number that a controller, `apply` and `validate` take of a calibration."""
-    exported = csv_table(c).split("\n", 1)[1] + c_header(c).split("*/", 1)[1]
+    exported = csv_table(c).split("\n", 1)[1]
     with scratch() as folder:
         apply(c, [log], output=(target := folder / "w.csv"))
         rows = list(csv.reader(io.StringIO(target.read_text("utf-8"))))[1:]

@@ -1,4 +1,4 @@
-"""A calibration in the formats of controllers: URDF, ROS 2, CSV, C."""
+"""A calibration in the formats of controllers: URDF, ROS 2, CSV."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from tdfscal.catalogue import sentence
+from tdfscal.catalogue.numbers import with_std
 from tdfscal.errors import UsageError, visible
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import SupportResult
-from tdfscal.files.saving import c_comment, csv_cell, to_yaml, xml_comment, xml_text
+from tdfscal.files.saving import csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.findings import Finding
 from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
@@ -46,47 +47,6 @@ _TRANSFORM = (
     "ros2 run tf2_ros static_transform_publisher --x 0 --y 0 --z 0 --qx {} --qy {} --qz {} --qw {} "
     "--frame-id {base} --child-frame-id {sensor}"
 )
-_HEADER = """\
-/*
-{notes}
- */
-#ifndef TDFSCAL_CALIBRATION_H
-#define TDFSCAL_CALIBRATION_H
-
-#define TDFSCAL_SENSORS {count}
-
-static const char *const tdfscal_sensor[TDFSCAL_SENSORS] = {{{names}}};
-
-static const double tdfscal_rotation[TDFSCAL_SENSORS][3][3] = {rotation};
-
-static const double tdfscal_matrix[TDFSCAL_SENSORS][3][3] = {matrix};
-
-/* N, sensor frames */
-static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {zero};
-
-/* 1 for an axis that is measured, else 0 */
-static const int tdfscal_measured[TDFSCAL_SENSORS][3] = {measured};
-
-/* Force of sensor i on the terminal in the BCS, N; reading and force may be one array.
-   What an axis bears that is not measured is missing in it, and in every sum of such forces, which
-   then seems a contact: its reading is not looked at. */
-static inline void tdfscal_force_bcs(int i, const double reading[3], double force[3])
-{{
-    double load[3], sum[3];
-    int a, b;
-    for (a = 0; a < 3; ++a)
-        load[a] = tdfscal_measured[i][a] ? reading[a] - tdfscal_zero[i][a] : 0.0;
-    for (a = 0; a < 3; ++a) {{
-        sum[a] = 0.0;
-        for (b = 0; b < 3; ++b)
-            sum[a] += tdfscal_matrix[i][a][b] * load[b];
-    }}
-    for (a = 0; a < 3; ++a)
-        force[a] = sum[a];
-}}
-
-#endif
-"""
 
 
 def frame(name: str, c: Calibration) -> str:
@@ -223,45 +183,6 @@ def csv_table(c: Calibration) -> str:
     return stream.getvalue()
 
 
-def c_header(c: Calibration) -> str:
-    """Return a C99 and C++ header without dependencies; sensors in the rig file's order.
-
-    tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated. An axis
-    without a direction, or without a reading, has a column of zeros in it.
-    """
-    measured = c.rig.record().axes
-    rotation = np.where((c.determined[:, None] | measured)[:, None], c.rotation, 0.0)
-    matrix = rotation
-    if any(support.sensitivity for support in c.supports):
-        matrix = rotation @ np.linalg.inv(c.sensitivity)
-    notes = [
-        *origin(c),
-        "For C99 and later, and C++.",
-        "Rows of a matrix are the BCS's axes, columns the sensor's; a column of zeros is of an "
-        "axis that is not known.",
-        *(f"{support.name}: {uncertain(support)}" for support in c.supports if support.determined),
-    ]
-    return _HEADER.format(
-        notes="\n".join(f" * {c_comment(note)}" for note in notes),
-        count=len(rotation),
-        names=", ".join(f'"{support.name}"' for support in c.supports),
-        rotation=_initialiser(rotation),
-        matrix=_initialiser(np.where(measured[:, None], matrix, 0.0)),
-        zero=_initialiser(c.zero),
-        measured=re.sub(r"\.0", "", _initialiser(measured.astype(np.float64))),
-    )
-
-
-def _initialiser(values: FloatArray) -> str:
-    """An array of C, the rows of a table or matrix on lines of their own."""
-    if values.ndim == 1:
-        return f"{{{', '.join(map(number, values))}}}"
-    if values.ndim == 2:
-        return "{\n" + ",\n".join(f"    {_initialiser(row)}" for row in values) + "\n}"
-    blocks = (",\n     ".join(map(_initialiser, matrix)) for matrix in values)
-    return "{\n" + ",\n".join(f"    {{{block}}}" for block in blocks) + "\n}"
-
-
 def origin(c: Calibration) -> list[str]:
     """Lines that say what the numbers are, from what, and how to use them."""
     lines = [
@@ -311,14 +232,17 @@ def driver_factors(c: Calibration) -> FloatArray:
 def uncertain(support: SupportResult) -> str:
     """Roll, pitch, yaw in degrees and the zero in N, each with its standard uncertainty."""
     angles = [
-        f"{name} {degrees(value or 0.0):.4f}° ± "
-        + ("not separable" if std is None else f"{1e3 * std:.3f} mrad")
+        f"{name} {degrees(value or 0.0):.4f}° ± not separable"
+        if std is None
+        else f"{name} {with_std(degrees(value or 0.0), degrees(std))}°"
         for name, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True)
     ]
     zeros = [
         "not measured"
         if value is None
-        else f"{value:.3f} ± {'open' if std is None else f'{std:.3f}'}"
+        else f"{value:.3f} ± open"
+        if std is None
+        else with_std(value, std)
         for value, std in zip(support.zero, support.zero_std, strict=True)
     ]
     return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
@@ -339,6 +263,5 @@ FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "urdf": urdf,
     "ros": ros,
     "csv": lambda calibration, parent: csv_table(calibration),
-    "c": lambda calibration, parent: c_header(calibration),
 }
 """Format → writer of (calibration, parent frame)."""

@@ -17,7 +17,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
 
-Target = Literal["urdf", "ros", "csv", "c"]
+Target = Literal["urdf", "ros", "csv"]
 
 
 @record(eq=False)
@@ -70,7 +70,7 @@ def export(
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
     progress: options.Telling = silent,
 ) -> ExportResult:
-    """Write the rotations for a controller: URDF, ROS, CSV, or C.
+    """Write the rotations for a controller: URDF, ROS, or CSV.
 
     Raises
     ------

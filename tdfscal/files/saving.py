@@ -125,11 +125,6 @@ def xml_comment(text: str) -> str:
     return re.sub(r"-(?=-|$)", lambda m: _hex(m[0]), visible(text))
 
 
-def c_comment(text: str) -> str:
-    """Text within a comment that it neither ends nor nests, without trigraphs and spliced lines."""
-    return re.sub(r"(?<=\*)/|(?<=/)\*|(?<=\?)\?|\\$", lambda m: _hex(m[0]), visible(text))
-
-
 def _hex(character: str) -> str:
     return f"\\x{ord(character):02x}"
 

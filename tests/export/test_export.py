@@ -1,13 +1,10 @@
 """Exports read back by readers that share no code with them."""
 
 import csv
-import ctypes
 import io
 import json
 import re
 import shlex
-import shutil
-import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -19,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
-from tdfscal.exports import FORMATS, c_header, cautions, csv_table, ros, urdf
+from tdfscal.exports import FORMATS, cautions, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tdfscal.findings import Finding
@@ -190,41 +187,6 @@ def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> 
     assert "has no `content_sha256`: it was edited" in said
     assert "certificate of support_2's sensor ended on 2020-01-31" in said
     assert str(content["content_sha256"]) not in said
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-@EACH
-def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -> None:
-    header = c_header(c)
-    assert CONVENTION in header
-    (tmp_path / "calibration.h").write_text(header, encoding="utf-8")
-    source = (
-        '#include "calibration.h"\n'
-        "int sensors(void) { return TDFSCAL_SENSORS; }\n"
-        "const char *name(int i) { return tdfscal_sensor[i]; }\n"
-        "void turn(int i, const double *f, double *F) { tdfscal_force_bcs(i, f, F); }\n"
-        "double rotation(int i, int a, int b) { return tdfscal_rotation[i][a][b]; }\n"
-        "int measured(int i, int a) { return tdfscal_measured[i][a]; }\n"
-    )
-    (tmp_path / "use.c").write_text(source, encoding="utf-8")
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
-    subprocess.run(
-        ["gcc", *flags, "-shared", "-fPIC", "-o", "use.so", "use.c"], cwd=tmp_path, check=True
-    )
-    library: Any = ctypes.CDLL(str(tmp_path / "use.so"))
-    library.name.restype, library.rotation.restype = ctypes.c_char_p, ctypes.c_double
-    vector = ctypes.c_double * 3
-    assert library.sensors() == len(c.supports)
-    for i, support in enumerate(c.supports):
-        assert library.name(i).decode() == support.name
-        values = [[library.rotation(i, a, b) for b in range(3)] for a in range(3)]
-        if support.determined:
-            assert values == np.array(support.rotation).tolist()
-        measured = [z is not None for z in support.zero]
-        assert [library.measured(i, a) for a in range(3)] == measured
-        in_place = vector(*np.where(measured, READING, np.nan))
-        library.turn(i, in_place, in_place)
-        np.testing.assert_allclose(list(in_place), force(c, i, READING), rtol=1e-12)
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
