@@ -251,7 +251,7 @@ sensor-overdue warns
   the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
 home-unknown warns
   home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
-  -> state the LCS origin at home, --home X,Y,Z, or --given LOG
+  -> state the LCS origin at home, --home X,Y,Z, or record it beside the rig file
 path-in-contact rejects
   {subject}: the wrench reaches {size} in {axis} at {time:.4g} s of the path, where {limit:.3g} is
   the most without contact{zeros:|: something touched, zeros have moved, or a sensor has}

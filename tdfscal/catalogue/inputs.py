@@ -191,9 +191,4 @@ points-coplanar warns
   be noticed
 points-symmetric warns
   the points are symmetric: they would fit under other names too
-groups-moved-apart warns
-  a transform of its own for each group ({subject}) fits {ratio:.3g} times better,
-  within {size} per coordinate: the groups have moved against each other, or are
-  given in frames of their own
-  -> register each by itself
 """)

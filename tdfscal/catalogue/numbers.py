@@ -24,6 +24,7 @@ UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "N": (("N", 1.0),),
     "1": (("ppm", 1e6),),
     "N·m": (("N·m", 1.0),),
+    "N/m": (("MN/m", 1e-6), ("kN/m", 1e-3), ("N/m", 1.0)),
 }
 
 #: Probabilities that are told; beyond, nobody acts otherwise.

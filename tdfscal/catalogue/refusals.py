@@ -31,8 +31,8 @@ REFUSALS: dict[str, Entry] = {
         _WEAK,
         "{moving:the motion does|the data do} not determine {angles}{determined:, but ~ to"
         " {worst:±rad} (95 %%)|}; for {first}, %s",
-        "-> ; `tdfscal plan RIG{moving: --motion| --given LOG} -o plan.csv` chooses what to drive "
-        "next, so that every turn is determined",
+        "-> ; `tdfscal plan RIG{moving: --motion|} -o plan.csv` chooses what to drive, "
+        "so that every turn is determined",
         code="angles-%s",
     ),
     **entries("""
@@ -327,10 +327,6 @@ points-misnamed refuses
 groups-misnamed refuses
   the {what} of {subject} do not fit its reference points, those of {other} do
   -> correct the group names
-groups-fit-alone refuses
-  each of the groups {subject} fits by itself
-  -> each of the groups {subject} fits by itself: register one at a time, or
-    calibrate sensors with targets by --method tracker
 targets-few refuses
   {number:.0f} target(s) of {subject} have both a nominal and a measured
   position{alone: (~ in one of the two files only)|}; three are the least

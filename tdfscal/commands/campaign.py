@@ -292,7 +292,7 @@ def _campaigns_in(path: Path) -> list[Path]:
 
 def rig_named(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
-    file = Path(path)
+    file = as_path(path)
     if file.is_dir():
         file = file / RIG_NAME
     if not file.is_file():

@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.campaign import PathLike, PathLikes, listed, no_log, one, resolve, rig_named
+from tdfscal.commands.campaign import PathLike, no_log, one, resolve, rig_named
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.options import Numbers, Option, Progress, numbers, silent, triple
 from tdfscal.commands.result import CommandResult
@@ -25,7 +25,7 @@ from tdfscal.model.postures import register
 from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan
-from tdfscal.planning.predicted_information import recorded, scatter_of
+from tdfscal.planning.predicted_information import scatter_of
 from tdfscal.records import Dwells, FloatArray, Log, Rig
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report
@@ -132,10 +132,6 @@ Duration = Annotated[float, Option("of the motion, s", metavar="S", least=20, be
 Speed = Annotated[
     float, Option("largest speed of a hinge in motion, m/s", metavar="M/S", least=1e-6)
 ]
-Given = Annotated[
-    PathLikes,
-    Option("campaign or log recorded already; plan what is next", list[Path], "PATH"),
-]
 
 
 @options.command("plan rig.yaml -o plan.csv --postures 24")
@@ -153,7 +149,6 @@ def plan(
     stiffness: Stiffness = None,
     noise: Noise = None,
     objective: Aim = "angles",
-    given: Given = (),
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
     duration: Duration = 60.0,
     speed: Speed = 0.02,
@@ -165,9 +160,8 @@ def plan(
     ------
     UsageError, RigError, DataError, NotIdentifiableError
     """
-    before = listed(given)
-    if motion and ((postures, target, objective) != (None, None, "angles") or before):
-        what = "--postures, --target, --objective and --given are of postures"
+    if motion and (postures, target, objective) != (None, None, "angles"):
+        what = "--postures, --target and --objective are of postures"
         raise UsageError(what, where="--motion", hint="leave them out, or plan postures")
     if postures is not None and target is not None:
         what = "--postures and --target ask for two different things"
@@ -175,7 +169,7 @@ def plan(
     known, force = rig_named(rig), np.inf if force_limit is None else force_limit
     way = travel_limits(known.rig, _travels(travel))
     limits = Limits(float(np.deg2rad(tilt)), squeeze, way, np.zeros(3), force, stiffness)
-    limits, seen, findings = _at_home(limits, known, before, home, progress)
+    limits, seen, findings = _at_home(limits, known, home, progress)
     found: Plan | MovingPlan
     if motion:
         progress("looking for the best motion")
@@ -183,38 +177,31 @@ def plan(
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, np.random.default_rng(0))
     else:
-        own, fit = _noise(known.rig, seen) if noise is None else noise, None
+        own = _noise(known.rig, seen) if noise is None else noise
         request = Request(limits, own, objective=objective)
-        if before and seen is not None:
-            fit = recorded(known.rig, seen, noise or DEFAULT_NOISE)
         found = make_plan(
             known.rig,
             request,
             postures,
             np.random.default_rng(0),
             target=None if target is None else 1e-3 * target,
-            given=fit,
             progress=progress,
         )
     return PlanResult(found, one(output), findings)
 
 
 def _at_home(
-    limits: Limits, rig: LoadedRig, given: list[Path], home: Numbers | None, progress: Progress
+    limits: Limits, rig: LoadedRig, home: Numbers | None, progress: Progress
 ) -> tuple[Limits, Dwells | None, tuple[Finding, ...]]:
     """Put the limits about the home: where a recording stands, unless it is named."""
-    at = np.zeros(3) if home is None else np.array(triple("--home", home))
-    if home is not None and not given:
-        return replace(limits, home=at), None, ()
+    if home is not None:
+        return replace(limits, home=np.array(triple("--home", home))), None, ()
     try:
-        seen, centres = _recorded(rig, given, progress)
+        seen, centres = _recorded(rig, progress)
         (level,), (middle,) = register(rig.rig.hinge, centres[None])
     except TdfscalError as error:
-        if given:
-            raise
         return limits, None, (Finding("home-unknown", values={"why": error.what}),)
-    at = middle if home is None else at
-    return replace(limits, home=at, level=level, recorded=home is None), seen, ()
+    return replace(limits, home=middle, level=level, recorded=True), seen, ()
 
 
 def _noise(rig: Rig, seen: Dwells | None) -> float:
@@ -223,14 +210,14 @@ def _noise(rig: Rig, seen: Dwells | None) -> float:
     return (scatter_of(at_rest(rig, seen), rig) or usual) if seen else usual
 
 
-def _recorded(rig: LoadedRig, given: list[Path], progress: Progress) -> tuple[Dwells, FloatArray]:
-    """Dwells of what is given, or else lies beside the rig file, and hinge centres (n, 3), m, BCS.
+def _recorded(rig: LoadedRig, progress: Progress) -> tuple[Dwells, FloatArray]:
+    """Dwells of what lies beside the rig file, and hinge centres (n, 3), m, BCS.
 
     These are means over the dwells, or over all samples where nothing rests.
     """
-    campaign = resolve(given or [rig.path.parent], rig.path)
+    campaign = resolve([rig.path.parent], rig.path)
     if not campaign.logs:
-        raise no_log(given, "there is no log to build on")
+        raise no_log(rig.path.parent)
     log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
 
     def watched() -> Iterator[Log]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
-from tdfscal.estimation.observability import PRIOR_SHARE, faked_information
+from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.frozen import record, replace
 from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Request, check_noise, draw
@@ -31,7 +31,6 @@ from tdfscal.planning.selection import (
     variances,
 )
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit
 
 
 @record
@@ -39,16 +38,13 @@ class Plan:
     """Postures in the order to drive them, K rows.
 
     approach : (K,), ±1, side to come from: they alternate, so that backlash and friction show as
-    scatter and not as angles. given : postures recorded before. before : what these alone promise,
-    None without any. expected : of all together.
+    scatter and not as angles. expected : the uncertainty that they promise.
     """
 
     rig: Rig
     request: Request
     postures: Candidates
     approach: IntArray
-    given: int
-    before: Forecast | None
     expected: Forecast
 
     def __len__(self) -> int:
@@ -71,35 +67,19 @@ _FOLLOWS = 1e-2
 class Planner:
     """A pool of candidates with all that choosing from it needs."""
 
-    def __init__(
-        self, rig: Rig, request: Request, rng: np.random.Generator, given: Fit | None
-    ) -> None:
+    def __init__(self, rig: Rig, request: Request, rng: np.random.Generator) -> None:
         check_noise(rig, request.noise)
-        self.rig, self.request, self.given = rig, request, given
-        self.sight = Sight.of(rig, request.noise, given.state if given else None)
-        self.held = self._held(self.sight)
+        self.rig, self.request = rig, request
+        self.sight = Sight.of(rig, request.noise)
+        self.held = self.sight.prior()
         self.pool = draw(rig, request.limits, request.candidates, rng.spawn(1)[0])
         self.rows = self.sight.rows(self.pool)
         self.scatter = self._scatter(self.sight)
-        self.leaning = (self.sight,) if given else leaning(self.sight)
+        self.leaning = leaning(self.sight)
         self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
         self.most = min(_MOST, len(self.pool))
         self._selected: dict[int, IntArray] = {}
-
-    def _held(self, sight: Sight) -> FloatArray:
-        """Information (p, p) that stands before the plan: priors and recorded postures."""
-        held = sight.prior()
-        if (given := self.given) is not None:
-            J = given.at.whitener @ given.jacobian
-            held = held + np.einsum("k,kmp,kmq->pq", given.weight, J, J)
-            turns = slice(0, 3 * self.rig.n)
-            held[turns, turns] -= faked_information(given.at, given.state, given.weight)
-            # Where noise fakes all there is, ignorance remains: 1 in units of its width.
-            values, vectors = np.linalg.eigh(sight.wide[:, None] * held * sight.wide)
-            half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]
-            held = half @ half.T
-        return held
 
     def _scatter(self, sight: Sight) -> FloatArray:
         """Information (p, p) to expect per posture of internal forces that nobody plans."""
@@ -192,8 +172,6 @@ class Planner:
             request=self.request,
             postures=postures,
             approach=1 - 2 * (np.arange(count) % 2),
-            given=0 if self.given is None else int(np.sum(self.given.weight > 0)),
-            before=None if self.given is None else self.forecast(postures.take(np.arange(0))),
             expected=expected,
         )
 
@@ -202,24 +180,30 @@ class Planner:
         if self.request.objective == "wrench":
             self._refuse_unmeasured(postures)
             return
-        weak = self._weak(expected.rpy_std)
+        weak, known = self._weak(expected.rpy_std), np.isfinite(expected.rpy_std)
         if not weak.any():
             return
-        names = [f"{ANGLES[j]} of {self.rig.supports[i]}" for i, j in np.argwhere(weak)]
-        worst = 1e3 * float(expected.rpy_std[weak].max())
+        open_, told = (", ".join(self._named(which)) for which in (weak, ~weak & known))
         raise NotIdentifiableError(
-            f"within these limits {len(postures)} postures do not determine {', '.join(names)} "
-            f"(up to ±{worst:.3g} mrad)",
+            f"within these limits {len(postures)} postures do not determine {open_}; they do "
+            f"determine {told or 'no angle'}",
             where="objective angles",
             hint="allow a larger squeeze, tilt more, or drive more postures",
         )
+
+    def _named(self, which: BoolArray) -> Iterator[str]:
+        """Some of the angles (n, 3), sensor by sensor."""
+        for name, row in zip(self.rig.supports, which, strict=True):
+            if row.any():
+                angles = (a for a, told in zip(ANGLES, row, strict=True) if told)
+                yield f"{' and '.join(angles)} of {name}"
 
     def _refuse_unmeasured(self, postures: Candidates) -> None:
         """Raise where the wrench's variance is what ignorance was taken to be."""
         seen = information(self.sight.rows(postures))
         seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
         value, wider = (
-            objective(inverse(self._held(sight) + seen), self.objective)
+            objective(inverse(sight.prior() + seen), self.objective)
             for sight in (self.sight, replace(self.sight, wide=2.0 * self.sight.wide))
         )
         if wider > value * (1 + _FOLLOWS):
@@ -238,14 +222,12 @@ def make_plan(
     rng: np.random.Generator,
     *,
     target: float | None = None,
-    given: Fit | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Plan:
     """Choose postures and squeezes by exchange over a random pool.
 
     postures : how many to drive; None: as few as bring every angle within `target`, rad, else as
     many as is usual, or more where the rig file's limits of the contact wrench ask for more.
-    given : the fit of postures recorded already; the plan adds the best next ones.
     progress : told how many postures are tried.
 
     Raises
@@ -253,7 +235,7 @@ def make_plan(
     UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable, or no
         number of postures gets to the target.
     """
-    planner = Planner(rig, request, rng, given)
+    planner = Planner(rig, request, rng)
     if postures is None and target is not None:
         if not 0.0 < target < np.inf:
             raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")

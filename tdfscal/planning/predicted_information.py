@@ -1,4 +1,4 @@
-"""What recorded postures tell and others would, by the measurement model of the estimator."""
+"""What postures would tell, by the measurement model of the estimator."""
 
 from __future__ import annotations
 
@@ -7,21 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.acceptance import coverage_radius
-from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.dwells.find import no_dwell
-from tdfscal.errors import DataError, NotConvergedError
-from tdfscal.estimation.fit import information as fit_information
 from tdfscal.estimation.observability import faked_information
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
-from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes, postures
+from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.planning.selection import information, variances
-from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, evaluate
-from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.selfcal.estimator import Fit, at_state
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
 #: arithmetic keeps its digits.
@@ -60,13 +55,13 @@ class Sight:
     open: BoolArray
 
     @classmethod
-    def of(cls, rig: Rig, noise: float, state: State | None = None) -> Sight:
-        """At the nominal mounting, or at an estimate."""
+    def of(cls, rig: Rig, noise: float) -> Sight:
+        """At the nominal mounting."""
         std, place = prior_std(rig), layout(rig.n)
         wide = np.concatenate([np.full(at.stop - at.start, _WIDE[g]) for g, at in place.items()])
         active = std > 0
         none = np.zeros(rig.n, dtype=np.bool_)
-        return cls(rig, state or nominal(rig), noise, active, wide[active], none)
+        return cls(rig, nominal(rig), noise, active, wide[active], none)
 
     def prior(self) -> FloatArray:
         """Information (p, p) held before any posture: the rig file's priors, and ignorance."""
@@ -262,32 +257,6 @@ def averaged(forecasts: Sequence[Forecast]) -> Forecast:
     assert angles is not None
     force = mean([each.contact_force for each in forecasts])
     return Forecast(angles, force, mean([each.contact_torque for each in forecasts]))
-
-
-def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
-    """Fit recorded dwells; too few for an estimate are seen from the nominal mounting.
-
-    noise : N, taken for readings that state none.
-
-    Raises DataError where no dwell can be used or the log contradicts the rig file.
-    """
-    if len(dwells) == 0:
-        raise no_dwell(dwells)
-    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
-    kept = faulty_sensors.screen(rig, dwells).keep
-    if not kept.any():
-        raise DataError("every dwell is saturated or frozen", where="given log")
-    observed = postures(rig, dwells).subset(kept)
-    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() == 0.0:
-        observed = replace(observed, force_cov=observed.force_cov + noise**2 * np.eye(3))
-    try:
-        result = fit_robust(rig, observed).fit
-    except NotConvergedError:
-        return at_state(rig, observed, nominal(rig), np.ones(len(observed)))
-    std = evaluate(result, fit_information(result), 1.0).rpy_std
-    if std.max() < rig.acceptance.identifiable:
-        return result
-    return at_state(rig, observed, nominal(rig), result.weight)
 
 
 def scatter_of(seen: Postures, rig: Rig) -> float:

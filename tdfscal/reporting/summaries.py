@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import places, rounded, to_place, with_std, without_exponent
+from tdfscal.catalogue.numbers import (
+    places,
+    quantity,
+    rounded,
+    to_place,
+    with_std,
+    without_exponent,
+)
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -198,21 +205,15 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
 
 def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
     limits, request = plan.request.limits, plan.request
-    more = f", after {plan.given} recorded before" if plan.given else ""
-    before = (
-        ""
-        if plan.before is None
-        else f"Before the plan: {rounded(1e3 * plan.before.mean, 3)} mrad. "
-    )
-    reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
+    reach = np.abs(plan.position - plan.position.mean(axis=0)).max(axis=(0, 1)).round(6)
     return (
-        f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
+        f"Plan for {plan.rig.name}: {len(plan)} postures",
         f"tilt up to {np.rad2deg(limits.tilt):g}°, {_squeezed(plan)}; "
         f"{rounded(request.noise, 3)} N noise per axis and posture beside the rig file's; "
         f"home ({', '.join(f'{v:.3f}' for v in limits.home)}) m"
         f"{', the mean of what was recorded' if limits.recorded else ''}",
         tuple(_contact(plan)),
-        f"{before}Travel: {', '.join(f'±{rounded(v)}' for v in reach)} m along x, y, z.",
+        f"Travel: {', '.join(f'±{rounded(v)}' for v in reach)} m along x, y, z.",
     )
 
 
@@ -222,7 +223,7 @@ def _squeezed(plan: Plan | MovingPlan) -> str:
     said = f"squeeze up to {limits.squeeze:g} N"
     if limits.stiffness is None:
         return f"{said} by servoed forces"
-    said += f" by displacements against {limits.stiffness:g} N/m"
+    said += f" by displacements against {quantity(limits.stiffness, 'N/m')}"
     unasked = limits.repeatability_force(plan.rig)
     told = f"; the positioners' own scatter adds {rounded(unasked, 3)} N at random, which "
     told += "informs as well"
@@ -274,10 +275,9 @@ def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
     else:
         more = layout.document(
             plan,
-            "given position approach",
+            "position approach",
             postures=len(plan),
             objective=plan.request.objective,
-            before=plan.before and _forecast(plan.rig, plan.before),
             squeeze=plan.postures.squeeze,
         )
     return layout.document(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tdfscal.errors import TdfscalError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
@@ -15,22 +14,14 @@ from tdfscal.numerics.registration import Registration, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
-from tdfscal.trackercal.noise import MEASURED_FILE, Noise, point_noise
+from tdfscal.trackercal.noise import MEASURED_FILE, point_noise
 from tdfscal.trackercal.point_matching import (
     LISTED,
     Match,
-    MatchedPoints,
     match_points,
     relabellings,
     unmatched,
 )
-
-#: By so much the residuals must shrink before another model is worth a word. Three further
-#: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
-_BETTER = 3.0
-#: Spread, m, of points that agree to the last digit.
-_ROUNDING = 1e-12
-_LEAST_DOF = 6
 
 
 @record
@@ -88,10 +79,10 @@ def register(
     """
     matched = match_points(measured, reference, match, groups)
     noise = point_noise(matched, instrument, {})
-    survey = _together(matched, noise)
+    survey = fit_survey(matched, noise, common_shift=True, least=3, what="points")
     fit, covariance = survey.fit, survey.fit.covariance
     ratio, ratio_std = _scale_beside(fit)
-    found = [*unmatched(matched), *_doubts(matched, noise, survey)]
+    found = [*unmatched(matched), *_doubts(survey)]
     if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
         ppm = {"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std}
         found.append(Finding("scale-fits-better", size=ratio, values={**ppm}))
@@ -122,7 +113,7 @@ def register(
     )
 
 
-def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator[Finding]:
+def _doubts(survey: SurveyFit) -> Iterator[Finding]:
     """What the fit cannot vouch for, and what was left out of it."""
     lost = survey.rejected
     yield from (point.finding for point in lost[:LISTED])
@@ -130,8 +121,6 @@ def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator
         yield Finding("points-left-out", size=len(lost) - LISTED)
     if not survey.fit.handed:
         yield Finding("points-coplanar")
-    if apart := moved_apart(matched, noise, survey):
-        yield apart
     if relabellings(survey.points, survey.sigma):
         yield Finding("points-symmetric")
 
@@ -143,51 +132,3 @@ def _scale_beside(fit: Registration) -> tuple[float, float]:
     if beside is None:
         return 0.0, np.inf
     return float(beside.value[0]), float(beside.covariance[0, 0] ** 0.5)
-
-
-def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
-    """One transform for all points; where only the single groups have one, the error says so."""
-    try:
-        return _fit(points, noise)
-    except TdfscalError as error:
-        if not fit_one_by_one(points, noise):
-            raise
-        raise error.restated(hint=Finding("groups-fit-alone", points.groups)) from error
-
-
-def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> Finding | None:
-    """Say that a transform per group fits much better; None where it does not.
-
-    together : the fit of one transform for all.
-    """
-    if (sigma := together.fit.sigma) is not None:  # none was stated: that of the residuals
-        noise = Noise({}, {"residuals": np.tile(sigma**2 * np.eye(3), (len(points), 1, 1))})
-    alone = fit_one_by_one(points, noise)
-    if sum(fit.fit.dof for fit in alone) < _LEAST_DOF:
-        return None
-    spread = max(_spread(alone), _ROUNDING)
-    ratio = _spread([together]) / spread
-    if ratio < _BETTER:
-        return None
-    return Finding("groups-moved-apart", points.groups, spread, "m", values={"ratio": ratio})
-
-
-def fit_one_by_one(points: MatchedPoints, noise: Noise) -> list[SurveyFit]:
-    """Fits of the single groups; none where there is one group, or one that fails."""
-    groups = [points.indices(name) for name in points.groups]
-    if len(groups) < 2:
-        return []
-    try:
-        return [_fit(points.take(which), noise.take(which)) for which in groups]
-    except TdfscalError:
-        return []
-
-
-def _fit(points: MatchedPoints, noise: Noise) -> SurveyFit:
-    return fit_survey(points, noise, common_shift=True, least=3, what="points")
-
-
-def _spread(fits: Iterable[SurveyFit]) -> float:
-    """Noise per coordinate that the residuals show, m."""
-    squares = sum(float(np.sum(fit.fit.residual**2)) for fit in fits)
-    return float(np.sqrt(squares / max(sum(fit.fit.dof for fit in fits), 1)))

@@ -42,7 +42,6 @@ def table(text: str) -> list[dict[str, str]]:
         (["--motion", "--speed", "0"], 2, "--speed: 0.0 is too small"),
         (["--postures", "5", "--target", "1"], 2, "two different things"),
         (["--target", "0.001"], 4, "is asked for"),
-        (["--given", "nowhere"], 2, "no such file"),
     ],
 )
 def test_faults_are_named_and_leave_no_file(
@@ -77,7 +76,7 @@ def test_home_is_of_the_recording(turned: bool, campaign: Path, tmp_path: Path, 
     log = read_log([folder / "log.csv"], folder / "rig.yaml")
     recorded = np.array([series.value.mean(axis=0) for series in log.position])
     out = tmp_path / "plan.csv"
-    for options in (["--given", folder, "--postures", "4"], ["--motion"]):
+    for options in (["--postures", "4"], ["--motion"]):
         seen = cli("plan", folder, "-o", out, *options, ends=0)
         assert "mean of what was recorded" in out.read_text(encoding="utf-8")
         assert "is unknown" not in seen.err
@@ -93,6 +92,7 @@ def test_a_stiffness_says_what_it_changes(campaign: Path, tmp_path: Path, cli: C
     line = ("plan", campaign, "-o", tmp_path / "plan.csv", "--postures", "4", "--squeeze", "50")
     servoed, stiff = (cli(*line, *more, ends=0).out for more in ((), ("--stiffness", "2e7")))
     assert "50 N by servoed forces" in servoed
+    assert "against 20 MN/m" in " ".join(stiff.split())
     assert "scatter adds 200 N at random" in " ".join(stiff.split())
     mean = [float(re.findall(r"On average (\S+) mrad", out)[0]) for out in (servoed, stiff)]
     assert mean[1] < mean[0] / 2

@@ -63,8 +63,8 @@ def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
     why = said[said.index("Why") : said.index("What next")]
     assert "do not determine yaw of every sensor, but" in why
     assert "turn about X and turn about Y of every sensor to ±" in why
-    assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG --given LOG -o plan.csv")
-    assert "tdfscal plan RIG --given LOG -o plan.csv" in read(page).words  # as code
+    assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG -o plan.csv")
+    assert "tdfscal plan RIG -o plan.csv" in read(page).words  # as code
 
 
 def test_calibrate_writes_a_page(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.catalogue.numbers import quantity
 from tdfscal.errors import DataError
 from tdfscal.files.outputs import protect
 from tdfscal.files.saving import csv_comment
@@ -135,7 +136,7 @@ def _notes(
     if limits.stiffness is not None:
         squeeze = [
             ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
-            f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
+            f".dz, m, makes with {quantity(limits.stiffness, 'N/m')}; the positions contain it.",
         ]
     expected = []
     for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True):
