@@ -46,8 +46,8 @@ _CONSTANTS |= {"true": True, "false": False}
 class Document:
     """A parsed file.
 
-    content : dict, list, str, float, int, bool or None, nested. lines : place → line, from 1; empty
-    for JSON. source : the file's name for messages. sha256 : of the file as it lies there.
+    content : dict, list, str, float, int, bool or None, nested. lines : place → line, from 1, of
+    its key; empty for JSON. source : the file's name for messages. sha256 : of the file as it lies there.
     """
 
     content: Any
@@ -164,7 +164,7 @@ class _Builder:
 
     def _node(self, event: Any, events: Iterator[Any], place: Place) -> Any:
         """The value that begins with an event, its own events taken."""
-        self.lines[place] = event.start_mark.line + 1
+        self.lines.setdefault(place, event.start_mark.line + 1)
         if event.anchor is not None:
             self._at(event, "anchors and aliases are not read", "write the value out")
         if event.tag not in (None, "!"):
@@ -182,47 +182,31 @@ class _Builder:
                 self._at(each, "a key must be plain text", "write `key: value`")
             if each.value in content:
                 self._at(each, f"the key `{shorten(each.value)}` occurs twice", "keep one of them")
+            self.lines[*place, each.value] = each.start_mark.line + 1
             content[each.value] = self._node(next(events), events, (*place, each.value))
         return content
 
     def from_json(self, text: str) -> Any:
         """Return a JSON document's value."""
         read = json.JSONDecoder(
-            parse_constant=self._constant,
-            parse_float=number,
-            parse_int=number,
-            object_pairs_hook=self._object,
+            parse_float=number, parse_int=number, object_pairs_hook=self._object
         ).decode
         try:
-            content = read(text)
-            too_deep = _deeper_than(MAX_DEPTH, content)
+            return read(text)
         except json.JSONDecodeError as fault:
             what = f"is not JSON: {fault.msg}"
             self.fail(what, "correct the syntax there", fault.lineno, fault.colno)
         except RecursionError:
-            too_deep = True
-        if too_deep:
             self.fail(_TOO_DEEP, _THIS_FILE)
-        return content
-
-    def _constant(self, name: str) -> NoReturn:
-        self.fail(f"{name} is not JSON", "leave it out or write null")
 
     def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        content: dict[str, Any] = {}
-        for key, value in pairs:
-            if key in content:
-                what = f"the key `{shorten(key)}` occurs twice in one object"
-                self.fail(what, "keep one of them")
-            content[key] = value
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            what = f"the key `{shorten(twice)}` occurs twice in one object"
+            self.fail(what, "keep one of them")
         return content
-
-
-def _deeper_than(limit: int, content: Any) -> bool:
-    if not isinstance(content, (dict, list)):
-        return False
-    inner = content.values() if isinstance(content, dict) else content
-    return limit == 0 or any(_deeper_than(limit - 1, value) for value in inner)
 
 
 def plain_scalar(text: str) -> Scalar:

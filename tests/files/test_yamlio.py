@@ -63,7 +63,7 @@ def test_lines_and_places() -> None:
     assert document.content == {"a": 1, "b": ["x", {"c": 2, "d": [3, 4]}], "f": {"g": 5}}
     assert document.where(("b", 1, "d", 1)) == "some.yaml, line 5, b[1].d[1]"
     assert document.where(("f", "g")) == "some.yaml, line 7, f.g"
-    assert document.where(("b", 7)) == "some.yaml, line 3, b[7]"
+    assert document.where(("b", 7)) == "some.yaml, line 2, b[7]"
     assert document.where() == "some.yaml"
 
 
@@ -92,10 +92,9 @@ def test_refused_yaml(text: str | bytes, word: str) -> None:
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ('{"a": NaN}', "NaN is not JSON"),
         ('{"a": 1, "a": 2}', "`a` occurs twice"),
         ('{"a": 1,\n}', "line 2"),
-        ("[" * 40 + "]" * 40, "nested deeper"),
+        ("[" * 100_000 + "]" * 100_000, "nested deeper"),
         ("", "line 1"),
     ],
 )

@@ -16,7 +16,7 @@ from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
 from tdfscal.files.rig.recorders import LogBlock, SupportFields, TrackerFiles
-from tdfscal.files.yaml import Document, as_path, parse_document, read_document
+from tdfscal.files.yaml import Document, Place, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
     Acceptance,
@@ -38,7 +38,6 @@ DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0
 
 #: What a line says whose value the user has still to confirm.
 CONFIRM = "confirm"
-_KEY = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
 _MARK = re.compile(rf"#.*\b{CONFIRM}\b")
 
 
@@ -184,33 +183,37 @@ def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
 
 
 def unconfirmed(text: str) -> tuple[str, ...]:
-    """Return the keys, with values and lines, that a rig file still marks to be confirmed."""
-    found: list[str] = []
-    path: list[tuple[int, str]] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        match = _KEY.match(line)
-        if match is None or line.lstrip().startswith("#"):
-            continue
-        indent = len(match["indent"]) + len(match["item"] or "")
-        outside = len(match["indent"]) + 1 if match["item"] else indent
-        path = [(depth, key) for depth, key in path if depth < outside]
-        key = match["key"]
-        if key == "name" and match["item"]:
-            path.append((indent - 1, match["rest"].split("#")[0].strip()))
-        elif mark := _MARK.search(match["rest"]):
-            value = match["rest"][: mark.start()].strip()
-            whole = ".".join([*(k for _, k in path), key])
-            found.append(
-                f"{whole}: {value} (line {number})" if value else f"{whole} (line {number})"
-            )
-        else:
-            path.append((indent, key))
-    return tuple(found)
+    """Return the keys, with values and lines, that a rig file still marks to be confirmed.
+
+    Raises RigError for what is no YAML.
+    """
+    document = parse_document(text.encode(), "the rig file", RigError)
+    marked = {
+        number: line[: mark.start()].partition(":")[2].strip()
+        for number, line in enumerate(text.splitlines(), 1)
+        if (mark := _MARK.search(line)) and not line.lstrip().startswith("#")
+    }
+    found: dict[int, str] = {}
+    for place, number in document.lines.items():
+        if place and number in marked and number not in found:
+            value = f": {marked[number]}" if marked[number] else ""
+            found[number] = f"{_named(place, document.content)}{value} (line {number})"
+    return tuple(found.values())
+
+
+def _named(place: Place, content: Any) -> str:
+    """A place in a rig file, its supports by their names."""
+    names = []
+    for part in place:
+        content = content[part]
+        own = content.get("name") if isinstance(content, dict) else None
+        names.append(str(own or part if isinstance(part, int) else part))
+    return ".".join(names)
 
 
 def unconfirmed_in(path: Path) -> tuple[str, ...]:
     """As `unconfirmed`, of a file; nothing where it cannot be read."""
     try:
         return unconfirmed(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError):
+    except (OSError, UnicodeDecodeError, RigError):
         return ()
