@@ -177,8 +177,8 @@ def _keys(name: str, *closed: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
     def below(node: dict[str, Any], path: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
         either = node.get("anyOf", ())
         # Of a block or a list of such blocks, the block.
-        blocks = [one["oneOf"][0] for one in either if "oneOf" in one]
-        for member in [node, *either, *blocks]:
+        either = [one for one in either if one.get("items") not in either]
+        for member in [node, *either]:
             here = schema["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
             if isinstance(here.get("items"), dict):
                 yield from below(here["items"], f"{path}[]")

@@ -127,7 +127,7 @@ def zero_epoch(c: CalibrationFile) -> ZeroEpoch:
     told = max((m.record() for m in _recorded(c)), key=lambda when: when.begin)
     exact, begin = told.source == "log", None if told.source == "file" else told.begin
     span, dwell, temperature = 0.0, 0.0, None
-    averaged = any(recorder.rows == "postures" for recorder in c.rig.recorders)
+    averaged = any(recorder.rows == "postures" for recorder in c.rig.log or ())
     if c.postures is not None and c.postures.start and not averaged:
         start, end = np.array(c.postures.start), np.array(c.postures.end)
         span, dwell = float(end.max() - start.min()), float(np.median(end - start))

@@ -1,7 +1,6 @@
 """The kinds of value that the file models are made of: finite numbers, vectors, names, text.
 
-Numbers are strict (no bool, NaN or ∞), but text that is a number is read as one, since some
-parsers hand on `1e-5` as text; numpy arrays are taken as lists.
+Numbers are strict (no bool, NaN, ∞ or text); numpy arrays are taken as lists.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from tdfscal.files.yaml import plain_scalar
 from tdfscal.records import BoolArray, FloatArray
 
 UNKNOWN = "unknown"
@@ -87,14 +85,8 @@ def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticC
 
 
 def _as_number(given: Any) -> Any:
-    """Return numbers of numpy and texts that are numbers as such, all else as it is.
-
-    Refused is what overflows when it is squared, and is no quantity of any machine.
-    """
+    """Return a number; refused is what overflows when it is squared, and is no quantity at all."""
     value = from_numpy(given)
-    if isinstance(value, str):
-        read = plain_scalar(value.strip())
-        value = read if isinstance(read, (int, float)) and not isinstance(read, bool) else value
     if isinstance(value, (int, float)) and LARGEST < abs(value) < math.inf:
         raise fault(f"is beyond any quantity, got {value!r:.20}", hint="check the number")
     return value
@@ -118,7 +110,8 @@ def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
 
 
 def _std(given: Any) -> Any:
-    value = math.inf if isinstance(given, str) and given == UNKNOWN else _as_number(given)
+    # `.inf` is text in JSON, which has no infinity.
+    value = math.inf if given in (UNKNOWN, ".inf") else _as_number(given)
     if isinstance(value, str):
         what = f"must be a number or `{UNKNOWN}`, got {value!r:.40}"
         raise fault(what, hint="correct the value")

@@ -82,7 +82,7 @@ def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
 def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
     """Return place, what and hint of one fault."""
     context = fault.get("ctx", {})
-    place = _in_file((*fault["loc"], *context.get("place", ())), content)
+    place, there = _in_file((*fault["loc"], *context.get("place", ())), content)
     kind = fault["type"]
     if kind == "extra_forbidden":
         return place, *_unknown_key(model, place)
@@ -90,25 +90,26 @@ def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Pl
         return place[:-1], f"has {place[-1]} entries, too few", "add what is missing"
     if kind == "missing":
         return place[:-1], f"lacks `{place[-1]}`", _MISSING.get(place[-1], f"add `{place[-1]}`")
-    # A value that stands for a mapping (`mass: 500`) has no such place in the file.
-    while place and not _exists(content, place):
-        place = place[:-1]
     what = _PHRASES.get(kind) or str(fault["msg"]).replace("Input should", "must", 1)
     if kind != "tdfscal":
         what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
-    return place, what, context.get("hint") or _HINTS.get(kind, "correct the value")
+    # A value that stands for a mapping (`mass: 500`) has no such place in the file.
+    return place[:there], what, context.get("hint") or _HINTS.get(kind, "correct the value")
 
 
-def _in_file(place: Place, content: Any) -> Place:
-    """The place without the names of the forms that a value may have."""
-    for k, part in enumerate(place):
-        if part in _FORMS and not _exists(content, place[: k + 1]):
-            return (*place[:k], *place[k + 1 :])
-    return place
+def _in_file(place: Place, content: Any) -> tuple[Place, int]:
+    """The place, without the index of a block that stands alone; how many of its parts exist."""
+    kept, there = list[str | int](), 0
+    for part in place:
+        if part == 0 and isinstance(content, dict):
+            continue
+        kept.append(part)
+        try:
+            content, there = content[part], len(kept)
+        except (KeyError, IndexError, TypeError):
+            content = None
+    return tuple(kept), there
 
-
-#: Names of the forms of a value that is a block or a list of blocks.
-_FORMS = ("one", "several")
 
 _MISSING: dict[str | int, str] = {
     "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown",
@@ -161,12 +162,3 @@ def _models_in(annotation: Any) -> Iterator[Any]:
         yield annotation
     for argument in get_args(annotation):
         yield from _models_in(argument)
-
-
-def _exists(content: Any, place: Place) -> bool:
-    for part in place:
-        try:
-            content = content[part]
-        except (KeyError, IndexError, TypeError):
-            return False
-    return True

@@ -46,8 +46,8 @@ _CONSTANTS |= {"true": True, "false": False}
 class Document:
     """A parsed file.
 
-    content : dict, list, str, float, int, bool or None, nested. lines : place → line, from 1, of
-    its key; empty for JSON. source : the file's name for messages. sha256 : of the file as it lies there.
+    content : dict, list, str, float, int, bool or None, nested. lines : place → line of its key,
+    from 1; empty for JSON. source : the file's name for messages. sha256 : of the file as it is.
     """
 
     content: Any
@@ -178,11 +178,12 @@ class _Builder:
             return [self._node(each, events, (*place, k)) for k, each in enumerate(inner)]
         content: dict[str, Any] = {}
         for each in inner:
+            line = each.start_mark.line + 1
             if not isinstance(each, yaml.ScalarEvent):
                 self._at(each, "a key must be plain text", "write `key: value`")
             if each.value in content:
                 self._at(each, f"the key `{shorten(each.value)}` occurs twice", "keep one of them")
-            self.lines[*place, each.value] = each.start_mark.line + 1
+            self.lines[*place, each.value] = line
             content[each.value] = self._node(next(events), events, (*place, each.value))
         return content
 

@@ -266,7 +266,7 @@ def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         if c.motion is None or f.postures:
             facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
         facts += [
-            ("Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.recorders)}") for k in c.clocks
+            ("Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.log or ())}") for k in c.clocks
         ]
         facts += _motion(c.motion, c.clocks) if c.motion is not None else []
         facts += [

@@ -35,7 +35,7 @@ from tdfscal.files.field_types import (
     fault,
     key,
 )
-from tdfscal.files.rig.recorders import LogBlock, LogBlocks, TrackerBlock, check_recorders
+from tdfscal.files.rig.recorders import LogBlocks, TrackerBlock, check_recorders
 from tdfscal.records import FloatArray
 
 RIG_FORMAT = "tdfscal-rig/1"
@@ -318,17 +318,8 @@ class RigFile(Strict):
             _each_its_own("serial number", serials, "sensor", "serial")
         check_hinges(names, np.array([support.hinge for support in self.supports]))
         check_recorders(names, self.log or ())
-        if self.drift.temperature > 0 and all(r.temperature is None for r in self.recorders):
-            what, hint = (
-                "zeros that follow a temperature need one",
-                "name its field in the log block",
-            )
+        if self.drift.temperature > 0 and all(r.temperature is None for r in self.log or ()):
+            what = "zeros that follow a temperature need one"
+            hint = "name its field in the log block"
             raise fault(what, "drift", "temperature", hint=hint)
         return self
-
-    @property
-    def recorders(self) -> tuple[LogBlock, ...]:
-        """The blocks of all recorders; none where the file has no log block."""
-        if self.log is None:
-            return ()
-        return (self.log,) if isinstance(self.log, LogBlock) else self.log

@@ -106,7 +106,7 @@ def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
         document["stated_limits"] = sorted(file.acceptance.model_fields_set)
     return LoadedRig(
         rig=_rig(file),
-        log=tuple(_mapping(block, names) for block in file.recorders),
+        log=tuple(_mapping(block, names) for block in file.log or ()),
         tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=sha256,

@@ -10,11 +10,13 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    Discriminator,
-    Tag,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
     WithJsonSchema,
+    WrapSerializer,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 from tdfscal.files.field_types import (
     LengthUnit,
@@ -207,20 +209,35 @@ class LogBlock(Strict):
         }
 
 
-#: One recorder's block, or a list of them.
+class _OneOrMore:
+    """A list in a file's models, of which a single entry stands alone in the file."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        several = handler(schema)
+        return {"anyOf": [several["items"], several]}
+
+
+def _alone(blocks: Any, written: SerializerFunctionWrapHandler) -> Any:
+    each = written(blocks)
+    return each[0] if len(each) == 1 else each
+
+
 LogBlocks = Annotated[
-    Annotated[LogBlock, Tag("one")] | Annotated[tuple[LogBlock, ...], Tag("several")],
-    Discriminator(lambda given: "several" if isinstance(given, (list, tuple)) else "one"),
+    tuple[LogBlock, ...],
+    BeforeValidator(lambda given: given if isinstance(given, (list, tuple)) else (given,)),
+    WrapSerializer(_alone),
+    _OneOrMore(),
 ]
+"""One recorder's block, or a list of them."""
 
 
-def check_recorders(names: Sequence[str], log: LogBlock | Sequence[LogBlock]) -> None:
+def check_recorders(names: Sequence[str], recorders: Sequence[LogBlock]) -> None:
     """Refuse blocks that do not hold each support's position and force once, all together."""
-    one = isinstance(log, LogBlock)
-    recorders = [log] if isinstance(log, LogBlock) else log
     held: dict[tuple[str, str], int] = {}
     for index, recorder in enumerate(recorders):
-        place = ("log",) if one else ("log", index)
+        place = ("log", index)
         _check_block(names, recorder, place, several=len(recorders) > 1)
         for what in recorder.fields:
             if what in held:
@@ -237,10 +254,9 @@ def check_recorders(names: Sequence[str], log: LogBlock | Sequence[LogBlock]) ->
         if len(missing) == 2:
             raise fault(f"lacks the support `{name}`", "log", "supports", hint=f"add `{name}: ...`")
         if missing:
-            where = ("log", "supports", name) if one else ("log",)
-            raise fault(
-                f"lacks the {missing[0]} of `{name}`", *where, hint=f"add `{missing[0]}: ...`"
-            )
+            where = ("log", 0, "supports", name) if len(recorders) == 1 else ("log",)
+            said, hint = f"lacks the {missing[0]} of `{name}`", f"add `{missing[0]}: ...`"
+            raise fault(said, *where, hint=hint)
 
 
 def _check_block(
@@ -265,7 +281,7 @@ def _check_block(
             if field in taken and field != _NOT_RECORDED:
                 what = f"the field `{field}` already serves {taken[field]}"
                 raise fault(what, *where, hint="let each field serve one quantity")
-            taken[field] = ".".join(map(str, where))
+            taken[field] = ".".join(part for part in where if isinstance(part, str))
     if warm is not None and len(warm) not in (1, len(names)):
         raise fault(
             f"names {len(warm)} fields for {len(names)} supports",

@@ -76,7 +76,7 @@ def log_clock(
     rig: RigFile, table: PostureTable | None, rejected: Sequence[RejectedPosture]
 ) -> Clock:
     """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
-    if any(recorder.rows == "postures" for recorder in rig.recorders):
+    if any(recorder.rows == "postures" for recorder in rig.log or ()):
         return Clock(0.0, "row of the log", "row")
     starts = [r.start for r in rejected]
     if table is not None:
