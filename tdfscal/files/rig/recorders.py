@@ -10,13 +10,11 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     WithJsonSchema,
     WrapSerializer,
     model_validator,
 )
-from pydantic_core import CoreSchema
 
 from tdfscal.files.field_types import (
     LengthUnit,
@@ -102,15 +100,16 @@ class LogTime(Strict):
     source: Literal["header", "log", "publish"] = key("or header, publish; MCAP", "log")
 
 
+def _list(given: Any) -> Any:
+    return given if isinstance(given, (list, tuple)) else (given,)
+
+
 def _one_or_three(given: Any) -> Any:
-    if isinstance(given, (list, tuple)):
-        if len(given) not in (1, 3):
-            raise fault(
-                f"must be three fields or one with members x, y, z, got {len(given)}",
-                hint="write [X, Y, Z] or one name",
-            )
-        return tuple(given)
-    return (given,)
+    fields = _list(given)
+    if len(fields) not in (1, 3):
+        what = f"must be three fields or one with members x, y, z, got {len(fields)}"
+        raise fault(what, hint="write [X, Y, Z] or one name")
+    return fields
 
 
 Fields = Annotated[
@@ -155,7 +154,7 @@ class SupportFields(Strict):
 
 Temperatures = Annotated[
     tuple[FieldName, ...],
-    BeforeValidator(lambda given: (given,) if isinstance(given, str | int) else given),
+    BeforeValidator(_list),
     WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 1)]}),
 ]
 """One field in °C for all sensors, or one per support, in their order."""
@@ -209,26 +208,15 @@ class LogBlock(Strict):
         }
 
 
-class _OneOrMore:
-    """A list in a file's models, of which a single entry stands alone in the file."""
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        several = handler(schema)
-        return {"anyOf": [several["items"], several]}
-
-
-def _alone(blocks: Any, written: SerializerFunctionWrapHandler) -> Any:
-    each = written(blocks)
+def _alone(recorders: Any, written: SerializerFunctionWrapHandler) -> Any:
+    each = written(recorders)
     return each[0] if len(each) == 1 else each
 
 
 LogBlocks = Annotated[
     tuple[LogBlock, ...],
-    BeforeValidator(lambda given: given if isinstance(given, (list, tuple)) else (given,)),
+    BeforeValidator(_list, json_schema_input_type=LogBlock | tuple[LogBlock, ...]),
     WrapSerializer(_alone),
-    _OneOrMore(),
 ]
 """One recorder's block, or a list of them."""
 
