@@ -22,7 +22,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
-from tdfscal.model.statics import wrench as lever
+from tdfscal.model.statics import carrying
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig, Rotations
 from tdfscal.significance import EXPANDED_COVERAGE, MOST_REJECTED
@@ -105,11 +105,8 @@ def locked_sensors(supports: Sequence[str], rotation: FloatArray) -> list[Findin
     ]
 
 
-_NODES = 80
-#: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
-_FAR = 9.0
-#: Variances below this share of the largest are lines and planes, not bodies.
-_FLAT = 1.0e-12
+#: Directions of an octant along each of its coordinates.
+_NODES = 48
 
 
 @record
@@ -183,12 +180,9 @@ def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatAr
     """Servo positions and readings, (1, n, 3) each, of the smallest forces at a posture."""
     state = given.state
     R = so3.from_rpy(np.array(rpy))
-    arm = state.hinge @ R.T
-    weight = state.mass * gravity(state, given.rig.gravity)
-    grasp = np.concatenate(list(lever(arm)), axis=1)
-    load = -np.concatenate([weight, np.cross(R @ state.barycentre, weight)])
-    F = (np.linalg.pinv(grasp) @ load).reshape(-1, 3)
-    reading = np.linalg.solve(sensing(state), F[..., None])[..., 0] + state.zero
+    arm, weight = state.hinge @ R.T, state.mass * gravity(state, given.rig.gravity)
+    force = carrying(arm, R @ state.barycentre, weight)
+    reading = np.linalg.solve(sensing(state), force[..., None])[..., 0] + state.zero
     return (arm + state.datum)[None], reading[None]
 
 
@@ -196,11 +190,8 @@ def _limited(quantity: str, unit: str, cov: FloatArray, limit: float) -> Limited
     std = np.sqrt(np.diagonal(cov))
     known = bool(np.isfinite(std).all())
     expanded = coverage_radius(cov) if known else np.inf
-    if limit == np.inf:
-        exceeding = 0.0
-    else:
-        exceeding = min(1.0, max(0.0, 1.0 - within(cov, limit))) if known else 1.0
-    return Limited(quantity, unit, std, expanded, limit, exceeding)
+    inside = within(cov, limit) if known else float(limit == np.inf)
+    return Limited(quantity, unit, std, expanded, limit, 1.0 - inside)
 
 
 def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> float:
@@ -222,34 +213,26 @@ def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> flo
 def within(cov: FloatArray, radius: float) -> float:
     """Probability that a normal vector of covariance (3, 3) and mean 0 is no longer than this.
 
-    Along the principal axes, by Gauss–Legendre quadrature over two of them; the third is exact.
+    It is √(Σᵢ σᵢ² uᵢ²) · √χ²₃ in a direction u that is uniform on the sphere, whose octants are
+    alike.
     """
-    values = np.linalg.eigvalsh(cov)
-    if values[-1] <= 0.0:
-        return 1.0
-    std = np.sqrt(np.maximum(values, _FLAT * values[-1]))
-    x, wx = _axis(std[0], np.array([radius]))
-    y, wy = _axis(std[1], np.sqrt(np.maximum(radius**2 - x**2, 0.0)).ravel())
-    half = np.sqrt(np.maximum(radius**2 - x.reshape(-1, 1) ** 2 - y**2, 0.0))
-    return float(np.sum(wx.reshape(-1, 1) * wy * special.erf(half / std[2] / np.sqrt(2))))
+    square, share = _octant()
+    length = np.maximum(square @ np.linalg.eigvalsh(cov).clip(0.0), 1e-300)
+    return float(min(1.0, share @ special.gammainc(1.5, 0.5 * radius**2 / length)))
 
 
 @cache
-def _rule() -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of Gauss–Legendre quadrature; an eigenvalue problem, solved once."""
-    return np.polynomial.legendre.leggauss(_NODES)
+def _octant() -> tuple[FloatArray, FloatArray]:
+    """Squares (N, 3) of directions in an octant and their shares (N,) of its surface.
 
-
-def _axis(std: float, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights (m, nodes) of a normal density over [−radius, radius], radius (m,).
-
-    x = r sin θ takes the square root out of the ends of the ball.
+    Gauss–Legendre along the axis of the largest variance, equal steps about it.
     """
-    node, share = _rule()
-    end = np.arcsin(np.minimum(_FAR * std / np.maximum(radius, 1e-300), 1.0))[:, None]
-    x = radius[:, None] * np.sin(end * node)
-    density = np.exp(-0.5 * (x / std) ** 2) / (std * np.sqrt(2 * np.pi))
-    return x, density * radius[:, None] * np.cos(end * node) * end * share
+    node, share = np.polynomial.legendre.leggauss(_NODES)
+    about = (np.arange(_NODES) + 0.5) * np.pi / (2 * _NODES)
+    along, turn = np.meshgrid(0.5 * (1.0 + node), about, indexing="ij")
+    across = 1.0 - along**2
+    square = np.stack([across * np.cos(turn) ** 2, across * np.sin(turn) ** 2, along**2], axis=-1)
+    return square.reshape(-1, 3), np.repeat(0.5 * share / _NODES, _NODES)
 
 
 def _finding(part: Limited, rpy: tuple[float, float, float]) -> Finding:
