@@ -14,7 +14,7 @@ import numpy as np
 from studies.frame import Study, check_folder
 from tdfscal import load_calibration
 from tdfscal.commands.calibration_in_use import require_agreement
-from tdfscal.commands.campaign import rig_named
+from tdfscal.commands.campaign import rig_file
 from tdfscal.commands.result import Calibration
 from tdfscal.commands.simulate import survey_of
 from tdfscal.errors import TdfscalError, UsageError
@@ -62,7 +62,7 @@ def perform(
         raise UsageError("a seed is not negative", where="--seed")
     if asked.calibration and asked.name != "sensitivity":
         raise UsageError(f"{asked.name} judges no calibration", where="--calibration")
-    loaded = rig_named(asked.rig)
+    loaded = rig_file(asked.rig)
     rig, survey = campaigns.require_whole(loaded), survey_of(loaded)
     check_folder(asked.output)
     given = [(path.stem, _calibration(path, rig)) for path in asked.calibration]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from tdfscal.errors import TdfscalError, UsageError, expect
-from tdfscal.files import RIG_NAME, WRENCH_WRITER
+from tdfscal.errors import UsageError, expect
+from tdfscal.files import RIG_NAME
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
@@ -18,39 +18,56 @@ from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import (
-    NOWHERE,
-    check_regular,
-    entries_of,
-    owns,
-    read_bag,
-    refuse_unfinished,
-)
+from tdfscal.logs.formats import NOWHERE, check_regular, entries_of, owns, refuse_unfinished
 from tdfscal.records import LogMapping
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]
 
+FOLDER, RIG, CALIBRATION = "a folder", "a rig file", "a calibration"
+LOG, RESULT = "a log", "another result of tdfscal"
 #: How results of tdfscal begin, but for quotes: tables by their first line, documents by their
-#: format, pages, exports and drafts by what wrote them.
+#: format or command, pages, exports and drafts by what wrote them. So ends a Parquet file.
 _OWN = re.compile(
     rb"""\A(?:\#[ ]tdfscal[ ]|time,fx,fy,fz,mx,my,mz,u_fx,|sensor,r_xx,r_xy,)
+    | \A\{\s*command:[ ]tdfscal[ .]
+    | \A(?s:.{0,230})tdfscal[ ]contact[ ]wrench
     | \btdfscal[ ]\d[^\s,]*,[ ]\w+[ ]calibration[ ]of[ ]
     | <meta[ ]name=generator[ ]content=tdfscal[ ]
     | ^[ ]*format:[ ]*tdfscal-
-    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
+    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]
+    | contact[ ]wrench[ ]on[ ]the[ ]terminal:[ ]force,[ ]and[ ]moment""",
     re.VERBOSE | re.MULTILINE,
 )
-#: The first format that a document names is its own.
-_FORMAT = re.compile(rb"format:\s*tdfscal-(rig|calibration)/")
-_HEAD = 1 << 14
-#: What the metadata of a Parquet file of contact wrenches say, at the end of the file.
-_QUANTITY = b"contact wrench on the terminal: force, and moment"
-_TAIL = 1 << 16
+#: The format of a whole document, not of what it embeds.
+_FORMAT = re.compile(rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-(rig|calibration)/", re.MULTILINE)
+_HEAD, _TAIL = 1 << 14, 1 << 16
+_WANTED = {RIG: "name the folder of the logs, or give it by --rig",
+           CALIBRATION: "name a campaign folder, or its logs"}  # fmt: skip
 _KINDS = (
     "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, .bag or "
     "rosbag2 folders"
 )
+
+
+def kind_of(path: Path) -> str:
+    """Tell what a path leads to: results of tdfscal by their ends, a log by its name.
+
+    FOLDER, RIG, CALIBRATION, RESULT, LOG, or nothing for another file. A pipe is not opened: that
+    might never end.
+    """
+    if path.is_dir():
+        return LOG if is_log(path) else FOLDER
+    with suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(_HEAD).replace(b'"', b"")
+                file.seek(max(0, file.seek(0, 2) - _TAIL))
+                if found := _FORMAT.search(head):
+                    return RIG if found[1] == b"rig" else CALIBRATION
+                if _OWN.search(head) or _OWN.search(file.read(), 1):
+                    return RESULT
+    return LOG if is_log(path) else ""
 
 
 def listed(paths: PathLikes) -> list[Path]:
@@ -105,16 +122,16 @@ def resolve(
     Raises UsageError where a path is missing, no rig is found or two contradict, or there is
     neither a log nor a survey; RigError for a faulty rig file.
     """
-    paths = listed(where)
-    _require(paths)
-    loaded = _rig_of(paths, one(rig), fallback)
+    paths = _there(where)
+    loaded = _rig_of(paths, fallback) if rig is None else rig_file(as_path(rig))
     surveys = loaded.tracker.paths if loaded.tracker else ()
-    surveyed = bool(surveys) and all(path.is_file() for path in surveys)
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
-    # A folder that holds nothing of the rig has no part in its survey.
-    homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
-    if not logs and not (surveyed and homes.intersection(map(_real, paths))):
-        raise no_log(paths, "there is no log here, nor a tracker's survey")
+    if not logs:
+        # A folder that holds nothing of the rig has no part in its survey.
+        homes = {home for file in (*surveys, loaded.path) for home in _real(file).parents}
+        surveyed = bool(surveys) and all(path.is_file() for path in surveys)
+        if not (surveyed and homes.intersection(map(_real, paths))):
+            raise no_log(paths, "there is no log here, nor a tracker's survey")
     return Campaign(loaded, logs)
 
 
@@ -137,15 +154,12 @@ def find_logs(
     Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
     holds recordings without the metadata that lists them, or may not be looked into.
     """
-    paths = listed(where)
-    _require(paths)
-    known = {_real(path) for path in apart}
+    paths, known = _there(where), {_real(path) for path in apart}
     patterns = [one for one in recorders if one.files is not None]
-    found: dict[Path, Path] = {}
-    others: list[Path] = []
+    found, others = dict[Path, Path](), list[Path]()
     for path in paths:
         if not _is_folder(path):
-            _refuse_other(path)
+            _require_log(path)
             found.setdefault(_real(path), path)
             continue
         for entry in sorted(entries_of(path), key=_natural):
@@ -158,33 +172,22 @@ def find_logs(
                 others.append(entry)  # no campaign of its own: an unfinished recording?
     for folder in others:
         refuse_unfinished(folder, found.keys())
-    for path in found.values():
+    logs = tuple(found.values())
+    for path in logs:
         if not path.is_dir():
             check_regular(path)
-    for path in (*paths, *found.values()):
-        protect((path, *_parts(path), (path if _is_folder(path) else path.parent) / RIG_NAME))
-    return tuple(found.values())
+    protect(paths)
+    protect((path if _is_folder(path) else path.parent) / RIG_NAME for path in (*paths, *logs))
+    protect(file for path in logs for file in (path, *path.rglob("*")))
+    return logs
 
 
-def _parts(path: Path) -> Iterator[Path]:
-    """Files of a recording that is a folder, those elsewhere too."""
-    if is_log(path) and path.is_dir():
-        yield from path.rglob("*")
-        with contextlib.suppress(TdfscalError):
-            yield from read_bag(path).files
-
-
-def _refuse_other(path: Path) -> None:
+def _require_log(path: Path) -> None:
     """Raise UsageError for what is no log by its name."""
-    if is_log(path):
-        return
-    hint = {
-        "rig": "name the folder of the logs, or give it by --rig",
-        "calibration": "name a campaign folder, or its logs",
-    }.get(own_format(path), _KINDS)
-    kind = other_kind(path, "log")
-    what = f"is {kind}, not a log" if kind else "is not a log"
-    raise UsageError(what, where=str(path), hint=hint)
+    if not is_log(path):
+        kind = kind_of(path)
+        what = f"is {kind}, not a log" if kind else "is not a log"
+        raise UsageError(what, where=str(path), hint=_WANTED.get(kind, _KINDS))
 
 
 def _real(path: Path) -> Path:
@@ -198,62 +201,49 @@ def _is_folder(path: Path) -> bool:
 
 
 def _is_recorded(entry: Path) -> bool:
-    return entry.stem != "calibration" and looks_recorded(entry) and _may_be_read(entry)
+    """Whether what a folder holds is a log by its name and content."""
+    return entry.stem != "calibration" and looks_recorded(entry) and kind_of(entry) == LOG
 
 
-def _may_be_read(entry: Path) -> bool:
-    """Whether what a folder holds is a log by its name, and no result of tdfscal."""
-    # A pipe is not opened here: that might never end.
-    return is_log(entry) and not (entry.is_file() and is_own_result(entry))
-
-
-def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
-    if given is not None:
-        return _load(given)
+def _rig_of(paths: Sequence[Path], fallback: LoadedRig | None) -> LoadedRig:
+    """The rig of the folders, or beside the files."""
     homes = [path if _is_folder(path) else path.absolute().parent for path in paths]
     beside = {_real(home / RIG_NAME): home / RIG_NAME for home in homes}
-    rigs = [_load(path) for path in beside.values() if path.is_file()]
-    if not rigs and fallback is not None:
-        return fallback
-    if not rigs:
+    rigs = [rig_file(path) for path in beside.values() if path.is_file()]
+    first = rigs[0] if rigs else fallback
+    if first is None:
         for path in filter(Path.is_file, paths):
-            _refuse_other(path)
-        rig_files = [name for name in _names(homes[0]) if own_format(homes[0] / name) == "rig"]
-        near = nearest(RIG_NAME, rig_files)
+            _require_log(path)
+        near = nearest(RIG_NAME, [p.name for p in entries_of(homes[0]) if kind_of(p) == RIG])
         rename = f"rename {near} to {RIG_NAME} or name it with --rig"
         raise UsageError(
             f"there is no {RIG_NAME}",
             where=str(homes[0]),
             hint=rename if near else "name the rig file with --rig",
         )
-    other = next((rig for rig in rigs if rig.sha256 != rigs[0].sha256), None)
-    if other is not None:
-        raise UsageError(
-            f"the paths belong to different rigs, {rigs[0].path} and {other.path}",
-            hint="take one campaign at a time, or say which rig holds with --rig",
-        )
-    return rigs[0]
+    for other in rigs[1:]:
+        if other.sha256 != first.sha256:
+            raise UsageError(
+                f"the paths belong to different rigs, {first.path} and {other.path}",
+                hint="take one campaign at a time, or say which rig holds with --rig",
+            )
+    return first
 
 
-def _require(paths: Sequence[Path]) -> None:
+def _there(where: PathLikes) -> list[Path]:
+    """Return paths of which each leads somewhere. Raises UsageError."""
+    paths = listed(where)
     if not paths:
         raise UsageError("no path is given", hint="name a campaign folder or its logs")
     for path in paths:
         if not path.exists():
-            near = nearest(path.name, _names(path.absolute().parent))
+            home, near = path.absolute().parent, None
+            if home.is_dir():
+                near = nearest(path.name, sorted(entry.name for entry in entries_of(home)))
             advice = f"the nearest name there is {near}" if near else "check the path"
-            raise UsageError(
-                "there is no such file or folder",
-                where=str(path),
-                hint=NOWHERE if path.is_symlink() else advice,
-            )
-
-
-def _names(folder: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in folder.iterdir())
-    except OSError:
-        return []
+            what = "there is no such file or folder"
+            raise UsageError(what, where=str(path), hint=NOWHERE if path.is_symlink() else advice)
+    return paths
 
 
 def _natural(path: Path) -> list[tuple[int, int, str]]:
@@ -270,12 +260,12 @@ def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list
     the rig, and logs beside one campaign at most, are one campaign.
     """
     paths = listed(where)
-    inside = {path: [] if rig is not None else _campaigns_in(path) for path in paths}
-    found = sum(inside.values(), list[Path]())
-    loose = any(not _is_folder(path) for path in paths if not inside[path])
-    if len(found) < (2 if loose else 1):
+    inside = [[] if rig is not None else _campaigns_in(path) for path in paths]
+    loose = any(not held and not _is_folder(path) for path, held in zip(paths, inside, strict=True))
+    if sum(map(len, inside)) < (2 if loose else 1):
         return [paths]
-    return [[folder] for path in paths for folder in inside[path] or [path]]
+    each = zip(paths, inside, strict=True)
+    return [[folder] for path, held in each for folder in held or [path]]
 
 
 def _campaigns_in(path: Path) -> list[Path]:
@@ -290,58 +280,11 @@ def _campaigns_in(path: Path) -> list[Path]:
     return [f for f in folders if (f / RIG_NAME).is_file() or any(map(_is_recorded, entries_of(f)))]
 
 
-def rig_named(path: PathLike) -> LoadedRig:
+def rig_file(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
     file = as_path(path)
     if file.is_dir():
         file = file / RIG_NAME
-    if not file.is_file():
-        raise UsageError(
-            "there is no such rig file", where=str(file), hint="name a rig.yaml or its folder"
-        )
-    return _load(file)
-
-
-def _load(path: Path) -> LoadedRig:
-    """Load a rig file; no output replaces it, its point files, or the logs that lie beside it."""
-    loaded = load_rig(path)
-    points = loaded.tracker.paths if loaded.tracker else ()
-    protect((path, *points, *filter(_may_be_read, entries_of(path.absolute().parent))))
+    loaded = load_rig(file)
+    protect((file, *(loaded.tracker.paths if loaded.tracker else ())))
     return loaded
-
-
-def _head(path: Path) -> bytes:
-    """The beginning of a file without quotes; nothing of a pipe, and of what cannot be read."""
-    with contextlib.suppress(OSError):
-        if path.is_file():
-            with path.open("rb") as file:
-                return file.read(_HEAD).replace(b'"', b"")
-    return b""
-
-
-def own_format(path: Path) -> str:
-    """Tell whether a file is a `rig` file or a `calibration`; empty for another one."""
-    found = _FORMAT.search(_head(path))
-    return found[1].decode() if found else ""
-
-
-def other_kind(path: Path, wanted: str) -> str:
-    """Tell what stands where a `log` or a `calibration` is wanted; empty where it may be one."""
-    kind = own_format(path) or ("log" if is_log(path) else "")
-    said = {"rig": "a rig file", "calibration": "a calibration", "log": "a log"}
-    return "a folder" if path.is_dir() else said.get(kind, "") if kind != wanted else ""
-
-
-def is_own_result(path: Path) -> bool:
-    """Tell whether a file is a result of tdfscal and no recording."""
-    head = _head(path)
-    if _OWN.search(head):
-        return True
-    if path.suffix.lower() == ".mcap":
-        return WRENCH_WRITER.encode() in head[:256]  # who wrote it
-    if path.suffix.lower() != ".parquet":
-        return False
-    with contextlib.suppress(OSError), path.open("rb") as file:
-        file.seek(max(0, file.seek(0, 2) - _TAIL))
-        return _QUANTITY in file.read()
-    return False

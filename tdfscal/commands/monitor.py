@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.campaign import campaign_folders, is_own_result, own_format
+from tdfscal.commands.campaign import RESULT, RIG, campaign_folders, kind_of
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.recordings import Read, Unusable, require_one_rig
@@ -205,18 +205,13 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
     folders: list[Path] = []
     for source in sources:
         if isinstance(source, CalibrationFile) or not (path := Path(source)).is_dir():
-            if isinstance(source, CalibrationFile) or not _is_other_result(path):
+            if isinstance(source, CalibrationFile) or kind_of(path) not in (RESULT, RIG):
                 calibrations.append(source)
             continue
         if is_log(path):
             raise UsageError("is a recording", where=str(path), hint="name its campaign folder")
         folders += [group[0] for group in campaign_folders([path])]
     return calibrations, folders
-
-
-def _is_other_result(path: Path) -> bool:
-    """Tell whether a file is a result of tdfscal, and no calibration."""
-    return is_own_result(path) and own_format(path) != "calibration"
 
 
 def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import told
 from tdfscal.commands import options
-from tdfscal.commands.campaign import PathLike, no_log, one, resolve, rig_named
+from tdfscal.commands.campaign import PathLike, no_log, one, resolve, rig_file
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.options import Numbers, Option, Progress, numbers, silent, triple
 from tdfscal.commands.result import CommandResult
@@ -166,7 +166,7 @@ def plan(
     if postures is not None and target is not None:
         what = "--postures and --target ask for two different things"
         raise UsageError(what, hint="give one of them")
-    known, force = rig_named(rig), np.inf if force_limit is None else force_limit
+    known, force = rig_file(rig), np.inf if force_limit is None else force_limit
     way = travel_limits(known.rig, _travels(travel))
     limits = Limits(float(np.deg2rad(tilt)), squeeze, way, np.zeros(3), force, stiffness)
     limits, seen, findings = _at_home(limits, known, home, progress)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
-from tdfscal.commands.campaign import other_kind
-from tdfscal.errors import UsageError, expect
+from tdfscal.commands.campaign import CALIBRATION, RESULT, kind_of
+from tdfscal.errors import DataError, UsageError, expect
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -272,14 +272,21 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
         name = "standard input"
         return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
     path = as_path(source)
-    if other := other_kind(path, "calibration"):
-        raise UsageError(
-            f"is {other}; a calibration file is wanted here",
-            where=str(path),
-            hint="name the .yaml or .json file that calibrate wrote",
-        )
     protect([path])
-    return str(path), Calibration.of(load_file(path))
+    kind = kind_of(path)
+    try:
+        if kind in ("", CALIBRATION, RESULT):  # of a long one the head does not tell
+            return str(path), Calibration.of(load_file(path))
+    except DataError as error:
+        if kind == CALIBRATION:
+            raise
+        if not kind:
+            raise UsageError(error.what, where=error.where, hint=error.hint) from error
+    raise UsageError(
+        f"is {kind}; a calibration file is wanted here",
+        where=str(path),
+        hint="name the .yaml or .json file that calibrate wrote",
+    )
 
 
 def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:

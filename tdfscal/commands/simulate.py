@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tdfscal.commands import options
-from tdfscal.commands.campaign import PathLike, rig_named
+from tdfscal.commands.campaign import PathLike, rig_file
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import CommandResult, by_column
 from tdfscal.files.rig.reading import LoadedRig
@@ -83,7 +83,7 @@ def simulate(
     """
     scenario = scenario.lower()
     check_folder(as_path(folder))
-    loaded = rig_named(rig) if rig else None
+    loaded = rig_file(rig) if rig else None
     progress(f"simulating {postures} postures")
     played = simulate_to_folder(
         Path(folder),

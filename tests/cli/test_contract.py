@@ -136,6 +136,10 @@ ENDS = {
     "campaign/log.parquet": {"rig": 2, "calibration": 2, "log": 0},
     "campaign/rig.yaml": {"rig": 0, "calibration": 2, "log": 2},
     "own.yaml": {"rig": 2, "calibration": 0, "log": 2},
+    "page.html": {"rig": 2, "calibration": 2, "log": 2},
+    "image.png": {"rig": 2, "calibration": 2, "log": 2},
+    "other.yaml": {"rig": 2, "calibration": 2, "log": 2},
+    "checked.json": {"rig": 2, "calibration": 2, "log": 2},
 }
 
 
@@ -159,6 +163,13 @@ ENDS = {
 )
 def test_files_of_another_kind_end_alike(line: str, kind: str, home: Path, cli: Cli) -> None:
     (home / "binary.csv").write_bytes(bytes(range(128, 256)) * 20)
+    (home / "image.png").write_bytes(b"\x89PNG\r\n" + bytes(range(256)))
+    (home / "other.yaml").write_text("name: something else\n")
+    (home / "page.html").write_text("<!doctype html>\n<p>nothing of ours")
+    # As `validate --json` prints it, with a rig inside.
+    rig = {"format": "tdfscal-rig/1"}
+    result = {"command": "tdfscal validate", "findings": [], "rig": rig}
+    (home / "checked.json").write_text(json.dumps(result, indent=1))
     for name, ends in ENDS.items():
         if ends[kind]:
             seen = cli(*line.replace("THIS", name).split(), "-q", ends=ends[kind])
