@@ -15,11 +15,9 @@ from tdfscal.planning.predicted_information import (
     Forecast,
     Sight,
     angle_rows,
-    averaged,
     contact_excess,
     forecast,
     hinge_radius,
-    leaning,
     wrench_rows,
 )
 from tdfscal.planning.selection import (
@@ -74,29 +72,22 @@ class Planner:
         self.held = self.sight.prior()
         self.pool = draw(rig, request.limits, request.candidates, rng.spawn(1)[0])
         self.rows = self.sight.rows(self.pool)
-        self.scatter = self._scatter(self.sight)
-        self.leaning = leaning(self.sight)
+        some = self.pool.take(np.arange(min(8, len(self.pool))))
+        # Information (p, p) to expect per posture of internal forces that nobody plans.
+        self.scatter = self.sight.scatter(some, request.limits).mean(axis=0)
         self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
         self.most = min(_MOST, len(self.pool))
         self._selected: dict[int, IntArray] = {}
-
-    def _scatter(self, sight: Sight) -> FloatArray:
-        """Information (p, p) to expect per posture of internal forces that nobody plans."""
-        some = self.pool.take(np.arange(min(8, len(self.pool))))
-        return np.asarray(sight.scatter(some, self.request.limits).mean(axis=0))
 
     def _open(self) -> BoolArray:
         """Sensors (n,) without all axes that all candidates together leave undetermined."""
         lacking = np.asarray((~self.rig.axes).any(axis=1))
         if not lacking.any():
             return lacking
-        variance = []
-        for sight in self.leaning:
-            seen = information(sight.rows(self.pool)) + len(self.pool) * self._scatter(sight)
-            variance.append(variances(inverse(self.held + seen), angle_rows(sight)))
-        std = np.sqrt(np.mean(variance, axis=0)).reshape(-1, 3)
-        return np.asarray(lacking & self._weak(std).any(axis=1))
+        seen = information(self.rows) + len(self.pool) * self.scatter
+        std = np.sqrt(variances(inverse(self.held + seen), angle_rows(self.sight)))
+        return np.asarray(lacking & self._weak(std.reshape(-1, 3)).any(axis=1))
 
     def _weak(self, std: FloatArray) -> BoolArray:
         """Angles (n, 3) that standard uncertainties, rad, leave undetermined."""
@@ -132,17 +123,7 @@ class Planner:
         stated = self.rig.acceptance
         wanted = self.request.objective == "wrench" or stated.states_contact
         at = stated.contact_rpy if wanted else None
-        limits, held = self.request.limits, self.held
-        draws: list[np.random.Generator | None] = [None]
-        if not self.rig.axes.all():
-            draws = [*np.random.default_rng(0).spawn(len(self.leaning))]
-        seen = (replace(sight, open=self.sight.open) for sight in self.leaning)
-        return averaged(
-            [
-                forecast(sight, postures, limits, held, at, rng)
-                for sight, rng in zip(seen, draws, strict=True)
-            ]
-        )
+        return forecast(self.sight, postures, self.request.limits, self.held, at)
 
     def fewest(
         self, excess: Callable[[Forecast], float], low: int, progress: Callable[[str], None]

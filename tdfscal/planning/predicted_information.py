@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from tdfscal.acceptance import coverage_radius
 from tdfscal.estimation.observability import faked_information
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
 from tdfscal.numerics import so3
@@ -33,9 +31,6 @@ _WIDE = {
     "friction": 1e3,
     "drift": 1.0,
 }
-#: Mountings that a forecast is averaged over where axes are missing, and how they lean about the
-#: nominal ones where nothing is stated, rad.
-_LEANS, _LEAN = 8, 0.02
 
 
 @record
@@ -114,12 +109,6 @@ class Sight:
             J = base.at.whitener @ (moved.jacobian - base.jacobian)
             out += np.swapaxes(J, 1, 2) @ J
         return out
-
-    def drawn(self, postures: Candidates, limits: Limits, rng: np.random.Generator) -> Candidates:
-        """Postures with unplanned internal forces of their own."""
-        modes = internal_modes(hanging(self.rig, postures.rotation)[0])
-        size = limits.repeatability_force(self.rig) * rng.standard_normal(modes.shape[:2])
-        return replace(postures, squeeze=postures.squeeze + np.einsum("km,kmna->kna", size, modes))
 
 
 @record
@@ -202,18 +191,12 @@ def forecast(
     limits: Limits,
     held: FloatArray,
     at: tuple[float, float, float] | None = None,
-    rng: np.random.Generator | None = None,
 ) -> Forecast:
     """Uncertainty to expect of postures on top of the information held (p, p).
 
-    rng : draws the unplanned internal forces, which help one posture much and another little where
-    axes are missing; without it they count by their expected information.
+    Unplanned internal forces count by their expected information.
     """
-    known = held
-    if rng is None:
-        known = held + sight.scatter(postures, limits).sum(axis=0)
-    else:
-        postures = sight.drawn(postures, limits, rng)
+    known = held + sight.scatter(postures, limits).sum(axis=0)
     seen = sight.seen(postures.place, postures.force)
     J = seen.at.whitener @ seen.jacobian
     C = inverse(known + information(J))
@@ -227,36 +210,6 @@ def forecast(
     if at is None:
         return Forecast(std)
     return Forecast(std, *np.sqrt(variances(C, wrench_rows(sight, at))).reshape(2, 3))
-
-
-def leaning(sight: Sight) -> tuple[Sight, ...]:
-    """Sights at mountings that lean as the prior has it, or as careful hands leave them.
-
-    Nominal mountings are too kind to sensors that lack axes: there a push along the line between
-    two load cells lies across what both measure, as it never does on a rig.
-    """
-    rig = sight.rig
-    if rig.axes.all():
-        return (sight,)
-    std = np.where(np.isfinite(rig.rpy_std), rig.rpy_std, _LEAN)
-    lean = std * np.random.default_rng(0).standard_normal((_LEANS, rig.n, 3))
-    return tuple(
-        replace(sight, state=replace(sight.state, rotation=so3.from_rpy(rig.nominal_rpy + each)))
-        for each in lean
-    )
-
-
-def averaged(forecasts: Sequence[Forecast]) -> Forecast:
-    """Quadratic means of forecasts."""
-
-    def mean(values: Sequence[FloatArray | None]) -> FloatArray | None:
-        known = [value for value in values if value is not None]
-        return np.sqrt(np.mean(np.square(known), axis=0)) if known else None
-
-    angles = mean([each.rpy_std for each in forecasts])
-    assert angles is not None
-    force = mean([each.contact_force for each in forecasts])
-    return Forecast(angles, force, mean([each.contact_torque for each in forecasts]))
 
 
 def scatter_of(seen: Postures, rig: Rig) -> float:
