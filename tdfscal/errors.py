@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import errno
+import re
 from collections.abc import Callable, Sequence
 from reprlib import repr as shortly
 from typing import Any, ClassVar, Self
 
 from tdfscal.findings import Finding
+
+#: A number as a computer writes it; not a part of a name or a path.
+_EXPONENT = re.compile(r"(?<![\w./-])[-+]?\d[\d.]*e[-+](?:0\d|1[0-5])(?![\w/]|\.\w)")
+
+
+def without_exponent(text: str) -> str:
+    """Text for people, who count no powers of ten: 2e+07 is 20000000; none beyond all sense."""
+    if "e-" not in text and "e+" not in text:
+        return text
+    from decimal import Decimal
+
+    return _EXPONENT.sub(
+        lambda number: f"{Decimal(number[0]):{'+' * (number[0][0] == '+')}f}", text
+    )
 
 
 def visible(text: str) -> str:
@@ -69,7 +84,7 @@ class TdfscalError(Exception):
         self.fields, self.findings = tuple(fields), findings
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
-        super().__init__(visible(f"{place}{what}.{advice}"))
+        super().__init__(without_exponent(visible(f"{place}{what}.{advice}")))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self).__new__, (type(self), *self.args), self.__dict__

@@ -276,6 +276,10 @@ dwells-few notes
   {number:.0f} static dwells are too few, {enough:.0f} are the least: the motion between them
   was used
   -> hold {enough:.0f} postures or more, each for 3 s ({number:.0f} are too few)
+postures-few warns
+  {number:.0f} {several:postures are|posture is} too few, {enough:.0f} are the least: they hardly
+  show what touched the terminal or is stated wrongly
+  -> record {enough:.0f} postures or more, tilted and squeezed
 dwells-unjudged notes
   {number:.0f} static {several:dwells do|dwell does} not suffice to be judged alone: what
   touched the terminal there only the other campaigns can tell

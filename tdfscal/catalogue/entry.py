@@ -17,9 +17,8 @@ from tdfscal.catalogue.numbers import (
     upwards,
     when,
     with_std,
-    without_exponent,
 )
-from tdfscal.errors import visible
+from tdfscal.errors import visible, without_exponent
 from tdfscal.findings import Finding, Severity
 from tdfscal.frozen import record
 
@@ -51,11 +50,11 @@ class Entry:
         """Return what a finding says."""
         fields = _fields(finding)
         said = [clause for name, clause in self.clauses if fields.get(name)]
-        return _FORMAT.vformat(self.sentence + "".join(said), (), fields)
+        return _said(self.sentence + "".join(said), fields)
 
     def advice(self, finding: Finding) -> str:
         """Return what to do about it."""
-        return _FORMAT.vformat(self.cure, (), _fields(finding))
+        return _said(self.cure, _fields(finding))
 
 
 def entries(rows: str, sentence: str = "%s", more: str = "", code: str = "%s") -> dict[str, Entry]:
@@ -103,9 +102,7 @@ class _Words(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if "|" in format_spec:
             said = ", ".join(value) if isinstance(value, list | tuple) else str(value)
-            if isinstance(value, float):
-                said = without_exponent(said)
-            return format_spec.split("|")[0 if value else 1].replace("~", visible(said))
+            return format_spec.split("|")[0 if value else 1].replace("~", said)
         if format_spec == "time":
             if not value:
                 return ""
@@ -126,14 +123,16 @@ class _Words(Formatter):
         if format_spec in UNITS:
             return quantity(value, format_spec)
         if isinstance(value, Sequence) and not isinstance(value, str):
-            value = ", ".join(without_exponent(format(each, format_spec)) for each in value)
-        if isinstance(value, str):
-            return visible(value)
-        said = without_exponent(str(format(value, format_spec)))
+            return ", ".join(format(each, format_spec) for each in value)
+        said = str(format(value, format_spec)) if not isinstance(value, str) else value
         return said.replace("%", " %") if format_spec.endswith("%") else said
 
 
 _FORMAT = _Words()
+
+
+def _said(template: str, fields: dict[str, Any]) -> str:
+    return without_exponent(visible(_FORMAT.vformat(template, (), fields)))
 
 
 def _fields(finding: Finding) -> dict[str, Any]:

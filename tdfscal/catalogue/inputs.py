@@ -123,7 +123,7 @@ column-of-reflectors notes
 points-numbered notes
   {subject}: the points have no names; they are numbered by their rows
 uncertainty-expanded notes
-  {subject}: U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}
+  {subject}: U(95) is taken as an expanded uncertainty, k = {coverage:g}
 uncertainty-sigma notes
   {subject}: its uncertainties are of {coverage:g} sigma, as it says
 uncertainty-standard notes

@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from tdfscal.errors import without_exponent
 from tdfscal.records import by_wall_clock
 
 #: Larger and smaller units in which a size is read, with their factors.
@@ -34,9 +35,6 @@ _MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
 _PERCENT = re.compile(r"(?<=\d)%(?!\w)")
 #: Spaces at which no line ends, and what stands there.
 _UNBROKEN, FIXED = re.compile(r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)"), "\u00a0"
-_EXPONENT = re.compile(r"[-+]?[0-9.]+e[-+]?[0-9]+")
-#: Beyond, nobody counts the digits of a number.
-_NO_LONGER_READ = 1e15
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 
@@ -81,13 +79,6 @@ def when(time: float) -> str:
     return f"{f'{time:.6f}'.rstrip('0').rstrip('.')} s"
 
 
-def without_exponent(number: str) -> str:
-    """Return a formatted number without an exponent, unless it is beyond all sense."""
-    if not _EXPONENT.fullmatch(number) or abs(float(number)) > _NO_LONGER_READ:
-        return number
-    return np.format_float_positional(float(number), trim="-", sign=number.startswith("+"))
-
-
 def rounded(size: float, digits: int = 2) -> str:
     """Return a size with so many significant digits, without an exponent."""
     return without_exponent(f"{size:.{digits}g}")
@@ -115,7 +106,12 @@ def to_place(value: float, place: int, sign: str = "") -> str:
 
 def with_std(value: float, std: float, sign: str = "") -> str:
     """Return a number with its uncertainty, std or half an interval, by that one's two digits."""
-    return f"{to_place(value, places(std), sign)} ± {to_place(std, places(std))}"
+    return f"{to_place(value, places(std), sign)} ± {two_digits(std)}"
+
+
+def two_digits(std: float) -> str:
+    """Return an uncertainty by its two digits, zeros too: 1.0, 0.60."""
+    return to_place(std, places(std))
 
 
 def count(number: int, noun: str) -> str:

@@ -89,7 +89,8 @@ hinges-off refuses
     {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
     ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
     or check the position fields and that log and rig.yaml belong together}{turned:, or write
-    `log.supports.~.position_scale: [{signs}]`, times the metres of one unit of the log|}
+    `log.supports.~.position_scale: [{signs:.14g}]`{scaled:|, times the metres of one unit of the
+    log}|}
   @ log positions
 terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards
@@ -125,7 +126,8 @@ forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the
   residuals fall from {before:.2g} to {after:.2g} times what is stated
   -> correct the force fields of the log block in rig.yaml, or the cabling{turned:, or write
-    `log.supports.~.force_scale: [{signs}]`, times the newtons of one unit of the log|}
+    `log.supports.~.force_scale: [{signs:.14g}]`{scaled:|, times the newtons of one unit of the
+    log}|}
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors

@@ -48,7 +48,7 @@ class Wiring:
         if not len(which) or np.any(np.diff(self.source.ravel()) != 1):
             return {}
         whose = supports[which[0]] if len(which) == 1 else "<each>"
-        return {"turned": whose, "signs": ", ".join(f"{s:.0f}" for s in self.sign[which[0]])}
+        return {"turned": whose, "signs": self.sign[which[0]].tolist()}
 
     def signals(self, value: FloatArray) -> FloatArray:
         """Positions or forces (..., n, 3) as they would be."""

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
-from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue import cure, sentence, told
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.commands.campaign import Campaign
 from tdfscal.commands.options import Progress, silent
@@ -31,6 +31,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
+from tdfscal.logs.log_file import signal_of
 from tdfscal.model.dynamics import DELAY, RATE, Moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import (
@@ -188,11 +189,26 @@ class LogPass:
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
             found = [*([self.stops] if self.stops else []), *self.messages]
             what = "; ".join([error.what, *map(sentence, error.findings)])
-            advice = error.hint
+            scaled = _scaled(error.finding, self.campaign.rig)
+            advice = cure(scaled) if scaled else error.hint
             if found:
                 look = f"look first at the log: {'; '.join(map(told, found[:_REPEATED]))}"
                 advice = f"{look}. {advice[0].upper()}{advice[1:]}" if advice else look
             raise error.restated(what=what, hint=advice) from error
+
+
+def _scaled(found: Finding, rig: LoadedRig) -> Finding | None:
+    """The same, where its cure has signs of axes written: with SI per unit of the log."""
+    signs, whose = found.values.get("signs"), found.values.get("turned")
+    if not isinstance(signs, list):
+        return None
+    i = rig.rig.supports.index(whose) if whose in rig.rig.supports else 0
+    quantity: Literal["position", "force"]
+    quantity = "force" if found.code == "forces-exchanged" else "position"
+    mapping = next(m for m in rig.log if (m.force if quantity == "force" else m.position)[i])
+    scale = signal_of(replace(mapping, force_on="terminal"), quantity, i, ()).factors
+    scaled = [sign * size for sign, size in zip(signs, scale, strict=True)]
+    return replace(found, values={**found.values, "signs": scaled, "scaled": True})
 
 
 def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
 from tdfscal.commands.campaign import CALIBRATION, RESULT, kind_of
-from tdfscal.errors import DataError, UsageError, expect
+from tdfscal.errors import DataError, UsageError, expect, without_exponent
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -70,7 +70,7 @@ class Result:
 
         report = self.to_report()
         if report is None:
-            return self.text
+            return without_exponent(self.text)
         # Standard error has had them; a numbered report, printed whole, stands for itself.
         if not report.number or (report.summary and not whole):
             report = replace(report, warnings=())

@@ -12,7 +12,7 @@ from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.in_use import MISFITS
-from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import rounded, two_digits
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
@@ -149,7 +149,7 @@ def _forecasts(c: Calibration) -> Iterator[str]:
         found.append((share, "with `--samples all`, which uses the moves between the stops"))
     for share, change in sorted(found):
         if share < _WORTH:
-            yield f"{rounded(half * share)} {change}"
+            yield f"{two_digits(half * share)} {change}"
 
 
 def _bearable(c: Calibration) -> str:
@@ -247,7 +247,9 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
         return
     i, j = np.unravel_index(int(std.argmax()), std.shape)
     weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
-    if c.method == "tracker":
+    if few := c.found("postures-few"):
+        yield f"{few[0].cure}: {weakest}"
+    elif c.method == "tracker":
         yield f"measure more targets, farther apart, or from nearer: {weakest}"
     elif c.fit is None or not c.fit.postures:
         still = "".join(f"{found.cure}, or " for found in c.found("dwells-few"))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import PurePath
 
 import numpy as np
 
-from tdfscal.catalogue.numbers import bracketed, places, rounded, to_place, with_std
+from tdfscal.catalogue.numbers import bracketed, count, places, rounded, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
 from tdfscal.files.calibration.parameters import calibrated
@@ -64,7 +64,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         accepted=c.accepted,
         provisional=c.status == "provisional",
         claim=headline(c) if c.accepted else "",
-        reasons=tuple(f.text for f in (*c.reasons, *c.found("campaign-left-out"))),
+        reasons=tuple(_reasons(c)),
         tiles=_tiles(c),
         summary=(_summary(c),),
         sections=(
@@ -83,6 +83,18 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         created=layout.utc(c.created),
         number=(report_digest(c) or "unsealed")[:8],
     )
+
+
+def _reasons(c: Calibration) -> Iterator[str]:
+    """Why the gate rejects, of all angles that are too uncertain the worst; what was left out."""
+    uncertain = sorted(c.found("angle-uncertain"), key=lambda found: -(found.size or 0.0))
+    if not c.accepted:
+        yield from (found.text for found in c.found("postures-few"))
+    for found in uncertain[:1]:
+        more = f"; so have {count(len(uncertain) - 1, 'other angle')}" * (len(uncertain) > 1)
+        yield f"{found.text}{more}"
+    others = (found for found in c.reasons if found not in uncertain)
+    yield from (found.text for found in (*others, *c.found("campaign-left-out")))
 
 
 def _summary(c: Calibration) -> Table:
@@ -238,7 +250,7 @@ def _each(values: Iterable[float]) -> str:
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
     tiles = [
-        ("each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)}"),
+        ("each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)} mrad"),
         *layout.residual_tiles(_residual(c)),
     ]
     birge = c.tracker.birge if c.tracker is not None else None

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from tdfscal.catalogue.numbers import count, places, quantity, rounded, spans, to_place, upwards
+from tdfscal.catalogue.numbers import count, quantity, rounded, spans, two_digits, upwards
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
@@ -83,8 +83,7 @@ def within(c: Calibration) -> str:
 
 
 def _bounds(half: FloatArray) -> str:
-    largest = 1e3 * float(half.max())
-    return f"± {to_place(largest, places(largest))} mrad"
+    return f"± {two_digits(1e3 * float(half.max()))} mrad"
 
 
 def headline(c: Calibration) -> str:

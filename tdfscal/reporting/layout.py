@@ -16,7 +16,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import p_text, rounded, typeset, with_std
-from tdfscal.errors import visible
+from tdfscal.errors import visible, without_exponent
 from tdfscal.frozen import record, replace
 from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
@@ -144,7 +144,7 @@ def legible(report: Report, minus: str) -> Report:
 
 def _mapped(part: object, minus: str) -> object:
     if isinstance(part, str):
-        return typeset(visible(part), minus) if minus else visible(part)
+        return typeset(without_exponent(visible(part)), minus) if minus else visible(part)
     if isinstance(part, tuple):
         return tuple(_mapped(each, minus) for each in part)
     if isinstance(part, Report | Section | Table | Facts | Items):

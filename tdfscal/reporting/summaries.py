@@ -14,7 +14,6 @@ from tdfscal.catalogue.numbers import (
     rounded,
     to_place,
     with_std,
-    without_exponent,
 )
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
@@ -60,7 +59,7 @@ def _place(point: Sequence[float]) -> str:
 def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") -> str:
     if value is None or not np.isfinite(value):
         return unknown
-    return without_exponent(format(value, form))
+    return format(value, form)
 
 
 def wrench_report(summary: dict[str, Any]) -> Report:

@@ -67,6 +67,9 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
     if seen is None:
         return ()
     turns = angles.determined(seen.observability, seen.rig.acceptance.identifiable)
+    if attempt.error.finding.code == "mountings-alike":
+        which = "Which of two mountings it is, the log leaves undetermined. Within either"
+        turns = replace(turns, reading=f"{which}, {turns.reading}")
     if isinstance(seen, UndeterminedMotion):
         return turns, timeline.moving(seen.slow, seen.rejected)
     log = attempt.log(seen)

@@ -121,6 +121,8 @@ def caveats(
     """
     rig, trials = of.rig, of.monte_carlo
     found = list(of.dwells.findings)
+    if (used := int(np.count_nonzero(of.fit.weight))) < ENOUGH:
+        found.append(Finding("postures-few", size=used, values={"enough": ENOUGH}))
     found += log_against_rig.turned(rig, of.dwells.position)
     found += _turned_sensors(rig, of.fit.state)
     found += of.observability.findings

@@ -302,5 +302,5 @@ def test_signs_are_told_of_what_is_mirrored_and_not_of_what_is_exchanged() -> No
         if told:
             factor = np.ones((RIG.n, 3))
             whose = [told["turned"] in (name, "<each>") for name in RIG.supports]
-            factor[whose] = [float(sign) for sign in str(told["signs"]).split(",")]
+            factor[whose] = told["signs"]
             assert np.array_equal(factor * value, wiring.signals(value))

@@ -1,8 +1,17 @@
 """The first advice is the cure: followed by its words alone, it ends in angles that are true."""
 
+import csv
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
+import yaml
 
 from benchmarks.advice import cases, led
+from tdfscal import calibrate
+from tdfscal.errors import DataError
 from tdfscal.numerics.distributions import chi2_sf
 
 SEED = 7
@@ -31,3 +40,26 @@ def test_the_first_advice_leads_to_true_angles(name: str) -> None:
 def test_so_it_does_for_every_other_fault(name: str) -> None:
     if led(cases()[name], SEED)[0].verdict != "accepted":
         _check(name)
+
+
+@pytest.mark.parametrize("channel", ["NCP1_ActPosY", "TDFS2_Fy"])
+def test_the_line_that_a_refusal_writes_mends_the_rig_file(
+    channel: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """An axis of opposite sign, in a log whose lengths are in mm."""
+    folder = Path(__file__).parents[2] / "sample_data" / "csv"
+    head, *rows = csv.reader((folder / "log.csv").read_text().splitlines())
+    at = head.index(channel)
+    turned = [[*row[:at], str(-float(row[at])), *row[at + 1 :]] for row in rows]
+    with (tmp_path / "log.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([head, *turned])
+    rig: dict[str, Any] = yaml.safe_load((folder / "rig.yaml").read_text())
+    del rig["tracker"]
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    with pytest.raises(DataError) as caught:
+        calibrate(tmp_path, trials=0)
+    line = re.search(r"`log.supports.(\w+).(\w+): (\[[-0-9., ]+\])`", str(caught.value))
+    assert line is not None
+    rig["log"]["supports"][line[1]][line[2]] = yaml.safe_load(line[3])
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    assert np.allclose(calibrate(tmp_path, trials=0).rpy, request.getfixturevalue("sample").rpy)

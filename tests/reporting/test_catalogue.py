@@ -1,13 +1,20 @@
 """The catalogue holds every code of the source, and no other; every entry can be said."""
 
 import ast
+import re
 from pathlib import Path
+from string import Formatter
 from typing import get_args
 
-from tdfscal.catalogue import CATALOGUE, document
-from tdfscal.findings import Finding, Severity
+import pytest
+
+from tdfscal.catalogue import CATALOGUE, document, told
+from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Severity, Value
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
+#: Fields that are made of what every finding has.
+MADE = {"subject", "size", "number", "p", "stated", "subjects", "several", "cut", "harm"}
 
 
 def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
@@ -38,3 +45,25 @@ def test_every_entry_can_be_said() -> None:
         assert said["severity"] == entry.severity
         rejecting = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3, {"mrad": 1.0}, True))
         assert rejecting["severity"] == "rejects"
+
+
+def fields(words: str) -> dict[str, str]:
+    """Names of the values in a template, with their formats; those within a format too."""
+    parsed = [(name, form or "") for _, name, form, _ in Formatter().parse(words) if name]
+    within = [fields(form) for _, form in parsed]
+    return {name: form for each in (*within, dict(parsed)) for name, form in each.items()}
+
+
+@pytest.mark.parametrize("size", [1e-9, 2.5e-7, 1e7, 1e9])
+def test_no_sentence_counts_powers_of_ten(size: float) -> None:
+    """Whatever a value is, and whether the words are the catalogue's or an error's own."""
+    said = [str(DataError(f"{size:g} N", hint=f"give ±{size:.3g} at least"))]
+    for code, entry in CATALOGUE.items():
+        values: dict[str, Value] = {name: size for name, _ in entry.clauses}
+        clauses = (text for _, text in entry.clauses)
+        for name, form in fields(" ".join((entry.sentence, entry.cure, *clauses))).items():
+            if name not in MADE:
+                values[name] = [size, 2 * size] if form == "time" else size
+        said.append(told(Finding(code, ("file",), size, "N", 0.5, size, values)))
+    for words in said:
+        assert not re.search(r"(?<![\w.])[\d.]+e[-+]\d", words), words

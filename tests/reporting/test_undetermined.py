@@ -10,6 +10,7 @@ import pytest
 
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.files.writers.campaign import write_campaign
+from tdfscal.findings import Finding
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render
 from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
@@ -65,6 +66,13 @@ def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
     assert "turn about X and turn about Y of every sensor to ±" in why
     assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG -o plan.csv")
     assert "tdfscal plan RIG -o plan.csv" in read(page).words  # as code
+
+
+def test_turns_that_are_known_do_not_hide_that_the_mounting_is_not() -> None:
+    alike = Finding("mountings-alike", size=0.1, values={"mountings": "ncp1 at … or …"})
+    error = NotIdentifiableError(alike, evidence=attempt().seen)
+    first = undetermined_drawings(replace(attempt(), error=error))[0]
+    assert first.reading.startswith("Which of two mountings it is, the log leaves undetermined.")
 
 
 def test_calibrate_writes_a_page(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
