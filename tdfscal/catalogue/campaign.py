@@ -213,12 +213,14 @@ draft-unconfirmed warns
   -> confirm these lines, and take the mark behind them out
 terminal-turned warns
   the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in
-  {always:every posture|most postures}
-  -> check that the supports' names in the log are right{upright:; it would stand
-    upright with ~|}
+  {always:every posture|most postures}{upright:; all fits as well, upright, with positions and
+  forces of ~|}
+  -> check that the supports' names in the log are right{upright:; if they are, turn the
+    LCS of rig.yaml, hinges and barycentre, so that the terminal stands upright|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
-  -> look whether {subject} is turned, and state nominal_rpy in rig.yaml
+  -> look whether {subject} is turned{half:, or two of its axes of opposite sign|}, and
+    state nominal_rpy in rig.yaml
 angles-locked notes
   {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its
   uncertainties are those of the turns about X, Y and Z of the BCS

@@ -99,6 +99,10 @@ terminal-overturned refuses
   -> {fits:correct the position {whole:and force |}fields of the log block in
     rig.yaml|check the position fields, and that log and rig.yaml belong together}
   @ log positions
+positions-renamed refuses
+  the forces fit with {fits}, and not with the positions as they are named
+  -> correct the position fields of the log block in rig.yaml
+  @ log positions
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
   ? units , as if the positions were {units}

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.checks import log_against_rig
-from tdfscal.checks.log_against_rig import REACTION, rewired_sensors
+from tdfscal.checks.wiring import REACTION, rewired_sensors
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout

@@ -1,143 +1,24 @@
 """Do the log and the rig file speak of the same machine? Units, axes, signs, names, wiring.
 
 These checks come before any estimate: a mislabelled log must not become a plausible calibration.
-Other ways to name the channels are: supports, axes and single channels exchanged, signs. What only
-turns a sensor's axes, or those of all positions, is not among them: the one is a mounting, the
-other another base frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import combinations, permutations, product
-from typing import Final
+from collections.abc import Iterable
 
 import numpy as np
 
 from tdfscal.checks import geometry
+from tdfscal.checks.wiring import Wiring, exchanged_supports, frames, rewired_positions
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import replace
 from tdfscal.model.parameters import State, gravity, nominal
 from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-
-#: Supports above which only the same axes of two sensors are exchanged.
-_MANY: Final = 8
-#: Axes of positions, and of forces with whose they are where they are every sensor's.
-_PLACES: Final = ("X", "Y", "Z")
-_FORCES: Final = ("Fx", "Fy", "Fz")
-_EVERYONE: Final = "every sensor"
-#: Words of the wiring in which every sensor records the reaction.
-REACTION: Final = f"the opposite sign of every axis of {_EVERYONE}"
-
-
-@record
-class Wiring:
-    """What each channel is to be read from: source (n, 3), numbered 3 i + a, times sign (n, 3)."""
-
-    words: str
-    source: IntArray
-    sign: FloatArray
-
-    def turned(self, supports: tuple[str, ...]) -> dict[str, Value]:
-        """Whose axes have the opposite sign, and each axis' own; nothing of an exchange."""
-        which = np.flatnonzero((self.sign < 0).any(axis=1))
-        if not len(which) or np.any(np.diff(self.source.ravel()) != 1):
-            return {}
-        whose = supports[which[0]] if len(which) == 1 else "<each>"
-        return {"turned": whose, "signs": self.sign[which[0]].tolist()}
-
-    def signals(self, value: FloatArray) -> FloatArray:
-        """Positions or forces (..., n, 3) as they would be."""
-        flat = value.reshape(*value.shape[:-2], -1)
-        return np.asarray(self.sign * flat[..., self.source])
-
-    def postures(self, seen: Postures) -> Postures:
-        """Postures as they would be; the readings of two sensors are not correlated."""
-        sensor, axis = np.divmod(self.source, 3)
-        sign = self.sign[:, :, None] * self.sign[:, None]
-        sign = sign * (sensor[:, :, None] == sensor[:, None])
-        cov = seen.force_cov[:, sensor[:, :, None], axis[:, :, None], axis[:, None]]
-        return replace(seen, force=self.signals(seen.force), force_cov=sign * cov)
-
-
-def exchanged_supports(supports: tuple[str, ...], what: str = "the positions") -> Iterator[Wiring]:
-    """Supports exchanged: in every order for up to four, two by two beyond.
-
-    what : that is theirs, in words.
-    """
-    n = len(supports)
-    orders = [list(order) for order in permutations(range(n))][1:] if n <= 4 else []
-    for i, j in product(range(n), repeat=2) if n > 4 else ():
-        if j < i:
-            orders.append(list(range(n)))
-            orders[-1][i], orders[-1][j] = j, i
-    for order in orders:
-        moved = [f"{supports[i]} taken from {supports[j]}" for i, j in enumerate(order) if i != j]
-        source = 3 * np.array(order)[:, None] + np.arange(3)
-        yield Wiring(f"{what} of {' and '.join(moved)}", source, np.ones((n, 3)))
-
-
-def mirrored_frames(n: int) -> Iterator[Wiring]:
-    """Axes of all n supports exchanged or of opposite sign, so that the frame is left-handed."""
-    for axes, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        if np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0:
-            names = [f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(axes, signs, strict=True)]
-            source = 3 * np.arange(n)[:, None] + np.array(axes)
-            yield Wiring(f"the axes read as {', '.join(names)}", source, np.tile(signs, (n, 1)))
-
-
-def rewired_sensors(supports: tuple[str, ...]) -> Iterator[Wiring]:
-    """Sensors exchanged; two axes of a sensor, or of all, exchanged, or of opposite sign."""
-    yield from exchanged_supports(supports, "the sensors")
-    for name in (*supports, _EVERYONE):
-        yield from _rewired_axes(supports, name, _FORCES)
-
-
-def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
-    """Positioners exchanged; axes of one, or of all, exchanged, or of opposite sign."""
-    yield from exchanged_supports(supports)
-    yield from mirrored_frames(len(supports))
-    for name in supports:
-        yield from _rewired_axes(supports, name, _PLACES)
-    yield from exchanged_channels(supports, np.ones((len(supports), 3), dtype=np.bool_), _PLACES)
-
-
-def _rewired_axes(
-    supports: tuple[str, ...], name: str, axes: tuple[str, str, str]
-) -> Iterator[Wiring]:
-    """Two axes of a support, or of every sensor, exchanged, or of opposite sign."""
-    same = np.arange(3 * len(supports)).reshape(-1, 3)
-    own = np.array([name in (support, _EVERYONE) for support in supports])[:, None]
-    for a, b in combinations(range(3), 2):
-        order = np.arange(3)
-        order[[a, b]] = b, a
-        words = f"{axes[a]} and {axes[b]} of {name} exchanged"
-        yield Wiring(words, np.where(own, same[:, order], same), np.ones(same.shape))
-    for turned, which in (*(([a], axes[a]) for a in range(3)), ([0, 1, 2], "every axis")):
-        sign = np.where(own & np.isin(np.arange(3), turned), -1.0, 1.0)
-        yield Wiring(f"the opposite sign of {which} of {name}", same, sign)
-
-
-def exchanged_channels(
-    supports: tuple[str, ...], measured: BoolArray, axes: tuple[str, str, str] = _FORCES
-) -> Iterator[Wiring]:
-    """Two channels of different supports exchanged, of those that are measured (n, 3).
-
-    Of many supports only the same axes: cables of one kind are mistaken for each other.
-    """
-    n = len(supports)
-    for (i, a), (j, b) in combinations(np.argwhere(measured).tolist(), 2):
-        if i == j or (a != b and n > _MANY):
-            continue
-        source = np.arange(3 * n).reshape(-1, 3)
-        source[i, a], source[j, b] = 3 * j + b, 3 * i + a
-        names = f"{axes[a]} of {supports[i]} and {axes[b]} of {supports[j]}"
-        yield Wiring(f"{names} exchanged", source, np.ones((n, 3)))
-
+from tdfscal.records import FloatArray, Rig
 
 #: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
@@ -152,6 +33,8 @@ _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
 #: A terminal turned further than this from the BCS hints at exchanged names, rad.
 _TURNED = np.pi / 4
+#: Digits, of a radian, in which two turns differ of which one is the smaller.
+_LIKE = 2
 #: Units of force, with the one declared, by what they make of a reading.
 UNITS = {1e3: ("N", "kN"), 1e-3: ("kN", "N"), 1 / 9.80665: ("kgf", ""), 1 / 4.4482216: ("lbf", "")}
 
@@ -173,7 +56,10 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if off <= limit and up > 0:
         check_size(rig, position)
         return
-    facts = _explanation(rig, position, limit) | _farthest(rig, position)
+    other = explanation(rig, position, force)
+    facts: dict[str, Value] = {"fits": None if other is None else other.words}
+    facts |= {} if other is None else other.turned(rig.supports)
+    facts |= _farthest(rig, position)
     misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
     if not (facts["fits"] or misplaced):
         check_size(rig, position)
@@ -237,32 +123,48 @@ def _units(size: float, table: dict[str, float]) -> list[str]:
 def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
     """Say where the terminal stands far from the BCS's axes; position (K, n, 3) in m.
 
-    On a symmetric rig, supports renamed in a circle look like a terminal that is turned: nothing
-    contradicts it, so that it can only be said.
+    Supports of a symmetric rig renamed in a circle, positions and forces, look like a terminal that
+    is turned. No reading contradicts it, and the angles would be other sensors': it rejects.
     """
     turn = _turn(rig, position)
     angle = float(np.linalg.norm(turn))
     if angle <= _TURNED:
         return ()
     R, _ = register(rig.hinge, position)
-    always = bool(np.linalg.norm(so3.log(R), axis=1).min() > _TURNED)
     about = turn / angle
     axis = int(np.argmax(np.abs(about)))
-    sign = "-" if about[axis] < 0 else ""
-    clear = abs(about[axis]) > np.cos(_TURNED / 2)
-    values: dict[str, Value] = {"always": always}
-    if clear:
-        values["axis"] = f"{sign}{'XYZ'[axis]}"
-    limit, upright = geometry.gross_limit(rig), []
-    for other in exchanged_supports(rig.supports, ""):
+    values: dict[str, Value] = {"always": bool(np.linalg.norm(so3.log(R), axis=1).min() > _TURNED)}
+    if abs(about[axis]) > np.cos(_TURNED / 2):
+        values["axis"] = f"{'-' if about[axis] < 0 else ''}{'XYZ'[axis]}"
+    other = upright(rig, position)
+    renamed = other is not None and other.whole
+    if other is not None and renamed:
+        values["upright"] = other.words.removeprefix("the positions of ")
+    found = Finding("terminal-turned", size=angle, unit="rad", values=values, rejects=renamed)
+    return (found,)
+
+
+def upright(rig: Rig, position: FloatArray) -> Wiring | None:
+    """The names by which a terminal that stands turned, (K, n, 3) in m, would stand upright."""
+    if np.linalg.norm(_turn(rig, position)) <= _TURNED:
+        return None
+    ways = (*exchanged_supports(rig.supports), *frames(rig.n))
+    found = _fitting(rig, position, geometry.gross_limit(rig), ways)
+    return min(found, key=lambda way: way[0])[1] if found else None
+
+
+def _fitting(
+    rig: Rig, position: FloatArray, limit: float, ways: Iterable[Wiring], most: float = _TURNED
+) -> list[tuple[float, Wiring]]:
+    """Names by which positions fit the hinges upright, and how far the terminal is turned, rad."""
+    found = []
+    for other in ways:
         place = other.signals(position)
         off, up = geometry.misfit(rig.hinge, place)
         left = float(np.linalg.norm(_turn(rig, place)))
-        if off <= limit and up > 0 and left <= _TURNED:
-            upright.append((left, other.words.removeprefix(" of ")))
-    if upright:
-        values["upright"] = min(upright)[1]
-    return (Finding("terminal-turned", size=angle, unit="rad", values=values),)
+        if off <= limit and up > 0 and left <= most:
+            found.append((round(left, _LIKE), other))
+    return found
 
 
 def _turn(rig: Rig, position: FloatArray) -> FloatArray:
@@ -271,17 +173,14 @@ def _turn(rig: Rig, position: FloatArray) -> FloatArray:
     return np.asarray(so3.log(so3.project(R.mean(axis=0))))
 
 
-def _explanation(rig: Rig, position: FloatArray, limit: float) -> dict[str, Value]:
-    """The rearrangement that fits upright with the terminal least turned: words and signs."""
-    fitting = {}
-    for other in rewired_positions(rig.supports):
-        place = other.signals(position)
-        off, up = geometry.misfit(rig.hinge, place)
-        if off <= limit and up > 0:
-            turn = so3.log(register(rig.hinge, place)[0])
-            fitting[float(np.median(np.linalg.norm(turn, axis=1))), other.words] = other
-    best = fitting[min(fitting)] if fitting else None
-    return {"fits": None} if best is None else {"fits": best.words, **best.turned(rig.supports)}
+def explanation(rig: Rig, position: FloatArray, force: FloatArray | None = None) -> Wiring | None:
+    """The names by which positions fit upright with the terminal least turned; None: none do.
+
+    Parameters as in `check_geometry`.
+    """
+    limit = geometry.gross_limit(rig, force)
+    found = _fitting(rig, position, limit, rewired_positions(rig.supports), np.inf)
+    return min(found, key=lambda way: way[0])[1] if found else None
 
 
 def check_weight(rig: Rig, postures: Postures, state: State) -> None:

@@ -46,6 +46,7 @@ from tdfscal.motioncal.uncertainty import (
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
 from tdfscal.records import BoolArray, Rig, Rotations, UncertainValue
+from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each
@@ -144,7 +145,7 @@ def calibrate_moving(
     """
     usable = usable_samples(rig, slow)
     seen = moments(rig, slow, usable.keep)
-    log_against_rig.check_geometry(rig, seen.position, seen.force)
+    check_positions(rig, seen)
     progress("fitting the motion and the spectrum of its residuals")
     priors = MovingPriors(rig, slow, delay)
     fit, doubt = first_fit(

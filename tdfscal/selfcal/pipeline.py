@@ -21,6 +21,7 @@ from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, Rig, Rotations
 from tdfscal.selfcal.changes import find_change
+from tdfscal.selfcal.channel_checks import check_readings
 from tdfscal.selfcal.estimator import (
     Fit,
     at_state,
@@ -30,7 +31,7 @@ from tdfscal.selfcal.estimator import (
     joint_posterior,
 )
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
-from tdfscal.selfcal.misreadings import Rests, check_readings
+from tdfscal.selfcal.misreadings import Rests
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.outliers import (
     RobustFit,

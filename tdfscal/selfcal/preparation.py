@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.checks import faulty_sensors
 from tdfscal.checks.geometry import Cause, examine
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, quality
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, layout
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, spread
-from tdfscal.selfcal.misreadings import BETTER, Rests, check_forces
+from tdfscal.selfcal.channel_checks import check_forces, check_positions
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.misreadings import Rests
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
 
@@ -62,13 +63,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
         from tdfscal.dwells.find import no_dwell
 
         raise no_dwell(dwells)
-    try:
-        log_against_rig.check_geometry(rig, dwells.position, dwells.force)
-    except DataError as error:
-        if _exchanged_whole(rig, dwells, error.finding.values.get("fits")):
-            whole = {**error.finding.values, "whole": True}
-            raise DataError(replace(error.finding, values=whole)) from error
-        raise
+    check_positions(rig, postures(rig, dwells))
     faulty_sensors.check_directions(rig)
     screened = faulty_sensors.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
@@ -86,18 +81,6 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     warmth = None if dwells.temperature is None else dwells.temperature[index]
     reasons = dict(screened.reasons)
     return Usable(observed, index, time, warmth, reasons, measured_noise, start.state)
-
-
-def _exchanged_whole(rig: Rig, dwells: Dwells, exchange: Value) -> bool:
-    """Whether forces fit with the exchange of supports that explains positions, and only so."""
-    for other in log_against_rig.exchanged_supports(rig.supports):
-        if other.words == exchange:
-            placed = replace(dwells, position=other.signals(dwells.position))
-            seen = _with_noise(postures(rig, placed), 1.0)
-            both, alone = best_start(rig, other.postures(seen)), best_start(rig, seen)
-            misfit = spread(both.distance, both.at.rows)
-            return misfit < BETTER and BETTER * misfit < spread(alone.distance, alone.at.rows)
-    return False
 
 
 def _check_temperature(rig: Rig, dwells: Dwells) -> None:

@@ -40,6 +40,8 @@ Estimator = Literal["ml", "linear"]
 
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
 _FAR_TURNED = np.pi / 8
+#: By so much or more it may be half a turn, as of two axes of opposite sign, rad.
+_HALF_TURN = 2.6
 
 
 @record
@@ -161,8 +163,11 @@ def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
     """Sensors that stand far from their nominal mounting."""
     back = np.swapaxes(nominal(rig).rotation, 1, 2)
     turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
+    half = (turn > _HALF_TURN).tolist()
     return [
-        Finding("sensor-turned", (rig.supports[i],), float(turn[i]), "rad")
+        Finding(
+            "sensor-turned", (rig.supports[i],), float(turn[i]), "rad", values={"half": half[i]}
+        )
         for i in np.flatnonzero(turn > _FAR_TURNED)
     ]
 

@@ -36,6 +36,7 @@ from tdfscal.motioncal.uncertainty import ResidualWrench, posterior, residual_wr
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
+from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.validation.residual_wrench import judged_by
 from tdfscal.validation.residuals import Cause, Course, Linearised, moving_zeros
 from tdfscal.validation.verdict import (
@@ -78,11 +79,11 @@ def validate_moving(
     rig = rig or given.rig
     log_against_rig.check_unit(rig, slow.force)
     usable = usable_samples(rig, slow)
-    place, force = (each[usable.keep][::_EVERY] for each in (slow.position, slow.force))
-    log_against_rig.check_geometry(rig, place, force)
+    seen = moments(rig, slow, usable.keep)
+    check_positions(rig, seen)
     given = with_own_load(given, rig)
     # Before the noise is sought in the residuals, for which it would pass.
-    refuse_misread(given, rig, moments(rig, slow, usable.keep))
+    refuse_misread(given, rig, seen)
     priors = MovingPriors(_loosened(rig, given), slow, delay)
     start = priors.start(given.state)
 
@@ -107,7 +108,7 @@ def validate_moving(
         findings=(
             *gaps(slow),
             *(stretch.finding for stretch in usable.rejected),
-            *log_against_rig.turned(rig, place),
+            *log_against_rig.turned(rig, seen.position),
         ),
     )
 
@@ -154,8 +155,6 @@ _OPEN = 0.1
 #: A direction in which a change as wide as its prior shows by less than this, in standard
 #: deviations, is no test: its column is noise, and may be the very noise of the residual.
 _SEEN = 0.1
-#: One of so many instants is enough to see whether the positions fit the hinges.
-_EVERY = 20
 
 
 def _loosened(rig: Rig, given: Calibrated) -> Rig:

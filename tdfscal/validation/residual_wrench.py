@@ -24,6 +24,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features_jacobian,
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
+from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.selfcal.misreadings import Rests
 from tdfscal.significance import MISFIT
 from tdfscal.validation import causes
@@ -155,14 +156,15 @@ def validate(
     if len(dwells) == 0:
         raise no_dwell(dwells)
     log_against_rig.check_unit(rig, dwells.force)
-    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
+    every = postures(rig, dwells, age)
+    check_positions(rig, every)
     screened = faulty_sensors.screen(rig, dwells)
     used = np.setdiff1d(np.flatnonzero(screened.keep), list(aside))
     if not used.size:
         reasons = tuple(screened.reasons.values())
         raise DataError(Finding("dwells-unusable"), findings=reasons[:1])
     given = with_own_load(given, rig)
-    observed, found = _with_noise(postures(rig, dwells, age).subset(used), noise)
+    observed, found = _with_noise(every.subset(used), noise)
     middle = (dwells.start + dwells.end)[used] / 2
     warm = None if dwells.temperature is None else dwells.temperature[used]
     course = Course(middle, warm)

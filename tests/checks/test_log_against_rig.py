@@ -14,11 +14,10 @@ from tdfscal.checks.log_against_rig import (
     check_geometry,
     check_size,
     check_weight,
-    exchanged_channels,
-    rewired_sensors,
     turned,
     weight_share,
 )
+from tdfscal.checks.wiring import exchanged_channels, rewired_sensors
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import postures
@@ -207,7 +206,9 @@ def test_names_in_a_circle_are_said_with_the_way_back(step: int) -> None:
     circled = position[:, order]
     held_against(rig, circled)
     back = [order.index(i) for i in range(3)]
-    assert f"upright with {renamed(rig, back)}" in in_words(turned(rig, circled))[0]
+    (found,) = turned(rig, circled)
+    assert found.rejects
+    assert f"forces of {renamed(rig, back)}" in in_words([found])[0]
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,23 @@ def test_readings_of_another_name_or_sign_are_no_noise(matrix: FloatArray, excha
     assert caught.value.finding.values["exchange"] == exchange
 
 
+def test_whole_supports_exchanged_are_named_at_once_in_motion() -> None:
+    campaign, result = before()
+    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
+    later = simulate_moving(campaign.rig, options, np.random.default_rng(13), campaign.truth)
+    slow = slow_streams([later.log], campaign.rig.capacity)
+    order = [1, 0, 2]
+    slow = replace(slow, force=slow.force[:, order], position=slow.position[:, order])
+    for judge in (
+        lambda: validate_moving(result.calibrated, slow, DELAY),
+        lambda: calibrate_moving(campaign.rig, slow, DELAY),
+    ):
+        with pytest.raises(DataError, match="ncp1 taken from ncp2") as caught:
+            judge()
+        assert caught.value.finding is not None
+        assert caught.value.finding.values["whole"]
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
 def test_a_sensor_that_turns_on_the_way_is_told_with_its_time_and_turn(share: float) -> None:
     """Of the whole log it would be a part of the turn, or no change at all."""

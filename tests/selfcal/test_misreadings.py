@@ -11,6 +11,7 @@ from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, UncertainValue
 from tdfscal.simulation import Options
 from tests.selfcal.campaigns import fitted
+from tests.words import in_words
 
 RIGS = {n: simulation.make_rig(n) for n in (3, 4, 6)}
 
@@ -34,6 +35,16 @@ def scaled(factor: float, sensor: int | slice, axis: int | slice) -> Callable[[F
     return change
 
 
+def both(
+    one: Callable[[FloatArray], None], other: Callable[[FloatArray], None]
+) -> Callable[[FloatArray], None]:
+    def change(force: FloatArray) -> None:
+        one(force)
+        other(force)
+
+    return change
+
+
 def exchanged(a: tuple[int, int], b: tuple[int, int]) -> Callable[[FloatArray], None]:
     def change(force: FloatArray) -> None:
         force[:, [a[0], b[0]], [a[1], b[1]]] = force[:, [b[0], a[0]], [b[1], a[1]]]
@@ -53,12 +64,20 @@ MISTAKES = {
     "two channels": (exchanged((0, 0), (2, 0)), "Fx of ncp1 and Fx of ncp3 exchanged"),
     "unlike channels": (exchanged((0, 0), (1, 1)), "Fx of ncp1 and Fy of ncp2 exchanged"),
     "a sign": (scaled(-1.0, 0, 1), "the opposite sign of Fy of ncp1"),
+    "two signs": (
+        both(scaled(-1.0, 0, 0), scaled(-1.0, 1, 2)),
+        "opposite sign of Fx of ncp1, and the opposite sign of Fz of ncp2",
+    ),
+    "an exchange and a sign": (
+        both(exchanged((0, 0), (2, 0)), scaled(-1.0, 2, 0)),
+        "Fx of ncp1 and Fx of ncp3 exchanged, and the opposite sign of Fx of ncp1",
+    ),
     "a tare": (tared, r"the zero of ncp2 jumped by .* before posture 7, .* as a tare"),
 }
 
 
 #: One of each kind; the others are of these kinds too.
-_QUICK = ("a channel in kgf", "two channels", "a sign")
+_QUICK = ("a channel in kgf", "two channels", "a sign", "two signs")
 
 
 @pytest.mark.parametrize(
@@ -99,3 +118,37 @@ def test_whole_supports_exchanged_are_named_at_once(n: int) -> None:
         with pytest.raises(DataError, match=r"ncp1 taken from ncp2 and ncp2 taken") as error:
             fitted(RIGS[n], replace(dwells, position=dwells.position[:, order], force=force))
         assert ("position and force fields" in str(error.value)) == whole
+
+
+@pytest.mark.parametrize("axes", [False, True])
+@pytest.mark.parametrize("step", [1, 2])
+def test_positions_renamed_in_a_circle_are_named(step: int, *, axes: bool) -> None:
+    """Supports, or the axes of all: distances between hinges stay as they are, forces tell."""
+    options = Options(postures=14, squeeze=200.0)
+    dwells = simulation.simulate_dwells(RIGS[3], options, np.random.default_rng(3), 1).dwells(0)
+    order = np.roll(np.arange(3), step)
+    circled = dwells.position[..., order] if axes else dwells.position[:, order]
+    back = np.argsort(order)
+    words = f"ncp1 taken from ncp{back[0] + 1} and ncp2"
+    if axes:
+        words = "the axes read as " + ", ".join("XYZ"[a] for a in back)
+    with pytest.raises(DataError, match=words):
+        fitted(RIGS[3], replace(dwells, position=circled))
+
+
+def test_whole_supports_renamed_in_a_circle_are_rejected() -> None:
+    """The rig is symmetric and nothing contradicts it, but each angle is another sensor's."""
+    options = Options(postures=14, squeeze=200.0)
+    dwells = simulation.simulate_dwells(RIGS[3], options, np.random.default_rng(3), 1).dwells(0)
+    order = [1, 2, 0]
+    result = fitted(
+        RIGS[3],
+        replace(
+            dwells,
+            position=dwells.position[:, order],
+            force=dwells.force[:, order],
+            force_min=dwells.force_min[:, order],
+            force_max=dwells.force_max[:, order],
+        ),
+    )
+    assert any("ncp1 taken from ncp3 and ncp2" in reason for reason in in_words(result.reasons))

@@ -64,6 +64,18 @@ def test_a_mistake_in_the_log_is_named_before_a_tare_or_a_change(name: str, *, t
     assert name != "unit" or found.subject == ("ncp1",)
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_both_ends_of_exchanged_supports_are_named_at_once(*, whole: bool) -> None:
+    held, order = world(TRIALS).held(0), [1, 0, 2]
+    force = held.force[:, order] if whole else held.force
+    with pytest.raises(DataError, match="ncp1 taken from ncp2") as caught:
+        validate(
+            world(TRIALS).given[0], replace(held, position=held.position[:, order], force=force)
+        )
+    assert caught.value.finding is not None
+    assert caught.value.finding.values.get("whole", False) is whole
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "kN"), (1e3, "N")])
 @pytest.mark.parametrize("zero", [0.0, 40.0])
 def test_forces_in_another_unit_are_no_load(factor: float, unit: str, zero: float) -> None:
