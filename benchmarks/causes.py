@@ -22,7 +22,6 @@ from benchmarks.frame import declaring, flicker, heads, numbers, show, tally
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Faults, Options, ZeroShift, reference_rig, simulate_dwells
@@ -235,7 +234,7 @@ def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
 
 def sound_calibration(dwells: Dwells) -> Calibrated:
     result = calibrated(RIG, rows_of(dwells, slice(0, USED)))
-    return joint_posterior(result.fit, result.uncertainty.covariance)
+    return result.calibrated
 
 
 def said_by_validate(given: Calibrated, dwells: Dwells) -> list[str]:

@@ -22,7 +22,8 @@ from tdfscal.commands.recordings import read_campaigns
 from tdfscal.commands.several_campaigns import judged
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.pooling import Pool, Recorded, pool
-from tdfscal.estimation.fit import Priors, eliminate, stated
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import eliminate, stated
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.pipeline import calibrate_moving
@@ -109,7 +110,7 @@ class Drawn:
             (campaign,), _ = history(rig, rng, months=1, zero=zero, postures_each=postures)
             assert campaign.postures is not None
             found = fit(rig, campaign.postures, reference)
-            known = eliminate(found, found.state, found.noise_pull).information
+            known = eliminate(found, found.state).information
             values, vectors = np.linalg.eigh(known.matrix)
             self.roots.append(finer * vectors * np.sqrt(values.clip(0.0)))
         prior = stated(Priors(rig), reference)

@@ -43,7 +43,8 @@ from tdfscal.logs import iter_log
 from tdfscal.model.dynamics import Moving, voigt
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.blocks import blocks
-from tdfscal.motioncal.estimator import MovingPriors, MovingState, at_state
+from tdfscal.motioncal.estimator import at_state
+from tdfscal.motioncal.fit import MovingPriors, MovingState
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Slow, slow_streams
 from tdfscal.numerics import so3

@@ -124,7 +124,7 @@ def campaign(seed: int, scenario: str) -> dict[str, Any]:
     e1, std1, _ = errors(of.truth.rotation, first, one.uncertainty.covariance)
     offset, offset_std, rate, rate_std = clock.offset, clock.offset_std, clock.rate, clock.rate_std
     if isinstance(two, MotionCalibration):
-        moving, moving_std = two.fit.state.moving, two.estimate.moving_std
+        moving, moving_std = two.fit.state.moving, two.moving_std
         offset += moving.delay - 30.0 * moving.rate - 0.005
         offset_std = float(np.hypot(moving_std[DELAY], 30.0 * moving_std[RATE]))
         rate, rate_std = rate + moving.rate, float(moving_std[RATE])

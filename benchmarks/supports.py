@@ -23,10 +23,11 @@ from benchmarks.frame import declaring, errors, heads, lacking, numbers, rms, sh
 from benchmarks.selfcal_grid import bound
 from tdfscal import simulation
 from tdfscal.catalogue import sentence
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.statics import postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.estimator import estimate, fit
+from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import misplaced_hinges
 from tdfscal.selfcal.score_tests import suspicions

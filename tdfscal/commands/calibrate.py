@@ -237,7 +237,7 @@ def _moving(
         progress=log.progress,
     )
     middle = 0.5 * float(slow.time[0] + slow.time[-1])
-    log.clocks = with_delay(log, found.fit.state.moving, found.estimate.moving_std, middle)
+    log.clocks = with_delay(log, found.fit.state.moving, found.moving_std, middle)
     # At rest the dwells bring along what the log says of itself.
     told = [finding for finding in log.messages if finding not in found.findings]
     if instead_of > 1:
@@ -299,7 +299,6 @@ def _with_survey(
     from tdfscal.files.calibration.from_results import from_joint, from_tracker
     from tdfscal.model.calibrated import independent
     from tdfscal.records import Rotations
-    from tdfscal.selfcal.estimator import joint_posterior
 
     if own is None:
         given = independent(rig, tracker.rotations.rotation, tracker.rotations.covariance)
@@ -307,7 +306,7 @@ def _with_survey(
         return Calibration.of(from_tracker(tracker, origin, (*reasons, *notes)))
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
-    given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
+    given = own.estimate.calibrated_at(both.rotations.covariance, both.rotations.rotation)
     mine_alone = [f for f in own.findings if f.code not in _OF_CONTACT]
     found = [f for f in mine_alone if f.rejects]
     found += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))

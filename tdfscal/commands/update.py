@@ -25,7 +25,8 @@ from tdfscal.commands.several_campaigns import (
 )
 from tdfscal.comparison.misfit import EarlierCalibration, Misfit, misfit_of
 from tdfscal.errors import UsageError
-from tdfscal.estimation.fit import Priors, eliminate, of_estimate, stated
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import eliminate, of_estimate, stated
 from tdfscal.files.calibration.compared import readings_of
 from tdfscal.files.calibration.document import (
     CALIBRATION_SUFFIXES,
@@ -50,7 +51,6 @@ from tdfscal.model.calibrated import (
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.numerics.information import contrast
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
-from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import alarm_level
 
@@ -286,16 +286,15 @@ def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit,
     assert rig.earlier is not None
     reference = starting_state(rig)
     if isinstance(own, SelfCalibration):
-        part = eliminate(own.fit, reference, own.fit.noise_pull)
+        part = eliminate(own.fit, reference)
         chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
-        given, found = joint_posterior(own.fit, own.uncertainty.covariance), own.uncertainty
         postures = int(sum(own.fit.weight > 0))
     else:
         known = information_of(rig.earlier)
         part = of_estimate(own.calibrated, known, reference)
         chi2, dof = contrast(known, part.information).chi2()
-        given, found = own.calibrated, own.uncertainty
         postures = own.dwells
+    given, found = own.calibrated, own.uncertainty
     this = campaign(
         given.state,
         placed(given.state, published_std(given, found.parameter_std)),

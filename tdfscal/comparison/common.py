@@ -25,7 +25,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL, exact_rows
-from tdfscal.estimation.fit import Observation, Priors, stated
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import Observation, stated
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract

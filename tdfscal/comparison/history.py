@@ -15,7 +15,8 @@ from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
 from tdfscal.comparison.misfit import EarlierCalibration, scatter_of, within
 from tdfscal.comparison.pooling import Pool
 from tdfscal.errors import UsageError
-from tdfscal.estimation.fit import Priors, stated
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import of_load, same_load, turned

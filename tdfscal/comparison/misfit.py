@@ -8,7 +8,8 @@ import numpy as np
 
 from tdfscal.comparison.common import Common, Walk
 from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
-from tdfscal.estimation.fit import Observation, Priors, stated
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import Observation, stated
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import (
     free_constants,

@@ -23,9 +23,9 @@ from tdfscal.comparison.common import (
     with_load,
 )
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
-from tdfscal.estimation.fit import (
+from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.observation import (
     Observation,
-    Priors,
     eliminate,
     of_estimate,
     of_survey,
@@ -279,16 +279,14 @@ def _first_round(
         result, rejected[k] = robust.fit, robust.rejected
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
-        known = known + shared.embedded(
-            k, eliminate(result, references[k], result.noise_pull).information
-        )
+        known = known + shared.embedded(k, eliminate(result, references[k]).information)
     return fits, rejected, references
 
 
 def _observed(item: Recorded, at: Fit | None, reference: State) -> Observation:
     """What a campaign says of its own constants (c,), counted from the reference."""
     if at is not None:
-        return eliminate(at, reference, at.noise_pull)
+        return eliminate(at, reference)
     if item.estimate is not None:
         return of_estimate(item.estimate, stated(Priors(item.rig), reference), reference)
     assert item.survey is not None

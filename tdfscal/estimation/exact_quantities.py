@@ -84,7 +84,7 @@ def exact_rows(of: Fitted) -> tuple[ExactMoves, ...]:
     Of all components of a group, 0 where one is not exact.
     """
     columns, stated, n = of.all_slopes(), prior_std(of.rig), of.rig.n
-    place, own_priors = layout(n, of.still.motions), of.prior_jacobian[: of.still_priors]
+    place, own_priors = layout(n, of.still.motions), of.prior_jacobian[: of.stated.count]
     P, rows, found = place["drift"].stop, len(columns) + len(of.prior_jacobian), []
     for group, name, error, unit in _TYPICAL:
         index = np.arange(place[group].start, place[group].stop)
@@ -146,7 +146,7 @@ def _earlier_rows(of: Fitted) -> Iterator[ExactMoves]:
     if earlier is None:
         return
     root, data = earlier.root, len(of.all_slopes())
-    rows, first = data + len(of.prior_jacobian), data + of.still_priors - len(root)
+    rows, first = data + len(of.prior_jacobian), data + of.stated.count - len(root)
 
     def missed(moves: FloatArray) -> FloatArray:
         out = np.zeros((rows, moves.shape[1]))

@@ -5,107 +5,155 @@ linear in features ψ(x) of one state x (theory, sections 2 and 8), so that all 
 triangular factor R, as wide as there are features, with |R ψ(x)|² their χ². What the engine asks
 of a fit, wherever its rows come from, stands in `Fitted`; what is stated of the parameters before
 any posture are whitened rows, too.
-
-What one campaign says of the rig's constants is an `Observation`, a quadratic form: its own
-quantities (zeros) are eliminated by a Schur complement; what is left is the information on the
-rig's constants, counted from a common reference. Rotations, hinges, datums,
-sensitivities, the direction of gravity and a load stated alike have one realisation in all
-campaigns: they are pooled together, since pooled on the rotations alone a hinge's error would seem
-to average out. Information adds; a campaign that determines nothing by itself adds what it has.
-
-C active constants in the order of `model.parameters.layout`; the 3n rotations come first, rad.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
 
 from tdfscal.frozen import record
-from tdfscal.model.calibrated import Calibrated, free_constants
 from tdfscal.model.parameters import (
-    LOAD,
     State,
     constants,
     deviation,
-    furthest,
-    layout,
     nominal,
-    parameter_count,
     prior_std,
     rpy_prior_std,
     starting_state,
     vector,
-    with_motions,
 )
 from tdfscal.model.postures import ZeroMotion
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
 from tdfscal.numerics.least_squares import (
     STEPS,
+    Asked,
     Solution,
     Spectrum,
     gauss_newton,
     spectrum,
     triangular,
 )
-from tdfscal.records import BoolArray, FloatArray, Rig, Rotations
+from tdfscal.records import BoolArray, FloatArray, Rig
 
 S = TypeVar("S")
 #: Residual (m,) and Jacobian (m, p) at a state.
 Rows = Callable[[S], tuple[FloatArray, FloatArray]]
 
 
-class Fitted(Protocol):
-    """Whitened rows at an estimate, m of them, the last m₀ of which are the priors'.
+class Stated(Protocol):
+    """What is stated of all parameters (P′,) before anything is observed; `active` : free."""
 
-    active : (P′,), which parameters are free, p of them; those of statics first, in the order of
-    `model.parameters.layout`, rotations before all. still : the parameters of statics.
+    rig: Rig
+    active: BoolArray
+
+
+@record(kw_only=True)
+class Fitted(ABC):
+    """Rows at an estimate, and those of the priors: all that its uncertainty needs.
+
+    The free parameters, p of P′, are in the order of `model.parameters.layout`, those of statics
+    first, rotations before all.
+
+    residual : of the rows at the estimate, jacobian : (…, p + …), by the free parameters and what
+    is the log's own; not whitened. prior_residual : (m₀,), prior_jacobian : (m₀, p + …), whitened.
     """
+
+    priors: Stated
+    residual: FloatArray
+    jacobian: FloatArray
+    prior_residual: FloatArray
+    prior_jacobian: FloatArray
+    iterations: int
+    converged: bool
 
     @property
     def rig(self) -> Rig:
         """The rig."""
+        return self.priors.rig
 
     @property
     def active(self) -> BoolArray:
-        """Free parameters (P′,)."""
+        """Which parameters (P′,) are free."""
+        return self.priors.active
 
     @property
+    @abstractmethod
     def still(self) -> State:
         """Parameters of statics."""
 
     @property
+    @abstractmethod
+    def stated(self) -> Priors:
+        """What is stated of the parameters of statics; its rows are the first of the priors'."""
+
+    @property
+    @abstractmethod
     def rows(self) -> int:
         """Number of independent residuals, without the priors'."""
 
     @property
+    @abstractmethod
     def rms(self) -> tuple[float, float]:
         """Quadratic mean of the length of the residual force, N, and moment about c, N·m."""
 
     @property
-    def cost(self) -> float:
-        """χ² of all rows."""
+    @abstractmethod
+    def noise_pull(self) -> FloatArray:
+        """Score (P′,) of all parameters that noise makes by standing in their columns."""
 
-    @property
-    def still_priors(self) -> int:
-        """How many of the prior rows are those of statics, which come first."""
+    @abstractmethod
+    def whiten(self, columns: FloatArray) -> FloatArray:
+        """Columns (…, c) of the rows as whitened rows (m − m₀, c)."""
 
-    @property
-    def prior_jacobian(self) -> FloatArray:
-        """Whitened prior rows (m₀, p + …)."""
+    @abstractmethod
+    def all_slopes(self) -> FloatArray:
+        """Whitened derivative (m − m₀, P′) of the rows by all parameters, free or not."""
+
+    @abstractmethod
+    def noise_shares(self, posterior: FloatArray) -> dict[str, FloatArray]:
+        """Covariance (p, p) of the free parameters by each source of noise.
+
+        posterior : (p + …, p + …), of all that is estimated, by the rows as they are weighted.
+        """
+
+    @abstractmethod
+    def noise_scale(self, birge: float, dof: int) -> tuple[float, float]:
+        """By how much χ² widens the noise's variance, and that factor's degrees of freedom."""
+
+    @abstractmethod
+    def faked_information(self) -> FloatArray:
+        """Information (3n, 3n) about the rotations that noise in the readings fakes."""
+
+    def widened(self, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
+        """The test of whitened columns (m, g) as a noise that is itself estimated widens it.
+
+        lean : (g,), score that noise makes of them. asked : the test by the noise as it is.
+        """
+        return asked
 
     @property
     def white(self) -> FloatArray:
-        """Residual (m,)."""
+        """Whitened residual (m,), priors last."""
+        return np.concatenate([self.whiten(self.residual), self.prior_residual])
 
     def whitened(self) -> tuple[FloatArray, FloatArray]:
-        """Residual (m,), Jacobian (m, p + …) by the free parameters and what is the log's own."""
+        """Whitened residual (m,) and Jacobian (m, p + …), priors last."""
+        return self.white, np.concatenate([self.whiten(self.jacobian), self.prior_jacobian])
 
-    def all_slopes(self) -> FloatArray:
-        """Whitened derivative (m − m₀, P′) of the rows by all parameters, free or not."""
+    @cached_property
+    def factor(self) -> FloatArray:
+        """Triangular factor (≤ p + …, p + …) of the rows' whitened Jacobian."""
+        return triangular(self.whiten(self.jacobian))
+
+    @property
+    def cost(self) -> float:
+        """χ² of rows and priors."""
+        return float(self.white @ self.white)
 
 
 def information(of: Fitted) -> Spectrum:
@@ -115,8 +163,8 @@ def information(of: Fitted) -> Spectrum:
 
 def factored_information(of: Fitted) -> Spectrum:
     """The same by the Jacobian's triangular factor, whose rows are no residuals: much faster."""
-    J = of.whitened()[1]
-    return spectrum(triangular(J), len(J))
+    whole = np.concatenate([of.factor, of.prior_jacobian])
+    return spectrum(triangular(whole), len(of.white))
 
 
 def solve(
@@ -174,6 +222,7 @@ class Priors:
 
     def __init__(self, rig: Rig, motion: ZeroMotion | None = None) -> None:
         std = self.full_std = prior_std(rig, motion)
+        self.rig = rig
         self.active = std > 0
         motions = 0 if motion is None else len(motion.std)
         self.mean = vector(nominal(rig, motions))
@@ -186,6 +235,9 @@ class Priors:
         self.earlier, self.known = rig.earlier, starting_state(rig, motions)
         own = np.isfinite(self.rpy_std).ravel() & (rig.earlier is None)
         self.angled = np.flatnonzero(own)
+        #: Number of prior rows, and of the last of these that are earlier campaigns'.
+        self.common = 0 if rig.earlier is None else len(rig.earlier.root)
+        self.count = len(self.held) + len(self.angled) + self.common
 
     def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Residual (m,) and Jacobian (m, p)."""
@@ -221,134 +273,3 @@ class Priors:
             np.concatenate([residual, root @ away]),
             np.concatenate([self.rows, rows[:, self.active]]),
         )
-
-
-#: A share of a direction that no row sees below this is rounding.
-_OPEN = 1e-6
-
-
-@record
-class Observation:
-    """What was observed of the rig's constants; observations add.
-
-    A campaign at rest or in motion, or a survey, its own parameters eliminated at a state.
-
-    chi2 : with the constants at the reference and the own parameters at their best. rows : number
-    of residuals, own priors included, less the own parameters that they determine.
-    places : (P,), which parameters are the campaign's own. own : (o,), their step at the reference;
-    give : (o, C), their change per change of the constants. spread : (o, o), their covariance where
-    the constants are known. open : (o,), of which the campaign says nothing.
-    """
-
-    information: Information
-    chi2: float
-    rows: int
-    places: BoolArray
-    own: FloatArray
-    give: FloatArray
-    spread: FloatArray
-    open: BoolArray
-
-
-def eliminate(of: Fitted, reference: State, pull: FloatArray) -> Observation:
-    """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
-    constants are left out, those of its own parameters are kept.
-
-    of : a fit whose parameters are those of statics. pull : (P,), part of their score that noise
-    makes.
-    """
-    shared = np.pad(free_constants(of.rig), (0, len(of.active) - parameter_count(of.rig.n)))
-    common = shared[of.active]
-    own_rows = np.asarray(np.abs(of.prior_jacobian[:, ~common]).any(axis=1))
-    r, J = of.whitened()
-    kept = np.concatenate([np.ones(len(r) - len(own_rows), dtype=np.bool_), own_rows])
-    r, J = r[kept], J[kept]
-    # Residual at the reference's constants, to the first order.
-    away = deviation(of.still, with_motions(reference, of.still.motions))[of.active][common]
-    A, B = J[:, common], J[:, ~common]
-    r = r - A @ away
-    scale = np.linalg.norm(B, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    U, s, Vt = np.linalg.svd(B / scale, full_matrices=True)
-    rank = int(np.sum(s > s[0] * max(B.shape) * np.finfo(float).eps * 8)) if len(s) else 0
-    U = U[:, :rank]
-    back = -(Vt[:rank].T / s[:rank]) @ U.T / scale[:, None]
-    free_A, free_r = A - U @ (U.T @ A), r - U @ (U.T @ r)
-    give, spread = back @ A, back @ back.T
-    by_noise, by_own = pull[of.active][common], pull[of.active][~common]
-    return Observation(
-        information=Information(free_A.T @ free_A, by_noise + give.T @ by_own - free_A.T @ free_r),
-        chi2=float(free_r @ free_r),
-        rows=of.rows + int(own_rows.sum()) - rank,
-        places=of.active & ~shared,
-        own=back @ r + spread @ by_own,
-        give=give,
-        spread=spread,
-        open=np.abs(Vt[rank:]).max(axis=0, initial=0.0) > _OPEN,
-    )
-
-
-def of_survey(survey: Rotations, reference: State, size: int) -> Observation:
-    """What an estimate of the rotations alone says, as a tracker's survey gives it."""
-    n = len(survey.rotation)
-    away = so3.log(survey.rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
-    out = nothing(size)
-    matrix = np.linalg.inv(survey.covariance)
-    out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
-    out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
-    return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
-
-
-def of_estimate(known: Calibrated, prior: Information, reference: State) -> Observation:
-    """What a campaign says that was calibrated by itself, as one in motion is.
-
-    Its posterior less its prior (C, C) of the constants, both counted from the reference: the noise
-    of its rows was estimated with them, so that no χ² of its own remains.
-    """
-    free = free_constants(known.rig)
-    places = ~free & (prior_std(known.rig) > 0)
-    C = known.covariance
-    posterior = inverse(C[np.ix_(free, free)])
-    away = deviation(known.state, reference)[free]
-    found = without(Information(posterior, posterior @ away), prior)
-    give = C[np.ix_(places, free)] @ posterior
-    spread = C[np.ix_(places, places)] - give @ C[np.ix_(free, places)]
-    return _alone(found, places, give, spread, away)
-
-
-def _alone(
-    found: Information, places: BoolArray, give: FloatArray, spread: FloatArray, away: FloatArray
-) -> Observation:
-    """An estimate without residuals: χ² is its distance from the reference."""
-    chi2, rank = Contrast(found.matrix, found.score).chi2()
-    return Observation(
-        information=found,
-        chi2=chi2,
-        rows=rank,
-        places=places,
-        own=-give @ away if len(give) else np.zeros(0),
-        give=give,
-        spread=spread,
-        open=np.zeros(len(give), dtype=np.bool_),
-    )
-
-
-def stated(priors: Priors, reference: State) -> Information:
-    """What the rig file, or an earlier calibration, says of the constants, counted once."""
-    n = reference.n
-    common = constants(n)[priors.active]
-    residual, rows = priors(reference)
-    rows = rows[:, common]
-    here = np.abs(rows).any(axis=1)
-    matrix = rows[here].T @ rows[here]
-    matrix += np.diag(furthest(n)[priors.active & constants(n)] ** -2.0)
-    return Information(matrix, -(rows[here].T @ residual[here]))
-
-
-def unstated(priors: Priors, *, load_alone: bool = False) -> int:
-    """Count the free constants that have no prior of their own; of the terminal alone, if asked."""
-    std, n = priors.full_std, len(priors.nominal)
-    if load_alone:
-        return sum(int(np.isinf(std[layout(n)[group]]).sum()) for group in LOAD)
-    open_std = np.isinf(std) & constants(n)
-    return int(open_std.sum()) - len(priors.angled)

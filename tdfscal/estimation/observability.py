@@ -13,10 +13,13 @@ Nakamura: Corrected score function for errors-in-variables models. Biometrika 77
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from tdfscal.acceptance import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.estimation.uncertainty import Estimate, F
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, sensing
@@ -24,7 +27,7 @@ from tdfscal.model.postures import zeros
 from tdfscal.model.statics import Balance, Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
-from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, Rig
 
 #: Postures that determine the angles at all.
@@ -245,18 +248,51 @@ def _round_up(value: float) -> str:
     return f"{np.ceil(value / digits) * digits:.0f}"
 
 
-def faked_information(at: Balance, state: State, weight: FloatArray) -> FloatArray:
-    """Information (3n, 3n) about the rotations that noise in the readings fakes.
+Change = Literal["postures", "squeeze", "tare", "seconds"]
+#: How many times as long a motion is easily made.
+LONGER = 2.0
 
-    JᵀWJ takes its levers from the measured forces, noise included: a sensor that feels nothing
-    but its own noise sideways would seem to know its yaw. The expectation of that part is
-    Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
+
+@record
+class Prospect:
+    """A change of the campaign, and the angles' uncertainty to expect of it.
+
+    amount : postures more; N, largest internal force at an NCP; N, standard uncertainty of a zero;
+    s, of motion. rpy_std : (n, 3), rad, of roll, pitch, yaw.
     """
-    M, B = sensing(state), at.wrench
-    W = at.information * weight[:, None, None]
-    C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
-    noise = M @ at.seen.force_cov @ np.swapaxes(M, -1, -2)
-    return block_diagonal(*so3.information_of_crossing(C, noise).sum(axis=0))
+
+    change: Change
+    amount: float
+    rpy_std: FloatArray
+
+
+def prospect(
+    of: Estimate[F],
+    change: Change,
+    amount: float,
+    *,
+    count: float = 1.0,
+    rows: FloatArray | None = None,
+    priors: FloatArray | None = None,
+) -> Prospect:
+    """Linearise a campaign as it would be at the estimate of the one that is there.
+
+    What is published changes as the linear covariance does. count : how many times as many rows
+    there would be. rows, priors : whitened (M, p + …), (m₀, p + …), if they would be others.
+    """
+    fit, R = of.fit, of.fit.still.rotation
+
+    def linear(rows: FloatArray, priors: FloatArray) -> FloatArray:
+        whole = np.concatenate([rows, priors])
+        turns = spectrum(triangular(whole), len(whole)).root[: 3 * len(R)]
+        return np.sqrt(so3.rpy_variance(R, turns @ turns.T))
+
+    then = linear(
+        np.sqrt(count) * (fit.factor if rows is None else rows),
+        fit.prior_jacobian if priors is None else priors,
+    )
+    now = linear(fit.factor, fit.prior_jacobian)
+    return Prospect(change, amount, of.uncertainty.rpy_std * then / now)
 
 
 def noise_pull(at: Balance, state: State, weight: FloatArray) -> FloatArray:

@@ -13,14 +13,15 @@ likeliest is named, and those that are about as likely.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from tdfscal.estimation.fit import Fitted
 from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import field, record, replace
-from tdfscal.model.parameters import layout, rpy_prior_std
+from tdfscal.model.parameters import layout
 from tdfscal.numerics import least_squares
 from tdfscal.numerics.least_squares import Asked
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
@@ -217,22 +218,13 @@ NOISE_ONLY = 1e-9
 #: (rows, g), what they are per unit of the rig file, and the score (g,) that noise makes by
 #: standing in them: 0 where they hold no readings, or their noise cancels over the postures.
 Suspect = tuple[str, int, FloatArray, float | FloatArray, FloatArray | float]
-#: The test of columns (m, g), the score (g,) that noise makes of them and what was asked, as a
-#: noise that is itself estimated widens it.
-Widened = Callable[[FloatArray, FloatArray, Asked], Asked]
 
 
 def speaking(
-    of: Estimate[F],
-    suspects: Sequence[Suspect],
-    pull: FloatArray,
-    *,
-    other: float = 0.0,
-    widened: Widened = lambda columns, lean, asked: asked,
+    of: Estimate[F], suspects: Sequence[Suspect], *, other: float = 0.0
 ) -> list[Suspicion]:
     """Ask for every suspect, and return those for whom a test speaks.
 
-    pull : (P,), scores of all parameters that noise makes by standing in their own columns.
     other : share of the level that other tests spend.
     """
     fit, parts, residual = of.fit, of.parts, of.fit.white
@@ -240,7 +232,7 @@ def speaking(
     others = (1 - UNDECLARED_GRAVITY_SHARE - other) / max(1, len(suspects) - 1)
     p, found = int(fit.active.sum()), list[Suspicion]()
     share = dof / max(fit.rows, 1)  # of the noise, that the fit leaves in the residual
-    given = parts.root[:p].T @ pull[fit.active]
+    given = parts.root[:p].T @ fit.noise_pull[fit.active]
     for group, index, columns, unit, own in suspects:
         level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
@@ -249,7 +241,7 @@ def speaking(
         asked = ask(apart, columns, residual, lean)
         if asked.p_value(chi2, dof) > level:
             continue
-        asked = widened(columns, lean, asked)
+        asked = fit.widened(columns, lean, asked)
         p_value = asked.p_value(chi2, dof)
         if p_value > level:
             continue
@@ -286,21 +278,16 @@ def moving_zeros(group: str, columns: FloatArray, unit: float) -> Iterator[Suspe
     yield f"all {group}", 0, columns.reshape(len(columns), -1), unit, 0.0
 
 
-def stated_suspects(
-    rig: Rig,
-    columns: FloatArray,
-    std: FloatArray,
-    motions: int,
-    priors: int,
-    pull: FloatArray,
-) -> Iterator[Suspect]:
+def stated_suspects(of: Fitted) -> Iterator[Suspect]:
     """What a rig file states, group by group: exact values as columns, others as a shifted prior.
 
-    columns : (rows, P), whitened, of all parameters; 0 in the last `priors` rows, which are those
-    of the parameters' own priors first. std : (P,), of these priors. pull : (P,), as in `speaking`.
+    Nominal mountings that are not as stated, last.
     """
-    place, held = layout(rig.n, motions), np.isfinite(std) & (std > 0)
-    columns, pull = np.where(std == 0, columns, 0.0), np.where(std == 0, pull, 0.0)
+    rig, std, priors = of.rig, of.stated.full_std, len(of.prior_residual)
+    place, held = layout(rig.n, of.still.motions), np.isfinite(std) & (std > 0)
+    columns = np.pad(of.all_slopes()[:, : len(std)], ((0, priors), (0, 0)))
+    columns = np.where(std == 0, columns, 0.0)
+    pull = np.where(std == 0, of.noise_pull[: len(std)], 0.0)
     shifted = np.flatnonzero(held)  # by one standard deviation
     columns[len(columns) - priors + np.arange(len(shifted)), shifted] = 1.0
     for group, where in place.items():
@@ -320,20 +307,12 @@ def stated_suspects(
                     yield "gain", index, alike, unit[:1], own
         if group == "zero" and held[where].all():  # a tare is made of all at once
             yield "all zero", 0, columns[:, where], std[where], pull[where]
-
-
-def misstated_mountings(rig: Rig, rows: int, after: int = 0) -> Iterator[Suspect]:
-    """Nominal mountings that are not as stated.
-
-    rows : of the columns, whose last ones, but for so many after them, are the angles' priors.
-    """
-    if rig.earlier is not None:
-        return
-    angled = np.flatnonzero(np.isfinite(rpy_prior_std(rig)))
-    first = rows - after - len(angled)
+    first = len(columns) - priors + len(of.stated.held)
     for i in range(rig.n):
-        own = np.flatnonzero((angled // 3 == i) & np.isfinite(rig.rpy_std).ravel()[angled])
+        own = np.flatnonzero(
+            (of.stated.angled // 3 == i) & np.isfinite(rig.rpy_std).ravel()[of.stated.angled]
+        )
         if len(own):
-            shifted = np.zeros((rows, len(own)))
-            shifted[first + own, np.arange(len(own))] = 1.0
-            yield "mounting", i, shifted, rig.rpy_std.ravel()[angled[own]], 0.0
+            mounted = np.zeros((len(columns), len(own)))
+            mounted[first + own, np.arange(len(own))] = 1.0
+            yield "mounting", i, mounted, rig.rpy_std.ravel()[of.stated.angled[own]], 0.0

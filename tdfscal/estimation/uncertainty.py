@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Generic, Literal, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from tdfscal.estimation.fit import Fitted
+from tdfscal.estimation.fit import Fitted, information
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf, coverage_factor, propagate
-from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
+from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray, JointPrior
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -91,13 +91,50 @@ class Uncertainty:
 class Estimate(Generic[F]):
     """A fit and what is known of it before it is doubted.
 
-    parts : its whitened Jacobian, decomposed.
+    parts : its whitened Jacobian, decomposed. shares : source → (p, p), covariance of the free
+    parameters by it, noise as it is stated.
     """
 
     fit: F
     parts: Spectrum
     quality: Quality
+    shares: dict[str, FloatArray]
     uncertainty: Uncertainty
+
+    @property
+    def calibrated(self) -> Calibrated:
+        """All parameters of the rig with their joint covariance, for those who use them."""
+        return self.calibrated_at(self.uncertainty.covariance)
+
+    def calibrated_at(
+        self, rotation_covariance: FloatArray, rotation: FloatArray | None = None
+    ) -> Calibrated:
+        """The same with the rotations as published.
+
+        rotation_covariance : (3n, 3n), rad²; it may differ from the fit's own (χ², noise that
+        fakes information, a tracker's share). rotation : (n, 3, 3), where it is not the fit's. The
+        other parameters keep their distribution given the rotations. Combinations that no row sees
+        (theory, section 4) carry no variance: they do not show in any contact wrench at rest
+        either.
+        """
+        of, posterior = self.fit, _summed(self.shares)
+        size, turns = parameter_count(of.rig.n), 3 * of.rig.n
+        # How zeros moved, and what only motion has, belongs to this campaign alone.
+        free = np.flatnonzero(of.active)
+        full = np.zeros((len(of.active),) * 2)
+        full[np.ix_(free, free)] = posterior
+        full, state = full[:size, :size], with_motions(of.still, 0)
+        if rotation is not None:
+            turn = so3.log(rotation @ np.swapaxes(state.rotation, 1, 2)).ravel()
+            along = np.linalg.solve(full[:turns, :turns], turn)
+            state = replace(retract(state, full[:, :turns] @ along), rotation=rotation)
+        return Calibrated(
+            rig=of.rig,
+            state=state,
+            covariance=with_rotations(full, turns, rotation_covariance),
+            open=np.zeros(size, dtype=np.bool_),
+            joint=True,
+        )
 
 
 @record
@@ -121,33 +158,10 @@ class Estimated(Generic[F]):
         """Uncertainty of the rotations."""
         return self.estimate.uncertainty
 
-
-Change = Literal["postures", "squeeze", "tare", "seconds"]
-
-
-@record
-class Prospect:
-    """A change of the campaign, and the angles' uncertainty to expect of it.
-
-    amount : postures more; N, largest internal force at an NCP; N, standard uncertainty of a zero;
-    s, of motion. rpy_std : (n, 3), rad, of roll, pitch, yaw.
-    """
-
-    change: Change
-    amount: float
-    rpy_std: FloatArray
-
-
-def linear_rpy_std(
-    rotation: FloatArray, data: FloatArray, priors: FloatArray, count: float = 1.0
-) -> FloatArray:
-    """Standard uncertainties (n, 3), rad, of roll, pitch, yaw where the data count so many times.
-
-    rotation : (n, 3, 3). data, priors : whitened rows (M, p), (m, p) of the Jacobian.
-    """
-    rows = np.concatenate([np.sqrt(count) * data, priors])
-    turns = spectrum(triangular(rows), len(rows)).root[: 3 * len(rotation)]
-    return np.sqrt(so3.rpy_variance(rotation, turns @ turns.T))
+    @property
+    def calibrated(self) -> Calibrated:
+        """All parameters of the rig with their joint covariance, for those who use them."""
+        return self.estimate.calibrated
 
 
 def quality(of: Fitted, parts: Spectrum) -> Quality:
@@ -167,36 +181,54 @@ def quality(of: Fitted, parts: Spectrum) -> Quality:
     )
 
 
-def of_shares(
-    R: FloatArray,
-    shares: dict[str, FloatArray],
-    faked: FloatArray,
-    parts: Spectrum,
-    std: FloatArray,
-    noise_dof: float = np.inf,
-) -> Uncertainty:
-    """Uncertainty of rotations (n, 3, 3), whose turns are the first of the parameters.
+def estimate(of: F) -> Estimate[F]:
+    """Judge a fit by its own residuals; see `evaluate`."""
+    parts = information(of)
+    return evaluate(of, parts, quality(of, parts))
 
-    shares : source → (p, p), covariance by it. faked : (3n, 3n), information that noise fakes,
-    whose loss is the noise's. std : (P,), of every parameter. noise_dof : behind the scale of the
-    noise; only that has finite degrees of freedom (Welch–Satterthwaite, GUM, G.4.1).
-    """
-    turns = slice(3 * len(R))
-    own = {name: share[turns, turns] for name, share in shares.items()}
-    linear = np.sum(list(own.values()), axis=0)
-    covariance = without_faked(linear, faked, blind_turns(parts, 3 * len(R)))
-    own["noise"] = own["noise"] + (covariance - linear)
+
+def evaluate(of: F, parts: Spectrum, stats: Quality) -> Estimate[F]:
+    """Posterior covariance, budget and coverage factors of a fit; parts : of its Jacobian."""
+    C = parts.root @ parts.root.T  # pseudo-inverse of the information
+    shares = of.noise_shares(C) | prior_shares(of, C[: int(of.active.sum())])
+    return _of_shares(of, parts, stats, shares)
+
+
+def beside(known: Estimate[F], undeclared: FloatArray) -> Estimate[F]:
+    """The same with a covariance (p, p) of the free parameters by what the rig file may lack."""
+    shares = known.shares | {UNDECLARED: undeclared}
+    return _of_shares(known.fit, known.parts, known.quality, shares)
+
+
+def _summed(shares: Mapping[str, FloatArray]) -> FloatArray:
+    return np.asarray(np.sum(list(shares.values()), axis=0))
+
+
+def _of_shares(
+    of: F, parts: Spectrum, stats: Quality, shares: dict[str, FloatArray]
+) -> Estimate[F]:
+    """All shares together; only the noise has finite degrees (Welch–Satterthwaite, GUM, G.4.1)."""
+    R, turns = of.still.rotation, slice(3 * of.rig.n)
+    scale, noise_dof = of.noise_scale(stats.birge, stats.dof)
+    own = {
+        name: share[turns, turns] * (scale if name in NOISE else 1.0)
+        for name, share in shares.items()
+    }
+    linear = _summed(own)
+    covariance = without_faked(linear, of.faked_information(), blind_turns(parts, turns.stop))
+    own["noise"] = own["noise"] + (covariance - linear)  # its loss is the noise's
     contributions = {name: so3.rpy_variance(R, share) for name, share in own.items()}
-    total = np.sum(list(contributions.values()), axis=0)
+    total = _summed(contributions)
     noise = np.sum([contributions[name] for name in NOISE if name in contributions], axis=0)
     share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
-    return Uncertainty(
+    uncertainty = Uncertainty(
         covariance=covariance,
         rpy_covariance=so3.rpy_covariance(R, covariance),
         contributions=contributions,
-        parameter_std=std,
+        parameter_std=parameter_std(of.active, _summed(shares), parts),
         coverage_factor=coverage_factor(INTERVAL_COVERAGE, noise_dof / share**2),
     )
+    return Estimate(of, parts, stats, shares, uncertainty)
 
 
 def prior_shares(of: Fitted, posterior: FloatArray) -> dict[str, FloatArray]:
@@ -207,9 +239,8 @@ def prior_shares(of: Fitted, posterior: FloatArray) -> dict[str, FloatArray]:
     places = layout(of.rig.n, of.still.motions)
     groups = {PRIORS[group]: place for group, place in places.items()}
     groups[MOTION] = slice(places["drift"].stop, len(of.active))
-    columns, rows, still = np.flatnonzero(of.active), of.prior_jacobian, of.still_priors
-    earlier = 0 if of.rig.earlier is None else len(of.rig.earlier.root)
-    before, common, after = np.split(rows, [still - earlier, still])
+    columns, still = np.flatnonzero(of.active), of.stated.count
+    before, common, after = np.split(of.prior_jacobian, [still - of.stated.common, still])
     own, by = np.concatenate([before, after]), {EARLIER: common}
     for name, place in groups.items():
         inside = np.flatnonzero((columns >= place.start) & (columns < place.stop))
@@ -263,39 +294,6 @@ def parameter_std(active: BoolArray, posterior: FloatArray, parts: Spectrum) -> 
     blind = np.abs(parts.null).max(axis=0, initial=0.0)[: len(posterior)] > _ROUNDING
     std[active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
     return std
-
-
-def calibrated(
-    of: Fitted,
-    posterior: FloatArray,
-    rotation_covariance: FloatArray,
-    rotation: FloatArray | None = None,
-) -> Calibrated:
-    """All parameters of a rig with their joint posterior covariance, for those who use them.
-
-    posterior : (p, p), of the free parameters. rotation_covariance : (3n, 3n), rad², as published;
-    it may differ from the fit's own (Birge ratio, noise that fakes information, a tracker's share).
-    rotation : (n, 3, 3), as published, where it is not the fit's. The other parameters keep their
-    distribution given the rotations. Combinations that no row sees (theory, section 4) carry no
-    variance: they do not show in any contact wrench at rest either.
-    """
-    size, turns = parameter_count(of.rig.n), 3 * of.rig.n
-    # How zeros moved, and what only motion has, belongs to this campaign alone.
-    free = np.flatnonzero(of.active)
-    full = np.zeros((len(of.active),) * 2)
-    full[np.ix_(free, free)] = posterior
-    full, state = full[:size, :size], with_motions(of.still, 0)
-    if rotation is not None:
-        turn = so3.log(rotation @ np.swapaxes(state.rotation, 1, 2)).ravel()
-        along = np.linalg.solve(full[:turns, :turns], turn)
-        state = replace(retract(state, full[:, :turns] @ along), rotation=rotation)
-    return Calibrated(
-        rig=of.rig,
-        state=state,
-        covariance=with_rotations(full, turns, rotation_covariance),
-        open=np.zeros(size, dtype=np.bool_),
-        joint=True,
-    )
 
 
 def simulate_angles(

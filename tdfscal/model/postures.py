@@ -120,7 +120,8 @@ class Postures:
     moment_var : N²m², variance per axis of an additive moment (friction of the hinges).
     friction_sense : (K, 3), unit vector of the turn by which a posture was reached, BCS; 0 unknown.
     measured : (n, 3), which components the sensors measure; the readings of others are ignored.
-    motion : how the zeros may move over the postures.
+    motion : how the zeros may move over the postures. noise_from_residuals : nobody states the
+    noise of the forces; it is what a fit leaves.
     """
 
     position: FloatArray
@@ -131,6 +132,7 @@ class Postures:
     friction_sense: FloatArray
     measured: BoolArray
     motion: ZeroMotion | None = None
+    noise_from_residuals: bool = False
 
     def __len__(self) -> int:
         return len(self.force)

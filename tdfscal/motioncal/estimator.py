@@ -11,31 +11,25 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.estimation.fit import Priors, solve
-from tdfscal.frozen import record, replace
-from tdfscal.model import dynamics
-from tdfscal.model.dynamics import Moving
-from tdfscal.model.parameters import State, retract, with_motions
-from tdfscal.model.statics import Balance, features, features_jacobian
-from tdfscal.motioncal.blocks import Block, ComplexArray, rests_of
-from tdfscal.motioncal.design import BlockDesign, block_design, drifting, rms
+from tdfscal.estimation.fit import solve
+from tdfscal.frozen import replace
+from tdfscal.motioncal.blocks import Block, rests_of
+from tdfscal.motioncal.design import block_design
+from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState
 from tdfscal.motioncal.rows import (
     NOTHING,
     NoiseModel,
-    NormalEquations,
-    Rows,
     gather,
     improve,
     initial,
 )
-from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
     block_diagonal,
     gram_root,
     triangular,
 )
-from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
+from tdfscal.records import FloatArray
 
 #: Blocks that a long log is first fitted on.
 _FEW = 2
@@ -46,179 +40,10 @@ _LOOKS, _SETTLED = 12, 0.01
 _NEAR = 2.0
 #: Looks at most where forces that nobody measures have to be found along with the angles.
 _LOOKS_ACROSS = 60
+#: What a fit has by its state.
+_AT_A_STATE = ("psi", "slope", "residual", "jacobian", "prior_residual", "prior_jacobian")
 #: Steps of the spectrum per look, and the change of a logarithm that ends them.
 _SCORES, _SCORED = 20, 0.02
-
-
-@record
-class MovingState:
-    """All parameters: those of statics and those of the motion."""
-
-    still: State
-    moving: Moving
-
-    def moved(self, step: FloatArray) -> MovingState:
-        """Retract by a step (P + 9,)."""
-        cut = len(step) - dynamics.PARAMETERS
-        return MovingState(
-            retract(self.still, step[:cut]), Moving.of(self.moving.vector + step[cut:])
-        )
-
-
-class MovingPriors:
-    """What is stated of a log in motion, as whitened prior rows by the active parameters.
-
-    rig, slow : the rig file and the log's streams. motions : G, of the zeros. delay : stated in
-    the rig file, s, (); or with the rate of clocks that are apart, (2,).
-    active : (P + 9,), statics first.
-    """
-
-    def __init__(self, rig: Rig, slow: Slow, delay: UncertainValue) -> None:
-        motion = drifting(rig, slow)
-        self.rig, self.slow = rig, slow
-        self.motions = 0 if motion is None else len(motion.std)
-        self.still = Priors(rig, motion)
-        value, std = np.atleast_1d(delay.value), np.atleast_1d(delay.std)
-        self.mean, self.std = dynamics.prior(rig, float(value[0]), *map(float, std))
-        self.free = self.std > 0
-        self.active = np.concatenate([self.still.active, self.free])
-
-    def start(self, still: State) -> MovingState:
-        """All parameters, those of the motion as stated."""
-        return MovingState(with_motions(still, self.motions), self.mean)
-
-    def __call__(self, state: MovingState) -> tuple[FloatArray, FloatArray]:
-        """Residual (m,) and Jacobian (m, p)."""
-        r, j = self.still(state.still)
-        more = (state.moving.vector - self.mean.vector)[self.free] / self.std[self.free]
-        own = np.diag(1 / self.std[self.free])
-        return np.concatenate([r, more]), block_diagonal(j, own)
-
-
-@record
-class MovingFit:
-    """An estimate with all that its uncertainty needs.
-
-    rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 13 + s +
-    rests,), features. slope : (…, p + rests), their slopes by all that is unknown.
-    residual (M,), jacobian (M, p + rests) : of the rows at the estimate, not whitened.
-    prior_residual (m,), prior_jacobian (m, p + rests) : whitened. origin : what the features
-    count from.
-    shift : whose delay and rate the poses of the designs are shifted by.
-    """
-
-    priors: MovingPriors
-    designs: tuple[BlockDesign, ...]
-    data: Rows
-    origin: Balance
-    shift: Moving
-    rests: int
-    state: MovingState
-    noise: NoiseModel
-    psi: FloatArray
-    slope: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
-    prior_residual: FloatArray
-    prior_jacobian: FloatArray
-    iterations: int
-    converged: bool
-
-    @property
-    def rig(self) -> Rig:
-        """The rig."""
-        return self.priors.rig
-
-    @property
-    def slow(self) -> Slow:
-        """The log's streams."""
-        return self.priors.slow
-
-    @property
-    def active(self) -> BoolArray:
-        """Which parameters (P + 9,) are free."""
-        return self.priors.active
-
-    @property
-    def still(self) -> State:
-        """The parameters of statics."""
-        return self.state.still
-
-    @property
-    def rows(self) -> int:
-        """Number of independent values that the rows stand for."""
-        return round(float(self.data.bins.count.sum()))
-
-    @property
-    def still_priors(self) -> int:
-        """How many of the prior rows are those of statics."""
-        return len(self.prior_residual) - int(self.priors.free.sum()) - self.rests
-
-    @property
-    def rms(self) -> tuple[float, float]:
-        """Quadratic mean over time of the residual force's length, and the moment's."""
-        force, moment = rms(self.designs, self.psi)
-        return float(force), float(moment)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The stretches that were used."""
-        return tuple(design.block for design in self.designs)
-
-    def features_at(self, state: MovingState) -> FloatArray:
-        """Features (q + 13 + s + rests,) of a state, without turns at rests."""
-        still = features(state.still, self.origin, self.rig.gravity)
-        more = dynamics.features(state.still, state.moving, self.origin.centre, self.shift)
-        out = np.zeros(self.data.design.shape[1])
-        out[: len(still) + len(more)] = np.concatenate([still, more])
-        return out
-
-    def slope_at(self, state: MovingState) -> FloatArray:
-        """∂ features / ∂ all parameters, (…, P + 9); suspects have none."""
-        still = features_jacobian(state.still, self.origin, self.rig.gravity)
-        more = dynamics.features_jacobian(state.still, self.origin.centre)
-        out = np.zeros((self.data.design.shape[1], more.shape[1]))
-        out[: len(still), : still.shape[1]] = still
-        out[len(still) : len(still) + len(more)] = more
-        return out
-
-    def whitened(self) -> tuple[FloatArray, FloatArray]:
-        """Residual and Jacobian as rows of unit variance, priors last."""
-        return (
-            self.white,
-            np.concatenate([self.whiten(self.jacobian), self.prior_jacobian]),
-        )
-
-    def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
-        """Those of the residual, the Jacobian and more columns (M + m, c), white as they are.
-
-        They hold for any spectrum of the noise.
-        """
-        r, j = self.whitened()
-        columns = [r[:, None], j] if more is None else [r[:, None], j, more]
-        return NormalEquations(self.data, self.noise, np.concatenate(columns, axis=1))
-
-    def all_slopes(self) -> FloatArray:
-        """Whitened derivative (M, P + 9) of the rows by all parameters, free or not."""
-        return self.whiten(self.data.design @ self.slope_at(self.state))
-
-    @property
-    def white(self) -> FloatArray:
-        """Whitened residual of rows and priors."""
-        return np.concatenate([self.whiten(self.residual), self.prior_residual])
-
-    def whiten(self, columns: FloatArray) -> FloatArray:
-        """Columns (M, …) of the rows, of unit variance by the spectrum."""
-        return self.data.weighted(columns, self.noise.variance(self.data.bins))
-
-    def wrenches(self) -> list[ComplexArray]:
-        """Residual wrench (F, 6) of every block."""
-        return [item.wrench(self.psi) for item in self.designs]
-
-    @property
-    def cost(self) -> float:
-        """χ² of rows and priors."""
-        return float(self.white @ self.white)
 
 
 def moved_to(fit: MovingFit, state: MovingState) -> MovingFit:
@@ -286,9 +111,19 @@ def at_state(
     designs = tuple(design for design, _ in pairs)
     low, rests = min(float(block.frequency[1]) for block in blocks) / 2, edges[-1]
     rows = gather(((item.rows(rests), len(item.mix)) for item in designs), low, model)
-    none = (np.empty(0),) * 6
-    origin, shift, before = pairs[0][1], state.moving, model or NOTHING
-    fit = MovingFit(priors, designs, rows, origin, shift, rests, state, before, *none, 0, False)
+    fit = MovingFit(
+        priors=priors,
+        designs=designs,
+        data=rows,
+        origin=pairs[0][1],
+        shift=state.moving,
+        rests=rests,
+        state=state,
+        noise=model or NOTHING,
+        iterations=0,
+        converged=False,
+        **dict.fromkeys(_AT_A_STATE, np.empty(0)),  # below
+    )
     fit = _at(fit, state, np.zeros(rests))
     if model is None:
         longest = max(block.seconds for block in blocks)

@@ -13,20 +13,16 @@ from tdfscal.estimation import observability
 from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.observability import Observability
 from tdfscal.estimation.score_tests import Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Estimated, Quality
+from tdfscal.estimation.uncertainty import Estimated, Quality, beside, estimate
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.dynamics import RATE
+from tdfscal.model.dynamics import PARAMETERS, RATE
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.blocks import Stretch, stretches
-from tdfscal.motioncal.estimator import (
-    MovingFit,
-    MovingPriors,
-    fit_moving,
-)
+from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, undeclared, without_contacts
@@ -35,17 +31,14 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import (
     MOST_TRIALS,
     HeldOut,
-    MovingEstimate,
     ResidualWrench,
-    beside,
-    estimate,
     hold_out,
     residual_wrench,
     simulate,
 )
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
-from tdfscal.records import BoolArray, Rig, Rotations, UncertainValue
+from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
 from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
@@ -69,7 +62,6 @@ class MotionCalibration(Estimated[MovingFit]):
     """
 
     rig: Rig
-    estimate: MovingEstimate
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     conformity: Conformity | None
@@ -89,15 +81,15 @@ class MotionCalibration(Estimated[MovingFit]):
         return rejecting(self.findings)
 
     @property
-    def rate_told(self) -> bool:
-        """Whether the log tells the rate of its clocks, beside what is known of clocks."""
-        std = self.estimate.moving_std[RATE]
-        return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
+    def moving_std(self) -> FloatArray:
+        """Standard uncertainty (9,) of I_O, τ, d, ρ."""
+        return self.uncertainty.parameter_std[-PARAMETERS:]
 
     @property
-    def calibrated(self) -> Calibrated:
-        """All parameters of the rig with their joint covariance, for those who use them."""
-        return self.estimate.calibrated
+    def rate_told(self) -> bool:
+        """Whether the log tells the rate of its clocks, beside what is known of clocks."""
+        std = self.moving_std[RATE]
+        return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
 
 
 @record

@@ -20,7 +20,8 @@ from tdfscal.frozen import record
 from tdfscal.model.parameters import State, starting_state
 from tdfscal.model.postures import Postures, alike
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
-from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, estimate_noise
+from tdfscal.motioncal.estimator import at_state, estimate_noise
+from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile

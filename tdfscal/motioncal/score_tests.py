@@ -11,7 +11,6 @@ are seen where nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,45 +19,26 @@ from tdfscal.estimation.score_tests import (
     Suspect,
     Suspicion,
     likeliest,
-    misstated_mountings,
     moving_zeros,
     speaking,
     stated_suspects,
 )
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding
-from tdfscal.model.parameters import parameter_count
-from tdfscal.model.statics import balance
 from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
-from tdfscal.motioncal.design import BlockDesign, instants, suspected
-from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.design import BlockDesign, suspected
+from tdfscal.motioncal.fit import MovingFit
 from tdfscal.motioncal.preparation import Usable, check_blocks
 from tdfscal.motioncal.slip import likeliest_steps
-from tdfscal.motioncal.streams import shifted
-from tdfscal.motioncal.uncertainty import MovingEstimate, by_spectrum
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import Asked
 from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.significance import CONTACT_IN_MOTION
 
-#: One of so many instants of a block shows how its columns are made of readings.
-_EVERY = 20
-#: Share of the largest variance of an amount below which it is rounding.
-_ROUNDING = 1e-12
 
-
-def suspicions(of: MovingEstimate) -> tuple[Suspicion, ...]:
+def suspicions(of: Estimate[MovingFit]) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
-    fit = of.fit
-
-    def widened(columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
-        return _widened(fit, columns, lean, asked)
-
-    pull = np.zeros(len(fit.active))
-    static = noise_scores(fit, fit.slope_at(fit.state))
-    pull[: len(static)] = static
-    suspects = [*_stated(fit, static), *_drifts(fit)]
-    return likeliest(speaking(of, suspects, pull, widened=widened))
+    return likeliest(speaking(of, [*stated_suspects(of.fit), *_drifts(of.fit)]))
 
 
 def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
@@ -75,31 +55,6 @@ def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
     return np.asarray((moves.T * (share / share.sum())) @ moves)
 
 
-def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
-    """The test with what the spectrum's own uncertainty adds to that of the amount."""
-    equations, own = fit.normal_equations(columns), slice(-len(lean), None)
-    leaning = np.zeros(fit.jacobian.shape[1] + len(lean))
-    leaning[own] = lean
-
-    def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
-        step, root = equations.solved(log_density)
-        return (step + root @ (root.T @ leaning))[own], root[own] @ root[own].T
-
-    amount, covariance = at(fit.noise.log_density)
-    values, axes = np.linalg.eigh(covariance + by_spectrum(fit, covariance, at))
-    seen = values > _ROUNDING * values[-1]
-    along = axes[:, seen].T @ amount
-    return replace(asked, statistic=np.minimum(asked.statistic, np.sum(along**2 / values[seen])))
-
-
-def _stated(fit: MovingFit, pull: FloatArray) -> Iterator[Suspect]:
-    """What the rig file states; pull : (P,), by noise in the columns."""
-    std, priors = fit.priors.still.full_std, len(fit.prior_residual)
-    columns = np.pad(fit.all_slopes()[:, : len(std)], ((0, priors), (0, 0)))
-    yield from stated_suspects(fit.rig, columns, std, fit.still.motions, priors, pull)
-    yield from misstated_mountings(fit.rig, len(columns), priors - fit.still_priors)
-
-
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     """Zeros that move with time or temperature, where the rig file declares none that move."""
     motion, n = suspected(fit.rig, fit.slow), fit.rig.n
@@ -111,37 +66,6 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     columns = np.pad(columns, ((0, len(fit.prior_residual)), (0, 0)))
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
         yield from moving_zeros(name, part.reshape(-1, n, 3), 1.0)
-
-
-def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
-    """Expected scores (P,) of the static parameters by the noise of the readings alone.
-
-    slope : (q + …, P + 9), of the features. Noise of density S_F in reading a at one instant moves
-    a column by ∂c/∂f_a and the balance by B M e_a: Σ S_F (∂c/∂f_a)ᵀ S⁻¹ (B M e_a), over all
-    frequencies, and instants by the taper's weight.
-    """
-    rig, state = fit.rig, fit.state.still
-    P = parameter_count(rig.n, state.motions)
-    total = np.zeros(P)
-    support, axis = np.nonzero(rig.axes)
-    for item in fit.designs:
-        some = slice(item.block.index.start, item.block.index.stop, _EVERY)
-        weight = item.block.taper[0, ::_EVERY] ** 2
-        place = shifted(fit.slow, item.block.index, fit.shift)[::_EVERY]
-        seen = instants(rig, fit.slow, place, some)
-        # The instants as they are, and again for every reading, that one moved by a newton.
-        K, reading = len(seen), np.arange(len(support))
-        seen = seen.subset(np.tile(np.arange(K), 1 + len(support)))
-        force = seen.force.reshape(1 + len(support), K, rig.n, 3).copy()
-        force[1 + reading, :, support, axis] += 1.0
-        seen = replace(seen, force=force.reshape(-1, rig.n, 3))
-        at = balance(seen, state, fit.origin.centre, rig.gravity)
-        design = at.design.reshape(1 + len(support), K, 6, -1)
-        # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a.
-        felt = item.reading_gain(fit.noise) @ at.noise_force[:K] * weight[:, None, None, None]
-        along = np.tensordot(felt[:, support, :, axis], design[1:] - design[0], axes=3)
-        total += along @ slope[: len(along), :P] / weight.sum()
-    return total
 
 
 #: Length of a window and the way from one to the next, s.

@@ -23,14 +23,14 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_by_either_end
+from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model import statics
 from tdfscal.model.parameters import sensing
 from tdfscal.motioncal.blocks import BAND, ComplexArray
 from tdfscal.motioncal.design import BlockDesign
-from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.uncertainty import MovingEstimate
+from tdfscal.motioncal.fit import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_sf
 from tdfscal.numerics.least_squares import ask
@@ -255,7 +255,7 @@ def _at_its_best(
     )
 
 
-def suspicion_of(steps: Sequence[Step], of: MovingEstimate) -> Suspicion:
+def suspicion_of(steps: Sequence[Step], of: Estimate[MovingFit]) -> Suspicion:
     """The likeliest steps as one suspicion, with the angle that they spoil most by either end."""
     rig, best = of.fit.rig, steps[0]
     changes = ((s.move, s.support if s.group == "rotation" else None, s.amount) for s in steps)
@@ -269,7 +269,7 @@ def suspicion_of(steps: Sequence[Step], of: MovingEstimate) -> Suspicion:
         kind="slip" if any(step.group == "rotation" for step in steps) else "jump",
         support=best.support,
         weight=best.worth,
-        move=best.move[: len(of.drawn)],
+        move=best.move[: int(of.fit.active.sum())],
     )
 
 

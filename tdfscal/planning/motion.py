@@ -17,7 +17,8 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, nominal, sensing
 from tdfscal.model.statics import internal_modes, internal_part
 from tdfscal.motioncal.blocks import blocks
-from tdfscal.motioncal.estimator import MovingPriors, at_state
+from tdfscal.motioncal.estimator import at_state
+from tdfscal.motioncal.fit import MovingPriors
 from tdfscal.motioncal.rows import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3

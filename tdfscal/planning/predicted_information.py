@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.acceptance import coverage_radius
-from tdfscal.estimation.observability import faked_information
 from tdfscal.frozen import record
 from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
@@ -204,7 +203,7 @@ def forecast(
     # With the noise in the levers: C is the inverse of the true information Λ, while the score
     # varies by Λ + N.
     cov = C[turns, turns]
-    cov = cov + cov @ faked_information(seen.at, seen.state, seen.weight) @ cov
+    cov = cov + cov @ seen.faked_information() @ cov
     angle_var = variances(cov, angle_rows(sight)[:, turns])
     std = np.where(sight.open[:, None], np.nan, np.sqrt(angle_var).reshape(-1, 3))
     if at is None:

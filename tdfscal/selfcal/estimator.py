@@ -4,10 +4,6 @@ The way inside: postures → balance at a state → statistic (one small triangu
 Gauss–Newton on the statistic and the priors → balance again at the new state, until nothing
 moves. Everything that is not a rotation is a parameter with a prior: standard deviation 0 drops
 its column, ∞ drops its prior row (theory, section 3).
-
-Covariance and budget of a fit to static postures (theory, section 5).
-
-With the estimates of zeros that move and of supports that give, and what they cost the angles.
 """
 
 from __future__ import annotations
@@ -16,22 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.estimation.fit import Priors, factored_information, information, solve
-from tdfscal.estimation.observability import faked_information, noise_pull
-from tdfscal.estimation.uncertainty import (
-    NOISE,
-    UNDECLARED,
-    Estimate,
-    Uncertainty,
-    calibrated,
-    of_shares,
-    parameter_std,
-    prior_shares,
-    quality,
-)
+from tdfscal.estimation.fit import Fitted, Priors, solve
+from tdfscal.estimation.observability import noise_pull
 from tdfscal.frozen import record
-from tdfscal.model.calibrated import Calibrated, pinned
-from tdfscal.model.parameters import State, deviation, retract, with_motions
+from tdfscal.model.calibrated import pinned
+from tdfscal.model.parameters import State, deviation, retract, sensing, with_motions
 from tdfscal.model.statics import (
     Balance,
     Postures,
@@ -39,14 +24,15 @@ from tdfscal.model.statics import (
     features,
     features_jacobian,
 )
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import (
     STEPS,
     Solution,
-    Spectrum,
+    block_diagonal,
     triangular,
 )
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.records import FloatArray, IntArray, Rig
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
@@ -59,40 +45,40 @@ _TOGETHER = 400
 ROWS = 6
 
 
-@record
-class Fit:
-    """An estimate with all that its uncertainty needs.
+@record(kw_only=True)
+class Fit(Fitted):
+    """An estimate from postures.
 
-    state : the estimate. active : (P,), which parameters were free.
-    at : the balance linearised at the estimate. weight : (K,), 1 used, 0 left out, robust between.
-    residual : (K, 6), e_F (N) and e_M (N·m about c, BCS) at the estimate.
+    state : the estimate. at : the balance linearised there. weight : (K,), 1 used, 0 left out,
+    robust between. residual : (K, 6), e_F (N) and e_M (N·m about c, BCS) at the estimate.
     jacobian : (K, 6, p), of the residual by the active parameters, not whitened.
-    prior_residual : (m,), prior_jacobian : (m, p), the whitened prior rows.
     """
 
-    rig: Rig
+    priors: Priors
     postures: Postures
     state: State
-    active: BoolArray
     at: Balance
     weight: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
-    prior_residual: FloatArray
-    prior_jacobian: FloatArray
-    iterations: int
-    converged: bool
+
+    @property
+    def still(self) -> State:
+        """The estimate: at rest there are no other parameters."""
+        return self.state
+
+    @property
+    def stated(self) -> Priors:
+        """What is stated of the parameters."""
+        return self.priors
 
     @property
     def root(self) -> FloatArray:
         """The whitener (K, 6, 6) of a posture's residual by its weight: 0 where it is left out."""
         return np.asarray(np.sqrt(self.weight)[:, None, None] * self.at.whitener)
 
-    @property
-    def white(self) -> FloatArray:
-        """Whitened residual (6 K + m,): the postures', then the priors'."""
-        postures = (self.root @ self.residual[..., None]).ravel()
-        return np.concatenate([postures, self.prior_residual])
+    def whiten(self, columns: FloatArray) -> FloatArray:
+        """Columns (K, 6, …) of the residual as whitened rows (6 K, …)."""
+        white = self.root @ columns.reshape(*columns.shape[:2], -1)
+        return white.reshape(-1, *columns.shape[2:])
 
     @cached_property
     def feature_pull(self) -> FloatArray:
@@ -104,11 +90,6 @@ class Fit:
         """The same of all parameters (P,)."""
         return self.feature_pull @ features_jacobian(self.state, self.at, self.rig.gravity)
 
-    def whitened(self) -> tuple[FloatArray, FloatArray]:
-        """Whitened residual (6 K + m,) and Jacobian (6 K + m, p)."""
-        J = self.root @ self.jacobian
-        return self.white, np.concatenate([J.reshape(-1, J.shape[-1]), self.prior_jacobian])
-
     @cached_property
     def slopes(self) -> FloatArray:
         """Whitened derivative (K, 6, P) of the residual by all parameters, active or not."""
@@ -118,16 +99,6 @@ class Fit:
     def all_slopes(self) -> FloatArray:
         """The same row by row, (6 K, P)."""
         return self.slopes.reshape(-1, len(self.active))
-
-    @property
-    def still(self) -> State:
-        """The estimate: at rest there are no other parameters."""
-        return self.state
-
-    @property
-    def still_priors(self) -> int:
-        """Number of prior rows."""
-        return len(self.prior_residual)
 
     @property
     def rms(self) -> tuple[float, float]:
@@ -153,10 +124,44 @@ class Fit:
         """Degrees of freedom of `cost`, all free parameters taken as determined."""
         return self.rows + len(self.prior_residual) - int(self.jacobian.shape[-1])
 
-    @property
-    def cost(self) -> float:
-        """χ²: weighted squared residuals and prior rows."""
-        return float(self.weight @ self.distance + self.prior_residual @ self.prior_residual)
+    def noise_scale(self, birge: float, dof: int) -> tuple[float, float]:
+        """χ² beyond what is stated widens the noise, and never shrinks it; by so many degrees."""
+        if birge <= 1 and not self.postures.noise_from_residuals:
+            return 1.0, np.inf
+        earlier = self.rig.earlier
+        return max(1.0, birge) ** 2, max(1, dof) + (0 if earlier is None else earlier.dof)
+
+    def noise_shares(self, posterior: FloatArray) -> dict[str, FloatArray]:
+        """Covariance (p, p) by readings, positions and friction of the hinges."""
+        at, W = self.at, self.at.information
+        gain = self.weight[:, None, None] * (posterior @ np.swapaxes(self.jacobian, 1, 2) @ W)
+
+        def through(cov: FloatArray) -> FloatArray:
+            return np.asarray(np.einsum("kpa,kab,kqb->pq", gain, cov, gain, optimize=True))
+
+        friction = np.diag([0, 0, 0, 1, 1, 1]) * self.postures.moment_var
+        reading = np.einsum(
+            "kiab,kibc,kidc->kad", at.noise_force, self.postures.force_cov, at.noise_force
+        )
+        turning = at.noise_turn @ at.turn_cov @ np.swapaxes(at.noise_turn, 1, 2)
+        return {
+            "noise": through(reading),
+            "positioner": through(turning),
+            "hinge friction": through(np.broadcast_to(friction, turning.shape)),
+        }
+
+    def faked_information(self) -> FloatArray:
+        """Information (3n, 3n) about the rotations that noise in the readings fakes.
+
+        JᵀWJ takes its levers from the measured forces, noise included: a sensor that feels nothing
+        but its own noise sideways would seem to know its yaw. The expectation of that part is
+        Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
+        """
+        M, B = sensing(self.state), self.at.wrench
+        W = self.at.information * self.weight[:, None, None]
+        C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
+        noise = M @ self.at.seen.force_cov @ np.swapaxes(M, -1, -2)
+        return block_diagonal(*so3.information_of_crossing(C, noise).sum(axis=0))
 
 
 def statistic(at: Balance, weight: FloatArray) -> FloatArray:
@@ -215,10 +220,9 @@ def at_state(
     prior_r, prior_j = priors(state)
     jacobian = at.design @ features_jacobian(state, at, rig.gravity)[:, priors.active]
     return Fit(
-        rig=rig,
+        priors=priors,
         postures=at.seen,
         state=state,
-        active=priors.active,
         at=at,
         weight=weight,
         residual=at.design @ features(state, at, rig.gravity),
@@ -272,72 +276,3 @@ def worth(one: Fit, other: Fit, unknowns: int, weight: FloatArray | float = 1.0)
 
     cost = unknowns * float(np.log(max(one.rows, 2)))
     return deviance(one, 1.0) - deviance(other, weight) - cost
-
-
-def estimate(fit: Fit, *, noise_from_residuals: bool = False) -> Estimate[Fit]:
-    """Judge a fit by its own residuals; see `evaluate`."""
-    parts = information(fit)
-    stats = quality(fit, parts)
-    known = evaluate(fit, parts, stats.birge, noise_from_residuals=noise_from_residuals)
-    return Estimate(fit, parts, stats, known)
-
-
-def evaluate(
-    fit: Fit,
-    parts: Spectrum,
-    birge: float,
-    *,
-    noise_from_residuals: bool = False,
-    undeclared: FloatArray | None = None,
-) -> Uncertainty:
-    """Posterior covariance, budget and coverage factors.
-
-    birge : its excess over 1 scales the standard deviation of the noise; it never shrinks any.
-    noise_from_residuals : the noise level itself comes from this fit, with its few degrees.
-    undeclared : (p,), by which the active parameters move with what the rig file may lack.
-    """
-    posterior = parts.root @ parts.root.T  # pseudo-inverse of the information
-    inflate = max(1.0, birge) ** 2
-    shares = {
-        name: share * (inflate if name in NOISE else 1.0)
-        for name, share in _shares(fit, posterior).items()
-    }
-    if undeclared is not None:
-        shares[UNDECLARED] = np.outer(undeclared, undeclared)
-        posterior = posterior + shares[UNDECLARED]
-    dof = np.inf
-    if birge > 1 or noise_from_residuals:
-        dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
-        dof += 0 if fit.rig.earlier is None else fit.rig.earlier.dof
-    faked = faked_information(fit.at, fit.state, fit.weight)
-    std = parameter_std(fit.active, posterior, parts)
-    return of_shares(fit.state.rotation, shares, faked, parts, std, dof)
-
-
-def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
-    """Covariance (p, p) by source; together they are the posterior covariance."""
-    at, W = fit.at, fit.at.information
-    gain = fit.weight[:, None, None] * (posterior @ np.swapaxes(fit.jacobian, 1, 2) @ W)
-
-    def through(cov: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("kpa,kab,kqb->pq", gain, cov, gain, optimize=True))
-
-    friction = np.diag([0, 0, 0, 1, 1, 1]) * fit.postures.moment_var
-    reading = np.einsum(
-        "kiab,kibc,kidc->kad", at.noise_force, fit.postures.force_cov, at.noise_force
-    )
-    turning = at.noise_turn @ at.turn_cov @ np.swapaxes(at.noise_turn, 1, 2)
-    return {
-        "noise": through(reading),
-        "positioner": through(turning),
-        "hinge friction": through(np.broadcast_to(friction, turning.shape)),
-        **prior_shares(fit, posterior),
-    }
-
-
-def joint_posterior(
-    fit: Fit, rotation_covariance: FloatArray, rotation: FloatArray | None = None
-) -> Calibrated:
-    """All parameters of a self-calibration, as `calibrated` has them."""
-    root = factored_information(fit).root
-    return calibrated(fit, root @ root.T, rotation_covariance, rotation)

@@ -21,6 +21,7 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.wiring import Wiring, rewired_forces
 from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import nominal, starting_state
 from tdfscal.model.postures import ZeroMotion
@@ -29,7 +30,7 @@ from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend, stacked
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.changes import find_change
-from tdfscal.selfcal.estimator import Fit, estimate, fit, spread
+from tdfscal.selfcal.estimator import Fit, fit, spread
 from tdfscal.selfcal.mounting_search import (
     apart,
     linear_in_rotations,

@@ -13,7 +13,7 @@ from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information
 from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Estimate, quality
+from tdfscal.estimation.uncertainty import Estimate, beside, estimate, evaluate, quality
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
@@ -25,10 +25,7 @@ from tdfscal.selfcal.channel_checks import check_readings
 from tdfscal.selfcal.estimator import (
     Fit,
     at_state,
-    estimate,
-    evaluate,
     fit,
-    joint_posterior,
 )
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.misreadings import Rests
@@ -111,11 +108,7 @@ def self_calibrate(
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts = (*placed, *_with_change(doubts, told))
     if move is not None:  # till it is mended, the stated uncertainty holds that move
-        noise = usable.measured_noise
-        uncertainty = evaluate(
-            result, known.parts, stats.birge, noise_from_residuals=noise, undeclared=move
-        )
-        known = replace(known, uncertainty=uncertainty)
+        known = beside(known, np.outer(move, move))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if estimator == "ml" and max_trials != 0 and not unasked:
@@ -128,14 +121,14 @@ def self_calibrate(
         estimate=known,
         observability=seen,
         suspicions=doubts,
-        conformity=assess_stated(joint_posterior(result, uncertainty.covariance)),
+        conformity=assess_stated(known.calibrated),
         validation=cross_validate(result, known.parts),
         monte_carlo=trials,
         rejected=rejected,
     )
     found = (
         *_reasons(calibration),
-        *caveats(calibration, measured_noise=usable.measured_noise, unasked=unasked),
+        *caveats(calibration, measured_noise=told.measured_noise, unasked=unasked),
         *exceeded_ranges(rig, dwells, result.state),
     )
     return replace(calibration, findings=found)
@@ -167,8 +160,13 @@ class _Told:
     @cached_property
     def change(self) -> Suspicion | None:
         """The likeliest change on the way."""
-        usable, noise = self.usable, self.usable.measured_noise
+        usable, noise = self.usable, self.measured_noise
         return find_change(self.known, usable.time, usable.number, noise_from_residuals=noise)
+
+    @property
+    def measured_noise(self) -> bool:
+        """Nobody states the noise."""
+        return self.usable.postures.noise_from_residuals
 
     @cached_property
     def whole(self) -> _Told:
@@ -188,9 +186,9 @@ def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told]:
     stayed, where that explains more than any other cause.
     """
     robust = _fit(rig, usable.postures, usable.start)
-    known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
+    known = estimate(robust.fit)
     told = _Told(known, usable)
-    if usable.measured_noise:
+    if told.measured_noise:
         return robust, told
     # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
     rivals: list[tuple[float, RobustFit]] = []
@@ -253,13 +251,13 @@ def _linear(
     result = fit_linear(rig, usable.postures)
     parts = information(result)
     spread = evaluate_linear(result, rng, trials)
-    known = Estimate(result, parts, quality(result, parts), spread)
+    known = replace(evaluate(result, parts, quality(result, parts)), uncertainty=spread)
     return RobustFit(result), _Told(known, usable)
 
 
 def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     """What the residuals say that the rig file lacks."""
-    if told.usable.measured_noise:
+    if told.measured_noise:
         return ()
     if told.doubts or not many_rejected:
         return told.doubts

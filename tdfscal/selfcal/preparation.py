@@ -34,9 +34,8 @@ class Usable:
     """Postures that a fit may use.
 
     index : (K,), their dwells. time : (K,), s, when each was held. temperature : (K, n), °C, where
-    it is known. reasons : dwell → why it is not among them. measured_noise : nobody states a force
-    noise; it was taken from the residuals. start : in the basin of the lowest minimum over all
-    mountings.
+    it is known. reasons : dwell → why it is not among them. start : in the basin of the lowest
+    minimum over all mountings.
     """
 
     postures: Postures
@@ -44,7 +43,6 @@ class Usable:
     time: FloatArray
     temperature: FloatArray | None
     reasons: dict[int, Finding]
-    measured_noise: bool
     start: State
 
     @property
@@ -80,7 +78,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     time = ((dwells.start + dwells.end) / 2)[index]
     warmth = None if dwells.temperature is None else dwells.temperature[index]
     reasons = dict(screened.reasons)
-    return Usable(observed, index, time, warmth, reasons, measured_noise, start.state)
+    return Usable(observed, index, time, warmth, reasons, start.state)
 
 
 def _check_temperature(rig: Rig, dwells: Dwells) -> None:
@@ -116,7 +114,7 @@ def _with_residual_noise(rig: Rig, observed: Postures, start: State) -> Postures
         if stats.dof <= 0 or abs(stats.birge - 1) < 1e-3:
             break
         level *= stats.birge
-    return guess
+    return replace(guess, noise_from_residuals=True)
 
 
 def misplaced_hinges(of: Estimate[Fit]) -> tuple[Suspicion, ...]:

@@ -13,23 +13,21 @@ from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import Priors, information
-from tdfscal.estimation.observability import ENOUGH, Observability, require_angles
-from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.estimation.uncertainty import (
-    Change,
-    Estimate,
-    Estimated,
+from tdfscal.estimation.observability import (
+    ENOUGH,
+    Observability,
     Prospect,
-    Quality,
-    linear_rpy_std,
+    prospect,
+    require_angles,
 )
+from tdfscal.estimation.score_tests import Suspicion
+from tdfscal.estimation.uncertainty import Estimate, Estimated, Quality
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, nominal, sensing
 from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
-from tdfscal.numerics.least_squares import triangular
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.mounting_search import Rival, describe
@@ -178,34 +176,19 @@ _MORE, _TARED = 5.0, 0.1
 HARDER = 2.0
 
 
-def prospects(fit: Fit, rpy_std: FloatArray) -> tuple[Prospect, ...]:
-    """Linearise a campaign as it would be at the estimate of the one that is there.
-
-    rpy_std : (n, 3), rad, as published; what the linear covariance promises of it is its share.
-    """
-    rig, used, rows = fit.rig, int((fit.weight > 0).sum()), _rows(fit)
-    priors = fit.prior_jacobian
-
-    def linear(data: FloatArray, more: float = 1.0, stated: FloatArray = priors) -> FloatArray:
-        return linear_rpy_std(fit.state.rotation, data, stated, more)
-
-    found: list[tuple[Change, float, FloatArray]] = [
-        ("postures", _MORE, linear(rows, (used + _MORE) / used))
-    ]
+def prospects(of: Estimate[Fit]) -> tuple[Prospect, ...]:
+    """What a few postures more, a harder squeeze, or a tare just before would bring."""
+    fit, rig = of.fit, of.fit.rig
+    used = int((fit.weight > 0).sum())
+    found = [prospect(of, "postures", _MORE, count=(used + _MORE) / used)]
     if (squeezed := _squeezed(fit)) is not None:
         size, harder = squeezed
-        found.append(("squeeze", size, linear(_rows(harder))))
+        found.append(prospect(of, "squeeze", size, rows=harder.factor))
     if np.any(rig.zero.std > 2 * _TARED):
         zero = UncertainValue(rig.zero.value, np.minimum(rig.zero.std, _TARED))
         tared = Priors(replace(rig, zero=zero), fit.postures.motion)(fit.state)[1]
-        found.append(("tare", _TARED, linear(rows, stated=tared)))
-    share = rpy_std / linear(rows)
-    return tuple(Prospect(change, amount, share * std) for change, amount, std in found)
-
-
-def _rows(fit: Fit) -> FloatArray:
-    """Triangular factor (p, p) of the postures' whitened Jacobian."""
-    return triangular((fit.root @ fit.jacobian).reshape(-1, fit.jacobian.shape[-1]))
+        found.append(prospect(of, "tare", _TARED, priors=tared))
+    return tuple(found)
 
 
 def _squeezed(fit: Fit) -> tuple[float, Fit] | None:

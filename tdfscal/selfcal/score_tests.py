@@ -35,14 +35,13 @@ from tdfscal.estimation.score_tests import (
     Suspect,
     Suspicion,
     likeliest,
-    misstated_mountings,
     moving_zeros,
     speaking,
     stated_suspects,
     suspicion,
 )
 from tdfscal.estimation.uncertainty import Estimate
-from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.parameters import layout
 from tdfscal.model.postures import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
@@ -65,8 +64,8 @@ def suspicions(
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
     fit, parts = of.fit, of.parts
-    suspects = list(_suspects(fit, time, temperature))
-    found = speaking(of, suspects, fit.noise_pull, other=UNDECLARED_FRICTION_SHARE)
+    suspects = [*stated_suspects(fit), *_moving_zeros(fit, time, temperature)]
+    found = speaking(of, suspects, other=UNDECLARED_FRICTION_SHARE)
     if (
         chance(fit.root[:, :, 3:], parts, fit.white) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
         or of.quality.p_value < MISFIT
@@ -78,14 +77,11 @@ def suspicions(
     return likeliest([replace(doubt, move=None) for doubt in found])
 
 
-def _suspects(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Iterator[Suspect]:
-    """What the rig file states, and zeros that move."""
-    rig, K, priors = fit.rig, len(fit.weight), len(fit.prior_residual)
-    columns = np.pad(fit.slopes.reshape(ROWS * K, -1), ((0, priors), (0, 0)))
-    std = prior_std(rig, fit.postures.motion)
-    yield from stated_suspects(rig, columns, std, fit.state.motions, priors, fit.noise_pull)
-    yield from misstated_mountings(rig, len(columns))
-    zeros = columns[:, layout(rig.n)["zero"]].reshape(-1, rig.n, 3)
+def _moving_zeros(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Iterator[Suspect]:
+    """Zeros that move, where none are declared to."""
+    rig, priors = fit.rig, len(fit.prior_residual)
+    columns = np.pad(fit.all_slopes()[:, layout(rig.n)["zero"]], ((0, priors), (0, 0)))
+    zeros = columns.reshape(-1, rig.n, 3)
     for group, shape in _shapes(fit, time, temperature):
         size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
         each = np.pad(np.repeat(shape, ROWS, axis=0), ((0, priors), (0, 0)))

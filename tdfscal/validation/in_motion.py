@@ -20,19 +20,13 @@ from tdfscal.model.calibrated import Calibrated, with_own_load
 from tdfscal.model.parameters import layout, nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
 from tdfscal.motioncal.design import drifting
-from tdfscal.motioncal.estimator import (
-    MovingFit,
-    MovingPriors,
-    MovingState,
-    at_state,
-    estimate_noise,
-    fit_moving,
-)
+from tdfscal.motioncal.estimator import at_state, estimate_noise, fit_moving
+from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState, spectrum_share
 from tdfscal.motioncal.preparation import gaps, moments, usable_samples
 from tdfscal.motioncal.score_tests import without_contacts
 from tdfscal.motioncal.slip import Step, likeliest_steps, refuse_changed_delay
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import ResidualWrench, posterior, residual_wrench
+from tdfscal.motioncal.uncertainty import ResidualWrench, residual_wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
@@ -201,7 +195,8 @@ def _linearised(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Line
     U = U[:, seen > _SEEN]
     r, J = U.T @ r, U.T @ J
     # What the spectrum's own uncertainty adds to the covariance of the rows.
-    _, added = posterior(fit, factored_information(fit))
+    root = factored_information(fit).root
+    added = spectrum_share(fit, root @ root.T)
     columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     own = np.linalg.cholesky(np.eye(len(r)) + columns @ added @ columns.T)
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)

@@ -8,7 +8,7 @@ import numpy as np
 from tdfscal.model.dynamics import Moving, voigt
 from tdfscal.model.parameters import State, nominal
 from tdfscal.motioncal.blocks import Block, blocks
-from tdfscal.motioncal.estimator import MovingState
+from tdfscal.motioncal.fit import MovingState
 from tdfscal.motioncal.streams import Slow, slow_streams
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue

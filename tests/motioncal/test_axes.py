@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model import statics
 from tdfscal.motioncal import preparation as checks
 from tdfscal.motioncal.blocks import Block, across
 from tdfscal.motioncal.design import instants
-from tdfscal.motioncal.estimator import MovingPriors, fit_moving
+from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.fit import MovingPriors
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Rig
 from tdfscal.simulation.moving_campaign import MovingCampaign

@@ -27,7 +27,7 @@ def test_clocks_that_run_apart_are_followed() -> None:
     """60 ppm over four minutes are 14 ms, of which the halves' delays tell 7."""
     rate = 6e-5
     result, away = calibrated(rate)
-    moving, std = result.fit.state.moving, result.estimate.moving_std
+    moving, std = result.fit.state.moving, result.moving_std
     assert result.rate_told
     assert std[RATE] < 0.3 * CLOCK_RATE
     assert abs(moving.rate - rate) < 4 * std[RATE]

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.calibrated import free_constants, joint_prior
-from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, fit_moving
-from tdfscal.motioncal.uncertainty import FIELD, estimate, of_poses
+from tdfscal.motioncal.estimator import at_state, fit_moving
+from tdfscal.motioncal.fit import FIELD, MovingFit, MovingPriors, of_poses
 from tdfscal.numerics.information import Information
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray

@@ -9,7 +9,8 @@ import pytest
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import retract
-from tdfscal.motioncal.estimator import MovingPriors, at_state
+from tdfscal.motioncal.estimator import at_state
+from tdfscal.motioncal.fit import MovingPriors
 from tdfscal.records import FloatArray
 from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state

@@ -7,7 +7,8 @@ import pytest
 
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.estimation.fit import information
-from tdfscal.motioncal.estimator import MovingPriors, MovingState, fit_moving
+from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.fit import MovingPriors, MovingState
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.simulation.options import MovingOptions

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tdfscal.model.parameters import layout
-from tdfscal.motioncal.estimator import MovingPriors, at_state
-from tdfscal.motioncal.score_tests import noise_scores
+from tdfscal.motioncal.estimator import at_state
+from tdfscal.motioncal.fit import MovingPriors
 from tdfscal.records import FloatArray
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
 
@@ -35,7 +35,7 @@ def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
         real = fit.data.weighted(both, model.variance(fit.data.bins))
         scores.append(real[:, 1:].T @ real[:, 0])
         if len(expected) < 3:
-            expected.append(noise_scores(fit, slope))
+            expected.append(fit.noise_pull)
     place = layout(3)
     for group in ("sensitivity", "compliance", "rotation"):
         drawn = np.array(scores)[:, place[group]]

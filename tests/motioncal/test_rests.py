@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.motioncal.blocks import rests_of
-from tdfscal.motioncal.estimator import MovingPriors, at_state
+from tdfscal.motioncal.estimator import at_state
+from tdfscal.motioncal.fit import MovingPriors
 from tdfscal.simulation.options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 

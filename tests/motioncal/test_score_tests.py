@@ -7,11 +7,10 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.estimation.uncertainty import UNDECLARED
+from tdfscal.estimation.uncertainty import UNDECLARED, estimate
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
-from tdfscal.motioncal.uncertainty import estimate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.simulation.options import MovingOptions

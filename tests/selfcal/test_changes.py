@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.findings import Finding
 from tdfscal.model.statics import postures
 from tdfscal.records import Rig
 from tdfscal.selfcal.changes import find_change
-from tdfscal.selfcal.estimator import estimate
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip

@@ -7,13 +7,25 @@ import pytest
 from scipy import stats
 
 from tdfscal.estimation.fit import information
-from tdfscal.estimation.observability import faked_information
-from tdfscal.estimation.uncertainty import EARLIER, NOISE, quality, without_faked
+from tdfscal.estimation.uncertainty import (
+    EARLIER,
+    NOISE,
+    Uncertainty,
+    evaluate,
+    quality,
+    without_faked,
+)
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
-from tdfscal.selfcal.estimator import evaluate, fit
+from tdfscal.selfcal.estimator import Fit, fit
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
+
+
+def spread(result: Fit, birge: float = 1.0) -> Uncertainty:
+    """Uncertainty of a fit, were its residuals so large."""
+    parts = information(result)
+    return evaluate(result, parts, replace(quality(result, parts), birge=birge)).uncertainty
 
 
 def test_covariance_sources_by_propagating_each() -> None:
@@ -27,7 +39,7 @@ def test_covariance_sources_by_propagating_each() -> None:
     moment = np.diag([0, 0, 0, 1, 1, 1]) * RIG.declared.hinge_moment**2
     by_moment = sum(g @ moment @ g.T for g in gain)[:9, :9]
     R = result.state.rotation
-    spreads = evaluate(result, parts, 1.0)
+    spreads = spread(result)
     assert np.allclose(
         spreads.contributions["hinge friction"], so3.rpy_variance(R, by_moment), rtol=1e-6, atol=0
     )
@@ -53,7 +65,8 @@ def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None
     parts = information(result)
     dof = quality(result, parts).dof
     for birge, own in ((2.0, False), (1.0, True)):
-        spreads = evaluate(result, parts, birge, noise_from_residuals=own)
+        seen = replace(result.postures, noise_from_residuals=own)
+        spreads = spread(replace(result, postures=seen), birge)
         total = spreads.rpy_std**2
         noise = sum(spreads.contributions[name] for name in NOISE)
         expected = dof / (noise / total) ** 2
@@ -68,7 +81,7 @@ def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
     assert own.chi2 == result.cost
     assert own.dof == result.rows + len(result.prior_residual) - len(parts.values)
     assert own.birge == pytest.approx(np.sqrt((result.cost + 30.0) / (own.dof + 25)))
-    spreads = evaluate(result, parts, 2.0)
+    spreads = spread(result, 2.0)
     assert (spreads.contributions[EARLIER] > 0).all()
     noise = sum(spreads.contributions[name] for name in NOISE)
     expected = (own.dof + 25) / (noise / spreads.rpy_std**2) ** 2
@@ -94,7 +107,7 @@ def test_faked_information_is_the_mean_of_what_noise_alone_shows() -> None:
             lever = B @ so3.hat(n)
             block = np.swapaxes(lever, 1, 2) @ W[k] @ lever
             total[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block
-    found = faked_information(result.at, result.state, result.weight)
+    found = result.faked_information()
     scale = np.sqrt(np.outer(np.diagonal(found), np.diagonal(found)))
     error = np.abs(total.mean(axis=0) - found) / scale
     assert error.max() < 5 * (total.std(axis=0) / scale).max() / np.sqrt(draws)
@@ -121,8 +134,7 @@ def test_covariance_without_the_faked_information() -> None:
 
 def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
     result = fit(RIG, SEEN, nominal(RIG))
-    parts = information(result)
-    one, three, less = (evaluate(result, parts, b).contributions for b in (1.0, 3.0, 0.3))
+    one, three, less = (spread(result, b).contributions for b in (1.0, 3.0, 0.3))
     for name, share in one.items():
         factor = 9.0 if name in NOISE else 1.0
         # What noise fakes belongs to the noise and grows with all of it: a few per mille here.

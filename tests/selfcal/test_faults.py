@@ -113,8 +113,8 @@ def test_a_mounting_that_contradicts_its_prior_is_named() -> None:
 
 def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
     """Against the dense covariance on the complement of what the parameters follow."""
+    from tdfscal.estimation.uncertainty import estimate
     from tdfscal.model.parameters import layout
-    from tdfscal.selfcal.estimator import estimate
     from tdfscal.selfcal.score_tests import wandering
 
     walks = with_faults(Faults(walks=(Walk(0, 2.0),)), replace(SQUEEZED, postures=10))

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tdfscal.estimation.observability import noise_pull
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.frozen import replace
 from tdfscal.model.parameters import deviation, layout
 from tdfscal.model.statics import balance, postures
 from tdfscal.records import DeclaredUncertainty
-from tdfscal.selfcal.estimator import estimate, fit
+from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 from tests.selfcal.test_statics import true_state

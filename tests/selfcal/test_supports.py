@@ -8,15 +8,14 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError, RigError
-from tdfscal.estimation.fit import information
 from tdfscal.estimation.observability import verdict
-from tdfscal.estimation.uncertainty import quality
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.parameters import layout, nominal
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.estimator import estimate, evaluate, fit
+from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import misplaced_hinges
@@ -52,8 +51,8 @@ def test_the_rest_of_the_sensors_stand(
     rig = lacking(*dead, n=n)
     batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(3), 1)
     result = fit(rig, postures(rig, batch.dwells(0)), nominal(rig))
-    parts = information(result)
-    found = evaluate(result, parts, 1.0)
+    judged = estimate(result)
+    found, stats = judged.uncertainty, judged.quality
     seen = verdict(rig, result.state, result.postures, found.covariance)
     assert result.converged
     assert seen.undetermined == undetermined
@@ -62,7 +61,6 @@ def test_the_rest_of_the_sensors_stand(
     known = np.repeat(seen.determined, 3)
     d2 = d[known] @ np.linalg.solve(found.covariance[np.ix_(known, known)], d[known])
     assert d2 < chi2_quantile(1 - 1e-6, int(known.sum()))
-    stats = quality(result, parts)
     assert chi2_quantile(1e-6, stats.dof) < stats.chi2 < chi2_quantile(1 - 1e-6, stats.dof)
 
 
@@ -93,7 +91,7 @@ def test_zeros_follow_the_temperature_where_declared() -> None:
     declared = replace(rig, drift=Drift(temperature=np.inf))
     result = fit(declared, postures(declared, dwells), nominal(declared))
     place = layout(3, 1)["drift"]
-    std = evaluate(result, information(result), 1.0).parameter_std[place].reshape(3, 3)
+    std = estimate(result).uncertainty.parameter_std[place].reshape(3, 3)
     off = (result.state.drift[0] - np.array(slopes)) / std
     assert np.abs(off).max() < 4.5
     assert std[:, 2].max() < 0.02  # N/K: plain against slopes of 0.1 to 0.3

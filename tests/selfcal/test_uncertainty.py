@@ -7,10 +7,10 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.estimation.fit import information
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, UncertainValue
-from tdfscal.selfcal.estimator import estimate, evaluate
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options, Recorder
@@ -32,7 +32,7 @@ def test_monte_carlo_agrees_with_the_covariance() -> None:
     rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(3), T))
     assert settled.all()
     d = so3.log(rotation @ np.swapaxes(RESULT.fit.state.rotation, -1, -2)).reshape(T, -1)
-    C = evaluate(RESULT.fit, parts, 1.0).covariance
+    C = estimate(RESULT.fit).uncertainty.covariance
     white = np.linalg.solve(np.linalg.cholesky(C), (d - d.mean(axis=0)).T)
     # Whitened sample covariance: its diagonal is χ²/(T−1), its trace too.
     for row in white:

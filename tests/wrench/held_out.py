@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.estimation.fit import information
-from tdfscal.estimation.uncertainty import quality
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.estimator import evaluate, joint_posterior
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
 
@@ -83,8 +81,7 @@ class _Calibrations(Sequence[Calibrated]):
 def calibrate(rig: Rig, dwells: Dwells) -> Calibrated:
     """Calibrate from the first USED dwells."""
     fit = best_start(rig, postures(rig, part(dwells, np.arange(USED))))
-    parts = information(fit)
-    return joint_posterior(fit, evaluate(fit, parts, quality(fit, parts).birge).covariance)
+    return estimate(fit).calibrated
 
 
 def turned(world: World, trial: int, sensor: int, turn: FloatArray) -> Dwells:

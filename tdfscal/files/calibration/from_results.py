@@ -14,6 +14,7 @@ from tdfscal.acceptance import assess_stated, locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
+from tdfscal.estimation.observability import LONGER, prospect
 from tdfscal.estimation.uncertainty import with_sources_of_earlier
 from tdfscal.files.calibration import evidence, statistics
 from tdfscal.files.calibration import parts as keys
@@ -33,7 +34,6 @@ from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetri
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
-from tdfscal.selfcal.estimator import joint_posterior
 from tdfscal.selfcal.result import SelfCalibration, prospects
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -86,7 +86,7 @@ def from_self(
     if isinstance(result, SelfCalibration):
         state = result.fit.state
         if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
-            given = joint_posterior(result.fit, found.covariance)
+            given = result.calibrated
             std = published_std(given, std)
             parts["parameters"] = parameters_document(given, _unscaled(result))
     else:
@@ -138,7 +138,7 @@ def from_joint(
     the rotations that the tracker has moved.
     """
     R, C = both.rotations.rotation, both.rotations.covariance
-    given = joint_posterior(own.fit, C, R)
+    given = own.estimate.calibrated_at(C, R)
     determined = np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1)
     test = {
         "consistency_p_value": both.test.p_value,
@@ -220,9 +220,10 @@ def _forecasts(result: SelfCalibration | MotionCalibration) -> list[dict[str, An
     if not result.observability.determined.all() or result.reasons:
         return []
     if isinstance(result, SelfCalibration):
-        found = prospects(result.fit, result.uncertainty.rpy_std)
+        found = prospects(result.estimate)
     else:
-        found = result.estimate.prospects(result.seconds)
+        longer = LONGER * result.seconds
+        found = (prospect(result.estimate, "seconds", longer, count=LONGER),)
     return [{"change": p.change, "amount": p.amount, "worst_std": p.rpy_std.max()} for p in found]
 
 

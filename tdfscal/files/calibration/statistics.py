@@ -226,7 +226,7 @@ def motion(result: MotionCalibration, in_clock: bool) -> dict[str, Any]:
 
     in_clock : the other recorder's clock holds delay and rate already.
     """
-    moving, std = result.fit.state.moving, result.estimate.moving_std
+    moving, std = result.fit.state.moving, result.moving_std
     told = result.rate_told and not in_clock
     return {
         "begin": result.begin,
