@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +27,13 @@ from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Rig
-from tdfscal.reporting.history import chart_rule, day, history_document, history_report
+from tdfscal.reporting.history import (
+    chart_rule,
+    day,
+    history_document,
+    history_report,
+    sentence,
+)
 from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
 from tdfscal.reporting.traceability import (
     Making,
@@ -108,7 +115,7 @@ class MonitorResult(CommandResult):
         """Return a control chart per sensor."""
         from tdfscal.reporting.figures.timeline import control_charts
 
-        return control_charts(self.life)
+        return control_charts(self.life, partial(sentence, self.life))
 
 
 @options.command("monitor 2026-*.yaml --html history.html")

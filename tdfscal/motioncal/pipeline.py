@@ -38,7 +38,7 @@ from tdfscal.motioncal.uncertainty import (
 )
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
-from tdfscal.records import BoolArray, FloatArray, Rig, Rotations, UncertainValue
+from tdfscal.records import FloatArray, Rig, Rotations, UncertainValue
 from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
@@ -96,12 +96,11 @@ class MotionCalibration(Estimated[MovingFit]):
 class UndeterminedMotion:
     """A motion whose angles do not stand, and what can be looked at beside them.
 
-    keep : (N,), which instants were used. rejected : stretches left out, with their reasons.
+    seconds : of the log that were used. rejected : stretches left out, with their reasons.
     """
 
     rig: Rig
-    slow: Slow
-    keep: BoolArray
+    seconds: float
     rejected: tuple[Stretch, ...]
     quality: Quality
     observability: Observability
@@ -167,7 +166,7 @@ def _judged(
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     known = estimate(fit)
     verdict = observability.verdict(rig, still, used, known.uncertainty.covariance, moving=True)
-    seen = UndeterminedMotion(rig, slow, keep, rejected, known.quality, verdict)
+    seen = UndeterminedMotion(rig, float(keep.sum() * slow.step), rejected, known.quality, verdict)
     observability.require_angles(verdict, fit.converged, fit.iterations, seen, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))

@@ -21,6 +21,7 @@ from tdfscal.reporting.headline import (
     SOURCES,
     SPOILT,
     half_widths,
+    largest_source,
     numbers,
     uncounted,
     within,
@@ -129,7 +130,7 @@ def _to_improve(c: Calibration) -> Iterator[str]:
     if better := tuple(_forecasts(c)):
         yield f"The {within(c)} would become {', or '.join(better)}."
         return
-    source, share = _largest_source(c)
+    source, share = largest_source(c)
     if share > _NOTABLE and (remedy := _remedy(c, source)):
         yield begun(remedy, ".")
 
@@ -243,7 +244,7 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
     worst = float(std.max())
     if worst <= limit:
         if c.found("contact-uncertain"):
-            yield _remedy(c, _largest_source(c)[0]) or _remedy(c, "noise")
+            yield _remedy(c, largest_source(c)[0]) or _remedy(c, "noise")
         return
     i, j = np.unravel_index(int(std.argmax()), std.shape)
     weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
@@ -281,11 +282,3 @@ def _many_rejected(c: Calibration) -> tuple[RejectedPosture, ...]:
         return ()
     rejected = c.fit.rejected
     return rejected if len(rejected) > MOST_REJECTED * (c.fit.postures + len(rejected)) else ()
-
-
-def _largest_source(c: Calibration) -> tuple[str, float]:
-    """What contributes most to the angles' variance, and its mean share."""
-    if c.budget is None or not c.budget.sources:
-        return "noise", 0.0
-    share = c.budget.shares.mean(axis=0)
-    return c.budget.sources[int(share.argmax())], float(share.max())

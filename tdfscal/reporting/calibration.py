@@ -20,7 +20,14 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
-from tdfscal.reporting.headline import draft_lines, exact_table, half_widths, headline, within
+from tdfscal.reporting.headline import (
+    draft_lines,
+    exact_table,
+    half_widths,
+    headline,
+    largest_source,
+    within,
+)
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
 from tdfscal.reporting.traceability import (
     campaign,
@@ -130,11 +137,8 @@ def _angles(c: Calibration) -> Table:
 
 def _dominant(c: Calibration, row: int) -> str:
     """The largest contribution to an angle's variance and its share."""
-    if c.budget is None or len(c.budget.sources) < 2:
-        return ""
-    share = c.budget.shares[row]
-    largest = int(share.argmax())
-    return f"{c.budget.sources[largest]} {share[largest]:.0%}" if share[largest] > 0 else ""
+    source, share = largest_source(c, row)
+    return f"{source} {share:.0%}" if 0 < share < 1 else ""
 
 
 def _residual(c: Calibration) -> dict[str, ResidualWrench]:

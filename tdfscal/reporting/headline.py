@@ -64,8 +64,6 @@ _EXACT = {
     "body against axes": "how a sensor's body lies to its axes",
 }
 _Part = TypeVar("_Part", RejectedPosture, LeftOutStretch)
-_UNITS = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "s": (1e3, "ms"), "relative": (100.0, "%"),
-          "of it": (100.0, "%")}  # fmt: skip
 _CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
 
 
@@ -111,20 +109,15 @@ def draft_lines(c: Calibration) -> list[str]:
 def _by_key(c: Calibration, lines: Iterable[str]) -> str:
     """Lines of a draft by the blocks of the rig file: keys, once for all supports, and numbers."""
     blocks: dict[str, tuple[dict[str, None], list[int]]] = {}
+    names = "|".join(re.escape(f".{support.name}") for support in c.supports)
     for line in lines:
-        said, _, number = line.removesuffix(")").rpartition(" (line ")
-        key = re.split(": ", said or line)[0]
-        for support in c.supports:
-            key = key.replace(f".{support.name}", "")
+        key, number = re.sub(names, "", line.split(": ")[0]), re.search(r" \(line (\d+)\)$", line)
         block, _, leaf = key.partition(".")
         keys, numbers = blocks.setdefault(block, ({}, []))
         keys |= {leaf: None} if leaf else {}
-        numbers += [int(number)] if number.isdecimal() else []
-    return "; ".join(
-        f"{block}{': ' * bool(keys)}{', '.join(keys)}"
-        + (f" (line{'s' * (len(numbers) > 1)} {spans(numbers)})" if numbers else "")
-        for block, (keys, numbers) in blocks.items()
-    )
+        numbers += [int(number[1])] if number else []
+    said = ((": ".join(filter(None, (b, ", ".join(k)))), spans(n)) for b, (k, n) in blocks.items())
+    return "; ".join(f"{what} (line {where})" if where else what for what, where in said)
 
 
 def _not_counted(c: Calibration) -> str:
@@ -193,8 +186,9 @@ def exact_table(c: Calibration) -> tuple[Table, ...]:
 
 def _typical_error(of: ExactQuantityResult) -> str:
     """The error of each component, in a unit that reads well."""
-    scale, unit = _UNITS.get(of.unit, (1.0, of.unit))
-    return f"{scale * of.error:g} {unit}"
+    if of.unit in ("relative", "of it"):
+        return f"{100 * of.error:g} %"
+    return quantity(of.error, of.unit)
 
 
 def _rests_on(c: Calibration) -> str:
@@ -238,13 +232,17 @@ def numbers(rejected: Sequence[RejectedPosture]) -> str:
     return ", ".join(str(r.index + 1) for r in rejected[:_POSTURES]) + more
 
 
+def largest_source(c: Calibration, angle: int | None = None) -> tuple[str, float]:
+    """What contributes most to the variance of an angle, or of all on average, and its share."""
+    if c.budget is None or not c.budget.sources:
+        return "noise", 0.0
+    share = c.budget.shares.mean(axis=0) if angle is None else c.budget.shares[angle]
+    return c.budget.sources[int(share.argmax())], float(share.max())
+
+
 def _limited_by(c: Calibration) -> str:
     """The largest source of the least known angle's variance."""
-    if c.budget is None or len(c.budget.sources) < 2:
+    name, share = largest_source(c, int(np.argmax(c.rpy_std[c.determined].ravel())))
+    if share in (0.0, 1.0) or (name == EARLIER and not c.history):  # no campaign in particular
         return ""
-    share = c.budget.shares[int(np.argmax(c.rpy_std[c.determined].ravel()))]
-    name = c.budget.sources[int(share.argmax())]
-    if name == EARLIER and not c.history:  # given at once: of no campaign in particular
-        return ""
-    source, _ = SOURCES.get(name, (name, ""))
-    return f"Largest uncertainty: {source} ({share.max():.0%})."
+    return f"Largest uncertainty: {SOURCES.get(name, (name, ''))[0]} ({share:.0%})."

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import p_text, rounded, typeset, with_std
+from tdfscal.catalogue.numbers import p_text, rounded, two_digits, typeset, with_std
 from tdfscal.errors import visible, without_exponent
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.records import ANGLES, LogMapping, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
@@ -202,7 +203,7 @@ def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
 def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
     """The same at a glance."""
     return tuple(
-        (f"residual contact {name}", f"{rounded(w.rms_after)} {WRENCH[name]}",
+        (f"residual contact {name}", f"{two_digits(w.rms_after)} {WRENCH[name]}",
          f"before {rounded(w.rms_before, 3)} {WRENCH[name]}")
         for name, w in found.items()
     )  # fmt: skip
@@ -219,6 +220,11 @@ def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ..
     return tuple(
         f"posture {r.index + 1} ({clock.stretch(r.start, r.end)}): {r.reason}" for r in rejected
     )
+
+
+def rejected(left_out: Mapping[int, Finding]) -> tuple[str, ...]:
+    """Postures that were left out, by their index, with why."""
+    return tuple(f"posture {k + 1}: {sentence(why)}" for k, why in sorted(left_out.items()))
 
 
 def rests(pieces: Iterable[StretchOfRest], clock: Clock) -> tuple[str, ...]:

@@ -288,9 +288,7 @@ def validation_report(
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
         table = layout.residual_table(found, "LCS, about its origin")
         figure = "validation"
-        left_out = tuple(
-            f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
-        )
+        left_out = layout.rejected(v.left_out)
     verdict, advice = _verdict(v)
     return Report(
         title=v.rig.name,

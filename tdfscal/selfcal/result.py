@@ -12,7 +12,7 @@ from tdfscal.acceptance import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
-from tdfscal.estimation.fit import Priors, information
+from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observability import (
     ENOUGH,
     Observability,
@@ -31,7 +31,7 @@ from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.outliers import CrossValidation, cross_validate
+from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.significance import MISFIT, OF_CAPACITY, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
@@ -74,7 +74,7 @@ class SelfCalibration(Estimated[Fit]):
 
 @record
 class Undetermined:
-    """A fit whose angles do not stand, and all that can be looked at beside them.
+    """A fit whose angles do not stand, and what can be looked at beside them.
 
     dwells : all that were found. rejected : dwell index → reason.
     """
@@ -85,11 +85,6 @@ class Undetermined:
     quality: Quality
     observability: Observability
     rejected: dict[int, Finding]
-
-    @property
-    def validation(self) -> CrossValidation:
-        """Residual wrench of each posture; directions that it alone carries say nothing."""
-        return cross_validate(self.fit, information(self.fit))
 
 
 def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:

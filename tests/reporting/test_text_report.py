@@ -78,8 +78,8 @@ def test_all_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
     first = " ".join(text.split("\n\n")[0].split())
     assert f"{len(lines)} unconfirmed lines" in first
     assert "gravity (line 8); terminal: mass (line 11); supports: hinge, zero, nominal_rpy" in first
-    assert "(lines 23–25, 28–30, 33–35, 38–40, 43–45, 48–50); log: time, delay, supports" in first
-    assert "(lines 70–71, 75)" in first
+    assert "(line 23–25, 28–30, 33–35, 38–40, 43–45, 48–50); log: time, delay, supports" in first
+    assert "(line 70–71, 75)" in first
 
 
 def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:

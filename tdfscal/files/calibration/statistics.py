@@ -20,7 +20,7 @@ from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
 from tdfscal.selfcal.outliers import CrossValidation
-from tdfscal.selfcal.result import SelfCalibration, Undetermined
+from tdfscal.selfcal.result import SelfCalibration
 
 if TYPE_CHECKING:
     from tdfscal.acceptance import Conformity
@@ -163,7 +163,7 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
     }
 
 
-def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
+def postures(result: SelfCalibration) -> dict[str, Any]:
     """Time and residual wrench of each posture in the fit."""
     dwells, (before, after) = result.dwells, _lengths(result.validation)
     used = [k for k in range(len(dwells)) if k not in result.rejected]
@@ -179,7 +179,7 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     }
 
 
-def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
+def dwells(result: SelfCalibration) -> dict[str, Any] | None:
     """Mean readings of all dwells, where they are few enough to be looked at."""
     found = result.dwells
     if len(found) > _LOOKED_AT:

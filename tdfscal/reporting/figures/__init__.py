@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tdfscal.files.calibration.document import Calibration
-    from tdfscal.files.calibration.evidence import PostureTable
-    from tdfscal.files.calibration.parts import RejectedPosture
-    from tdfscal.files.rig.model import RigFile
 
 
 #: Of a month, on average.
@@ -68,19 +65,12 @@ class Clock:
 
 
 def clock(c: Calibration) -> Clock:
-    """The clock of a calibration's log."""
-    return log_clock(c.rig, c.postures, c.fit.rejected if c.fit is not None else ())
-
-
-def log_clock(
-    rig: RigFile, table: PostureTable | None, rejected: Sequence[RejectedPosture]
-) -> Clock:
-    """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
-    if any(recorder.rows == "postures" for recorder in rig.log or ()):
+    """The clock of a calibration's log: as it counts, a date from the first dwell on."""
+    if any(recorder.rows == "postures" for recorder in c.rig.log or ()):
         return Clock(0.0, "row of the log", "row")
-    starts = [r.start for r in rejected]
-    if table is not None:
-        starts += [*table.start, *(s.start for s in table.left_out)]
+    starts = [r.start for r in c.fit.rejected] if c.fit is not None else []
+    if c.postures is not None:
+        starts += [*c.postures.start, *(s.start for s in c.postures.left_out)]
     return clock_from(min(starts, default=0.0))
 
 

@@ -100,7 +100,7 @@ def _paint(c: Calibration) -> Figure:
 
 def _gate(ax: Axes, limit: float, widest: float) -> None:
     """Where the quality gate rejects, mrad: drawn where intervals come near, else said."""
-    said = f"the gate rejects beyond ±{rounded(limit)}"
+    said = f"the gate rejects beyond ±{rounded(limit)} mrad"
     if limit < _NEAR * widest:
         said += " (dashed)"
         for end in (-limit, limit):

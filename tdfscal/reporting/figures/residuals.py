@@ -33,13 +33,14 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
         return None
     before, after = np.array(table.before), np.array(table.after)
     (f, m), (left_f, left_m) = (np.sqrt(np.mean(size**2, axis=0)) for size in (before, after))
+    said = "calibrated without this posture"
     return Drawing(
         "residuals",
         "Residual contact wrench at each posture",
         f"Uncalibrated, a controller would take {rounded(f, 3)} N and {rounded(m, 3)} N·m for "
         f"contact where there is none; calibrated, {rounded(left_f)} N and {rounded(left_m)} N·m "
         "(rms, each posture predicted from the others).",
-        lambda: _paint(np.array(table.index) + 1, before, after, "calibrated without this posture"),
+        lambda: _at_postures(np.array(table.index) + 1, before, after, said),
     )
 
 
@@ -65,43 +66,36 @@ def validated(v: Validation | MovingValidation) -> Drawing:
         "Residual contact wrench at each posture",
         "Nothing should touch the terminal at these postures, so that no force should be left; "
         f"the largest is {rounded(after[worst, 0])} N, at posture {v.used[worst] + 1}.",
-        lambda: _paint(v.used + 1, before, after, said),
+        lambda: _at_postures(v.used + 1, before, after, said),
     )
 
 
-def _paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -> Figure:
-    pixels = raster(len(number))
-    mark = {"linestyle": "", "markersize": 2.0 if pixels else 4.5, "rasterized": pixels}
-    square = {"marker": "s", "markerfacecolor": "white", **mark}
-    fig, axes = _before_and_after(3.3, number, before, after, said, square, mark | {"marker": "o"})
-    _numbered(axes[1], "posture")
+def _at_postures(number: IntArray, before: FloatArray, after: FloatArray, said: str) -> Figure:
+    look = {"linestyle": "", "markersize": 2.0 if raster(len(number)) else 4.5}
+    fig, axes = _before_and_after(number, before, after, said, "posture", **look)
+    axes[1].xaxis.get_major_locator().set_params(integer=True)  # type: ignore[call-arg]
     return fig
 
 
-def _numbered(ax: Any, label: str) -> None:
-    """Ticks at whole numbers."""
-    ax.set_xlabel(label)
-    ax.xaxis.get_major_locator().set_params(integer=True)
-
-
 def _before_and_after(
-    height: float,
     x: FloatArray | IntArray,
     before: FloatArray,
     after: FloatArray,
     said: str,
-    *looks: dict[str, Any],
+    label: str,
+    **look: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Force above moment, of lengths (K, 2); said : what `after` is. looks : of both."""
-    fig, axes = style.panels(height, ("force, N", "moment, N·m"))
+    """Force above moment, of lengths (K, 2); said : what `after` is."""
+    fig, axes = style.panels(3.6, ("force, N", "moment, N·m"))
+    look |= {"rasterized": raster(len(x)), "markerfacecolor": "white"}
+    marks = ("s", "o") if "markersize" in look else ("", "")
+    nominal = "before: nominal mounting, stated zeros"
     for k, ax in enumerate(axes):
-        ax.plot(
-            x, before[:, k], color=style.ORANGE, label="before: nominal mounting, stated zeros",
-            **looks[0],
-        )  # fmt: skip
-        ax.plot(x, after[:, k], color=style.BLUE, label=f"after: {said}", **looks[1])
+        ax.plot(x, before[:, k], marks[0], color=style.ORANGE, label=nominal, **look)
+        ax.plot(x, after[:, k], marks[1], color=style.BLUE, label=f"after: {said}", **look)
         if min(np.nanmin(before[:, k]), np.nanmin(after[:, k])) > 0:
             logarithmic(ax)
+    axes[1].set_xlabel(label)
     legend_above(axes[0], 2)
     return fig, axes
 
@@ -114,12 +108,10 @@ def _over_time(
     def paint() -> Figure:
         cuts = np.flatnonzero(np.diff(time) > _GAP) + 1
         x, old, new = (np.insert(v, cuts, np.nan, axis=0) for v in (time, before, after))
-        line = {"linewidth": 1.0}
-        fig, axes = _before_and_after(4.0, x, old, new, said, line, line)
+        fig, axes = _before_and_after(x, old, new, said, "time in the log, s", linewidth=1.0)
         for ax in axes:
             for s in left_out:
                 ax.axvspan(s.begin, s.end, color=style.PALE)
-        axes[1].set_xlabel("time in the log, s")
         return fig
 
     return Drawing(
@@ -152,17 +144,24 @@ def survey(c: Calibration) -> Drawing | None:
 def _points(names: Sequence[str], residual: FloatArray) -> Figure:
     """Components (K, 3) of each point's residual; a line between groups, named once each."""
     fig, (ax,) = style.panels(2.6, ("residual / its\nstd. uncertainty",))
-    style.marks(ax, np.arange(len(names)), residual)
+    for k, (axis, marker, colour) in enumerate(style.AXES):
+        x = np.arange(len(names)) + 0.2 * (k - 1)
+        pixels = raster(residual.size)
+        ax.plot(
+            x, residual[:, k], marker, color=colour, markersize=3.2, label=axis, rasterized=pixels
+        )
     ax.axhline(0, color=style.GREY, linewidth=0.8)
-    start, ticks, labels, upright = 0, [], [], True
-    for group, members in groupby(name.split("/")[0] for name in names):
-        size = len(list(members))
-        ticks.append(start + (size - 1) / 2)
-        labels.append(f"{group} ({size})" if size > 1 else group)
-        upright &= _CHARACTER * len(labels[-1]) < 0.88 * style.WIDTH * size / len(names)
-        start += size
-        ax.axvline(start - 0.5, color=style.GREY, linewidth=0.5, linestyle=":")
-    ax.set_xticks(ticks, labels, rotation=0 if upright else 90)
+    sizes = [(name, len(list(own))) for name, own in groupby(n.split("/")[0] for n in names)]
+    ends = np.cumsum([size for _, size in sizes])
+    labels = [f"{name} ({size})" if size > 1 else name for name, size in sizes]
+    for end in ends[:-1]:
+        ax.axvline(end - 0.5, color=style.GREY, linewidth=0.5, linestyle=":")
+    narrow = any(
+        _CHARACTER * len(label) > 0.88 * style.WIDTH * size / len(names)
+        for label, (_, size) in zip(labels, sizes, strict=True)
+    )
+    middle = ends - [(size + 1) / 2 for _, size in sizes]
+    ax.set_xticks(middle, labels, rotation=90 if narrow else 0)
     ax.set_xlabel("points: moves of each NCP first, then targets on each sensor")
     ax.grid(axis="x", visible=False)
     ax.set_xlim(-0.7, len(names) - 0.3)

@@ -13,7 +13,6 @@ from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -127,15 +126,6 @@ def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> 
         text, (x, y), xytext=(off, 0), textcoords="offset points", va="center",
         ha="left" if off > 0 else "right", fontsize=7.5, **look,
     )  # fmt: skip
-
-
-def marks(ax: Axes, place: npt.NDArray[Any], vectors: npt.NDArray[np.float64]) -> None:
-    """Components x, y, z of vectors (K, 3) beside each other at their places (K,)."""
-    for k, (axis, marker, colour) in enumerate(AXES):
-        ax.plot(
-            place + 0.2 * (k - 1), vectors[:, k], marker, color=colour, markersize=3.2, label=axis,
-            rasterized=raster(vectors.size),
-        )  # fmt: skip
 
 
 def legend_above(ax: Axes, columns: int) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import rounded, typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
@@ -20,153 +22,83 @@ from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, PostureTable
 from tdfscal.files.calibration.parts import RejectedPosture
-from tdfscal.files.rig.model import RigFile
-from tdfscal.frozen import record
-from tdfscal.motioncal.blocks import Stretch
-from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
-from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.figures import Clock, clock_from, date_of, log_clock, style
+from tdfscal.reporting.figures import clock, date_of, style
 from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Labels of panels: of each axis of the sensors, and of the contact wrench.
 _FORCES, _WRENCH = ("Fx, N", "Fy, N", "Fz, N"), ("force, N", "torque, N·m")
-#: Height of a panel of forces, inches.
-_PANEL = 0.72
 _MARKERS = "osD^vPX*"
 _LINES = ("-", "--", ":")
-#: Instants of a line at most; more are not to be told apart.
-_INSTANTS = 1500
-#: Begin and end of what was left out, s of the axis.
-Gone = Sequence[tuple[float, float]]
-
-
-@record
-class DwellLog:
-    """The dwells of a log: in the fit, rejected, and all with their readings where kept."""
-
-    rig: RigFile
-    postures: PostureTable
-    rejected: tuple[RejectedPosture, ...]
-    dwells: DwellTable | None
-
-    @property
-    def clock(self) -> Clock:
-        """How its time counts."""
-        return log_clock(self.rig, self.postures, self.rejected)
+#: Of a log whose rows are postures: how wide each is.
+_ROW = 0.9
 
 
 def draw(c: Calibration) -> Drawing | None:
-    """The log behind a calibration."""
-    if c.postures is None:
+    """Mean forces of the dwells over the time of the log."""
+    used, dwells, gone = c.postures, c.dwells, c.fit.rejected if c.fit else ()
+    if used is None or not used.index or dwells is None:
         return None
-    return of(DwellLog(c.rig, c.postures, c.fit.rejected if c.fit else (), c.dwells))
+    time = clock(c)
+    said = f"{len(used.index)} of {len(used.index) + len(gone)} dwells are in the fit"
+    if time.unit == "s":
+        said += f", {np.sum(used.end) - np.sum(used.start):.0f} s of force readings in all"
+    said += f"; {len(gone) or 'none'} had to be rejected{' (hatched)' * bool(gone)}."
+    paint = partial(_paint, c, used, dwells, gone)
+    return Drawing("timeline", "The log and its dwells", said, paint)
 
 
-def of(log: DwellLog) -> Drawing | None:
-    """Lanes over the time of the log, and the forces below."""
-    table = log.postures
-    if not table.index:
-        return None
-    rejected = log.rejected
-    total = len(table.index) + len(rejected)
-    averaged = float(np.sum(np.array(table.end) - np.array(table.start)))
-    said = f"{len(table.index)} of {total} dwells are in the fit"
-    if log.clock.unit == "s":
-        said += f", {averaged:.0f} s of force readings in all"
-    said += f"; {len(rejected)} had to be rejected." if rejected else "; none had to be rejected."
-    return Drawing("timeline", "The log and its dwells", said, lambda: _paint(log))
+def _paint(
+    c: Calibration, used: PostureTable, dwells: DwellTable, gone: Sequence[RejectedPosture]
+) -> Figure:
+    """A panel per axis, a line per sensor; rejected dwells are hatched, other rests shaded."""
+    time = clock(c)
+    fig, axes = panels(3.4, _FORCES)
 
+    def span(start: float, end: float) -> tuple[float, float]:
+        shortest = _ROW if time.unit == "row" else 0.0
+        return start - time.origin, start - time.origin + max(end - start, shortest)
 
-def _paint(log: DwellLog) -> Figure:
-    time, table, dwells = log.clock, log.postures, log.dwells
-    shortest = 0.9 if time.unit == "row" else 0.0
-
-    def ends(start: float, end: float) -> tuple[float, float]:
-        begin = start - time.origin
-        return begin, begin + max(end - start, shortest)
-
-    used = [ends(*pair) for pair in zip(table.start, table.end, strict=True)]
-    gone = [ends(r.start, r.end) for r in log.rejected]
-    pieces = [ends(s.start, s.end) for s in table.left_out]
-    heights = [0.34 * (3 if pieces else 2)] + ([_PANEL] * 3 if dwells is not None else [])
-    labels = ("", *_FORCES)[: len(heights)]
-    fig, axes = panels(0.75 + sum(heights), labels, gridspec_kw={"height_ratios": heights})
-    _lanes(axes[0], used, gone, pieces)
-    for r, (_, end) in zip(log.rejected, gone, strict=True):
-        style.beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
-    if dwells is not None:
-        middle = np.mean([ends(*pair) for pair in zip(dwells.start, dwells.end, strict=True)], 1)
-        measured = [[axis in support.axes for axis in "xyz"] for support in log.rig.supports]
-        force = np.where(measured, dwells.force, np.nan)
-        names = [support.name for support in log.rig.supports]
-        look: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.2, "markeredgewidth": 0.3}
-        look |= {"markeredgecolor": style.BLACK, "rasterized": style.raster(3 * len(middle))}
-        _forces(axes[1:], names, middle, force, gone, _MARKERS, **look)
-        legend_outside(fig, *axes[1:])
+    x = [0.5 * sum(span(*pair)) for pair in zip(dwells.start, dwells.end, strict=True)]
+    pixels, force = style.raster(3 * len(x)), np.array(dwells.force)
+    for k, ax in enumerate(axes):
+        for i, support in enumerate(c.rig.supports):
+            if "xyz"[k] in support.axes:
+                look = _MARKERS[i % len(_MARKERS)], style.LINES[i % len(style.LINES)]
+                ax.plot(
+                    x, force[:, i, k], marker=look[0], color=look[1], label=support.name,
+                    linewidth=0.7, markersize=3.2, rasterized=pixels,
+                )  # fmt: skip
+        for piece in used.left_out:
+            ax.axvspan(*span(piece.start, piece.end), color=style.PALE)
+        for r in gone:
+            ax.axvspan(*span(r.start, r.end), linewidth=0.4, **style.REJECTED)
+    for r in gone:
+        place = span(r.start, r.end)[1], axes[0].get_ylim()[1]
+        style.beside(axes[0], f"{r.index + 1}", *place, 2, fontweight="bold")
     axes[-1].set_xlabel(time.label)
+    legend_outside(fig, *axes)
     return fig
 
 
-def _lanes(ax: Axes, used: Gone, gone: Gone, pieces: Gone) -> None:
-    """Dwells in the fit, rejected ones, stretches that are no dwells."""
-    pixels = style.raster(len(used))
-    plain: dict[str, Any] = {"facecolor": style.FILLS[0], "edgecolor": style.BLACK}
-    plain |= {"linewidth": 0.0 if pixels else 0.5, "rasterized": pixels}
-    dotted = {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "...", "linewidth": 0.4}
-    lanes = [("in the fit", used, plain), ("rejected", gone, {"linewidth": 0.9, **style.REJECTED})]
-    lanes += [("no dwell", pieces, dotted)] if pieces else []
-    for lane, (_, spans, look) in enumerate(lanes):
-        ax.broken_barh([(a, b - a) for a, b in spans], (lane - 0.36, 0.72), **look)
-    if not gone:
-        ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=style.GREY)
-    ax.set_ylim(len(lanes) - 0.45, -0.5)
-    ax.set_yticks(range(len(lanes)), [name for name, *_ in lanes])
-    ax.grid(axis="y", visible=False)
-
-
-def _forces(
-    axes: Iterable[Axes],
-    supports: Sequence[str],
-    time: FloatArray,
-    force: FloatArray,
-    gone: Gone,
-    markers: str,
-    **line: Any,
-) -> None:
-    """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
-    for k, ax in enumerate(axes):
-        for begin, end in gone:
-            ax.axvspan(begin, end, linewidth=0.4, **style.REJECTED)
-        for i, name in enumerate(supports):
-            y = force[:, i, k]
-            if np.isfinite(y).any():
-                ax.plot(
-                    time, y, color=style.LINES[i % len(style.LINES)], label=name,
-                    marker=markers[i % len(markers)], **line,
-                )  # fmt: skip
-
-
-def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
-    """Forces of a log in motion: a panel per axis of the sensors, a line per sensor."""
-
-    def paint() -> Figure:
-        time = clock_from(float(slow.time[0]))
-        fig, axes = panels(3.4, _FORCES)
-        every = max(1, len(slow.time) // _INSTANTS)
-        x, force = slow.time[::every] - time.origin, slow.force[::every]
-        gone = [(s.begin - time.origin, s.end - time.origin) for s in rejected]
-        _forces(axes, slow.supports, x, force, gone, " ", linewidth=1.1)
-        axes[-1].set_xlabel(time.label)
-        legend_outside(fig, *axes)
-        return fig
-
-    said = f"{slow.time[-1] - slow.time[0]:.0f} s of the log are in motion"
-    lost = covered(rejected)
-    said += f"; {lost:.0f} s in {len(rejected)} stretches (hatched) were left out." if lost else "."
-    return Drawing("forces", "The log and its forces", said, paint)
+def _by_component(
+    time: FloatArray, wrench: FloatArray, label: str, beside: Callable[[Axes, int, str], None]
+) -> Figure:
+    """Panels of force and torque with a line per component (N, 6); beside : draws what else."""
+    fig, axes = panels(4.8, _WRENCH)
+    for c in range(6):
+        ax, (axis, _, colour), line = axes[c // 3], style.AXES[c % 3], _LINES[c % 3]
+        beside(ax, c, colour)
+        ax.plot(
+            time, wrench[:, c], line, color=colour, linewidth=1.0, label=f"{'fm'[c // 3]}{axis}",
+            rasterized=style.raster(len(time)),
+        )  # fmt: skip
+    for ax in axes:
+        legend_above(ax, 3)
+    axes[1].set_xlabel(label)
+    return fig
 
 
 def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
@@ -174,53 +106,37 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
 
     columns : (N,) each; s, N, N·m, LCS. largest : contact force of the log, N.
     """
+    time, names = columns["time"] - columns["time"][0], [a + b for a in "fm" for b in "xyz"]
 
-    def paint() -> Figure:
-        time = columns["time"] - columns["time"][0]
+    def raw(ax: Axes, c: int, colour: str) -> None:
         pixels = style.raster(len(time))
-        fig, axes = panels(4.6, _WRENCH)
-        for ax, letter in zip(axes, "fm", strict=True):
-            names = [letter + axis for axis in "xyz"]
-            for name in names:
-                raw = columns[f"raw_{name}"]
-                ax.plot(time, raw, color=style.PALE, linewidth=0.6, rasterized=pixels)
-            for name, (_, _, colour), line in zip(names, style.AXES, _LINES, strict=True):
-                look: dict[str, Any] = {"color": colour, "linewidth": 0.9, "rasterized": pixels}
-                ax.plot(time, columns[name], line, label=name, **look)
-            ax.axhline(0.0, color=style.GREY, linewidth=0.6)
-            legend_above(ax, 3)
-        axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
-        return fig
+        y = columns[f"raw_{names[c]}"]
+        ax.plot(time, y, color=style.PALE, linewidth=0.6, rasterized=pixels, zorder=0)
 
+    wrench = np.stack([columns[name] for name in names], axis=1)
+    label = "time since the first sample, s; pale: uncalibrated"
     said = f"The largest contact force of the log is {rounded(largest, 3)} N."
+    paint = partial(_by_component, time, wrench, label, raw)
     return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
 
 
 def detection(found: Capability, *, timed: bool) -> Drawing:
-    """Draw a panel of forces and one of torques."""
+    """Draw the smallest contact along a path, its threshold, and what may be faked."""
+    time = found.time - found.time[0]
 
-    def paint() -> Figure:
-        time = found.time - found.time[0]
-        fig, axes = panels(5.0, _WRENCH)
-        for ax, letter, first in zip(axes, "fm", (0, 3), strict=True):
-            for k, ((axis, _, colour), line) in enumerate(zip(style.AXES, _LINES, strict=True)):
-                c = first + k
-                look: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": line}
-                ax.plot(time, found.seen_from[:, c], label=f"{letter}{axis}", **look)
-                ax.axhline(found.threshold[c], color=colour, linewidth=0.7, linestyle=line)
-                fake = COVERAGE_FACTOR * found.calibration_std[:, c]
-                ax.fill_between(time, 0.0, fake, color=colour, alpha=0.15, linewidth=0)
-            ax.set_ylim(bottom=0.0)
-            legend_above(ax, 3)
-        axes[1].set_xlabel("time since the first sample, s" if timed else "posture")
-        return fig
+    def threshold(ax: Axes, c: int, colour: str) -> None:
+        ax.axhline(found.threshold[c], color=colour, linewidth=0.7, linestyle=_LINES[c % 3])
+        fake = COVERAGE_FACTOR * found.calibration_std[:, c]
+        ax.fill_between(time, 0.0, fake, color=colour, alpha=0.15, linewidth=0)
+        ax.set_ylim(bottom=0.0)
 
+    label = "time since the first sample, s" if timed else "posture"
     return Drawing(
         "capability",
         "Smallest contact along the path",
         "Thick: the smallest contact seen; thin: its threshold; shaded: what calibration, zeros "
         "and postures may fake (k = 2).",
-        paint,
+        partial(_by_component, time, found.seen_from, label, threshold),
     )
 
 
@@ -237,40 +153,26 @@ _STILL = 1e-3
 _CROWDED = 60
 
 
-def control_charts(life: Life) -> tuple[Drawing, ...]:
-    """One figure per sensor that is known: its three angles.
+def control_charts(life: Life, said: Callable[[Alarm], str]) -> tuple[Drawing, ...]:
+    """One figure per sensor that is known: its three angles; said : an alarm in words.
 
     Those with alarms come first, the least probable first of all; an alarm of all sensors together
     stands in every one.
     """
-    weight = {alarm.sensor: alarm.p_value for alarm in sorted(life.alarms, key=_improbability)}
+    weight: dict[int | None, float] = {}
+    for alarm in life.alarms:
+        weight[alarm.sensor] = min(alarm.p_value, weight.get(alarm.sensor, 2.0))
     known = map(int, np.flatnonzero(life.known))
-    return tuple(_control_chart(life, i) for i in sorted(known, key=lambda i: weight.get(i, 2.0)))
-
-
-def _improbability(alarm: Alarm) -> float:
-    return -alarm.p_value
-
-
-def _control_chart(life: Life, i: int) -> Drawing:
-    own = [alarm for alarm in life.alarms if alarm.sensor in (i, None)]
-    moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
-    way = f"moves by {rounded(moved)} mrad" if moved >= _STILL else "does not move"
-    calm = f"No alarm; between the first and the last check the path {way}."
-    said = " ".join(_alarm_said(life, alarm) for alarm in own) or calm
-    title = f"{life.supports[i]} over time"
-    return Drawing(f"history-{i + 1}", title, said, lambda: _paint_chart(life, i, own))
-
-
-def _alarm_said(life: Life, alarm: Alarm) -> str:
-    size = 1e3 * float(np.linalg.norm(alarm.turn))
-    when = f"{date_of(life.month[alarm.onset]):%Y-%m-%d}"
-    if alarm.sensor is None:
-        what = "The load has changed" if alarm.kind == "load" else "All sensors together depart"
-        return f"{what} on {when}."
-    if alarm.kind == "creep":
-        return f"Creep of {rounded(size)} mrad a month since about {when}."
-    return f"Step of {rounded(size)} mrad seen on {when}."
+    found = []
+    for i in sorted(known, key=lambda i: weight.get(i, 2.0)):
+        own = [alarm for alarm in life.alarms if alarm.sensor in (i, None)]
+        moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
+        way = f"moves by {rounded(moved)} mrad" if moved >= _STILL else "does not move"
+        calm = f"No alarm; between the first and the last check the path {way}."
+        reading = " ".join(begun(said(alarm), ".") for alarm in own) or calm
+        title, paint = f"{life.supports[i]} over time", partial(_paint_chart, life, i, own)
+        found.append(Drawing(f"history-{i + 1}", title, reading, paint))
+    return tuple(found)
 
 
 def _paint_chart(life: Life, i: int, own: list[Alarm]) -> Figure:
@@ -283,10 +185,9 @@ def _paint_chart(life: Life, i: int, own: list[Alarm]) -> Figure:
     locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
     axes[-1].xaxis.set_major_locator(locator)
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    dot: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4}
     keys = [
-        Line2D(
-            [], [], marker="o", linestyle="", color=style.BLUE, markersize=4, label="check, k = 2"
-        ),
+        Line2D([], [], color=style.BLUE, label="check, k = 2", **dot),
         Line2D([], [], color=style.BLACK, linewidth=1.2, label="smoothed path"),
         Patch(**_BAND, label="its band, k = 2"),
         Line2D([], [], color=style.GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
