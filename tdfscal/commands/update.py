@@ -132,9 +132,8 @@ def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
 
 def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
     """How the constants (C,) move with errors of what the calibration took as exact."""
-    stand, free = np.repeat(file.determined, 3), free_constants(rig)
-    named = None if file.parameters is None else file.parameters.parameters
-    rows = parameter_rows(named, rig.supports, stand)
+    free = free_constants(rig)
+    rows = parameter_rows((file.parameters or file.covariance).parameters, rig.supports)
     moves = exact_moves_from(file.taken_as_exact, rows, len(free))
     return tuple(one.by(np.eye(len(free))[free]) for one in moves)
 

@@ -13,6 +13,7 @@ from tdfscal.files.calibration.parameters import (
     UNCONFIRMED,
     Parameters,
     check,
+    open_as_infinite,
     status_of,
 )
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
@@ -206,8 +207,8 @@ class Calibration(Strict):
         An axis that is not measured has none: 0.
         """
         measured = np.array([[z is not None for z in support.zero] for support in self.supports])
-        std = np.array([support.zero_std for support in self.supports], dtype=np.float64)
-        return _read_only(np.where(measured, np.nan_to_num(std, nan=np.inf, posinf=np.inf), 0.0))
+        std = open_as_infinite([support.zero_std for support in self.supports])
+        return _read_only(np.where(measured, std, 0.0))
 
     @property
     def sensitivity(self) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal import __version__
-from tdfscal.acceptance import assess_stated, locked_sensors, turn_std
+from tdfscal.acceptance import assess_stated, locked_sensors
 from tdfscal.catalogue import documents
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import factored_information
@@ -20,11 +20,13 @@ from tdfscal.files.calibration import evidence, statistics
 from tdfscal.files.calibration import parts as keys
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import (
+    angles_document,
     exact_moves_document,
     parameter_rows,
     parameters_document,
     status_of,
     turn_parameters,
+    zeros_and_load,
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
@@ -70,11 +72,6 @@ class Angles:
     determined: BoolArray
     trials: MonteCarlo | None = None
     factor: FloatArray | float = INTERVAL_FACTOR
-
-    def std(self, covariance: FloatArray | None = None) -> FloatArray:
-        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw; or by another covariance."""
-        by = self.covariance if covariance is None else covariance
-        return np.asarray(np.sqrt(np.maximum(so3.rpy_variance(self.rotation, by), 0.0)))
 
 
 def from_self(
@@ -231,8 +228,7 @@ def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:
     """Zeros, sensitivities and load; std (P,) of the state's parameters."""
     scaled = rig.declared.force_sensitivity > 0
     scale = np.eye(3) + symmetric(state.sensitivity) if scaled else None
-    known = statistics.zeros_and_load(state, placed(state, std), rig.axes)
-    return known | {"sensitivity": scale}
+    return zeros_and_load(state, placed(state, std), rig.axes) | {"sensitivity": scale}
 
 
 def published_std(given: Calibrated, fitted: FloatArray) -> FloatArray:
@@ -266,8 +262,8 @@ def _file(
     found = documents((*findings, *locked_sensors(rig.supports, R)))
     names = tuple(compress(rig.supports, angles.determined))
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
-    scaled, block = own["sensitivity"] is not None, parts.get("parameters")
-    rows = parameter_rows(block and block["parameters"], rig.supports, stand)
+    scaled, turns = own["sensitivity"] is not None, {"parameters": turn_parameters(names)}
+    rows = parameter_rows(parts.get("parameters", turns)["parameters"], rig.supports)
     status = status_of((f["code"], f["severity"]) for f in found)
     return Calibration.model_validate(
         {
@@ -280,7 +276,7 @@ def _file(
             "convention": keys.CONVENTION_WITH_SENSITIVITY if scaled else keys.CONVENTION,
             "supports": _supports(rig, angles, own),
             "covariance": {
-                "parameters": turn_parameters(names),
+                **turns,
                 "definition": keys.COVARIANCE_DEFINITION,
                 "matrix": (covariance + covariance.T) / 2,
             },
@@ -304,23 +300,22 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
 
     own : further keys, a row per sensor.
     """
-    R, std, known = angles.rotation, angles.std(), angles.determined[:, None]
-    rpy = so3.to_rpy(R)
+    R, determined, known = angles.rotation, angles.determined, _stated(angles, angles.covariance)
+    rpy, std = known["rpy"], known["rpy_std"]
     ends = rpy - angles.factor * std, rpy + angles.factor * std
     if angles.trials is not None and angles.trials.decides:
         ends = angles.trials.low, angles.trials.high
-    separable = known & ~so3.locked(R)[:, None]
-    low, high, stated_std = (np.where(separable, v, np.inf) for v in (*ends, std))
-    turns, quaternion = turn_std(angles.covariance), so3.to_quaternion(R)
+    low, high = (np.where(np.isinf(std), np.inf, end) for end in ends)
     columns = {name: values for name, values in own.items() if values is not None}
-    columns |= {"rpy": np.where(known, rpy, np.inf), "rpy_std": stated_std}
+    columns |= {"rpy": np.where(determined[:, None], rpy, np.inf), "rpy_std": std}
     supports: list[dict[str, Any]] = []
     for i, name in enumerate(rig.supports):
         entry: dict[str, Any] = {"name": name} | {key: v[i] for key, v in columns.items()}
         entry |= dict.fromkeys(("rotation", "rpy_interval", "quaternion_xyzw"))
-        if angles.determined[i]:
+        if determined[i]:
+            entry |= {"rotation": R[i]}
+            entry |= {key: known[key][i] for key in ("turn_std", "quaternion_xyzw")}
             entry["rpy_interval"] = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
-            entry |= {"rotation": R[i], "turn_std": turns[i], "quaternion_xyzw": quaternion[i]}
         else:
             axes = zip("xyz", R[i].T, rig.axes[i], strict=True)
             entry["directions"] = {axis: line for axis, line, used in axes if used}
@@ -328,7 +323,15 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
     return supports
 
 
+def _stated(angles: Angles, covariance: FloatArray) -> dict[str, FloatArray]:
+    """What is stated of the angles by a covariance; ∞ for a sensor that is undetermined."""
+    known = angles_document(angles.rotation, covariance)
+    std = np.where(angles.determined[:, None], known["rpy_std"], np.inf)
+    return known | {"rpy_std": std}
+
+
 def _effect(angles: Angles, quantity: ExactQuantity) -> FloatArray:
     """Effect (k, 3), rad, of a quantity's typical error on the sensors that are determined."""
-    turn, rpy = turn_std(quantity.covariance), angles.std(quantity.covariance)
-    return np.where(so3.locked(angles.rotation)[:, None], turn, rpy)[angles.determined]
+    known = _stated(angles, quantity.covariance)
+    effect = np.where(np.isinf(known["rpy_std"]), known["turn_std"], known["rpy_std"])
+    return effect[angles.determined]

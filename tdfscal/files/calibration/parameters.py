@@ -14,12 +14,14 @@ import numpy as np
 
 from tdfscal.acceptance import turn_std
 from tdfscal.files.calibration.parts import Status
-from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key
+from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key, measured_only
 from tdfscal.model.parameters import (
+    State,
     deviation,
     layout,
     nominal,
     parameter_count,
+    placed,
     retract,
     symmetric,
 )
@@ -107,16 +109,35 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
     }
 
 
-def parameter_rows(
-    named: Iterable[str] | None, supports: tuple[str, ...], stand: BoolArray
-) -> IntArray:
-    """Places of the parameters that a file's matrices are of: of its block, else of turns.
+def parameter_rows(named: Sequence[str], supports: tuple[str, ...]) -> IntArray:
+    """Places of parameters by their names among all of them."""
+    return np.flatnonzero(np.isin(parameter_order(supports), named))
 
-    named : the block's, None without one. stand : (3n,), turns that the file's covariance has.
+
+def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
+    """Zeros of the axes (n, 3) that are measured, and the load; std : theirs, ∞ where open."""
+    return {
+        "zero": measured_only(state.zero, axes),
+        "zero_std": measured_only(std.zero, axes),
+        "terminal": {
+            "mass": {"value": state.mass, "std": std.mass},
+            "barycenter": {"value": state.barycentre, "std": std.barycentre},
+        },
+    }
+
+
+def angles_document(rotation: FloatArray, covariance: FloatArray) -> dict[str, FloatArray]:
+    """What the file states of rotations (n, 3, 3) and their covariance (3n, 3n) beside them.
+
+    A row per sensor; ∞, which becomes null, for the rpy_std of roll and yaw not separable.
     """
-    if named is None:
-        return np.flatnonzero(stand)
-    return np.flatnonzero(np.isin(parameter_order(supports), list(named)))
+    std = np.sqrt(np.maximum(so3.rpy_variance(rotation, covariance), 0.0))
+    return {
+        "rpy": so3.to_rpy(rotation),
+        "rpy_std": np.where(so3.locked(rotation)[:, None], np.inf, std),
+        "turn_std": turn_std(covariance),
+        "quaternion_xyzw": so3.to_quaternion(rotation),
+    }
 
 
 def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
@@ -126,9 +147,8 @@ def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
     """
     common, apart = moves.common[rows], moves.apart[rows]
     apart = triangular(apart.T).T if apart.shape[1] > len(rows) else apart
-    sides = {"common": common, "apart": apart}
-    own = {"name": moves.name, "error": moves.error, "unit": moves.unit}
-    return own | {name: side if side.any() else None for name, side in sides.items()}
+    moved = {name: v if v.any() else None for name, v in (("common", common), ("apart", apart))}
+    return {"name": moves.name, "error": moves.error, "unit": moves.unit, **moved}
 
 
 def exact_moves_from(
@@ -136,15 +156,13 @@ def exact_moves_from(
 ) -> tuple[ExactMoves, ...]:
     """Read moves (P,) back; rows : of the file's matrices. size : P."""
 
-    def placed(side: Sequence[Sequence[float]] | None) -> FloatArray:
-        if side is None:
-            return np.zeros((size, 0))
-        out = np.zeros((size, len(side[0])))
-        out[rows] = side
+    def whole(side: Sequence[Sequence[float]] | None) -> FloatArray:
+        out = np.zeros((size, len(side[0]) if side else 0))
+        out[rows] = side or np.zeros((len(rows), 0))
         return out
 
     return tuple(
-        ExactMoves(one.name, one.error, one.unit, placed(one.common), placed(one.apart))
+        ExactMoves(one.name, one.error, one.unit, whole(one.common), whole(one.apart))
         for one in quantities
     )
 
@@ -182,25 +200,24 @@ def calibrated(c: Calibration) -> Calibrated:
         c.rotation,
         c.rotation_covariance,
         zero=UncertainValue(c.zero, c.zero_std),
-        mass=UncertainValue(np.array(mass.value), _std([mass.std])[0]),
-        barycentre=UncertainValue(np.array(barycentre.value), _std(barycentre.std)),
+        mass=UncertainValue(np.array(mass.value), open_as_infinite(mass.std)),
+        barycentre=UncertainValue(np.array(barycentre.value), open_as_infinite(barycentre.std)),
         sensitivity=error[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
     )
 
 
-def _std(values: Sequence[float | None]) -> FloatArray:
+def open_as_infinite(stds: Any) -> FloatArray:
     """Standard uncertainties of the file, ∞ where it has none."""
-    return np.array([np.inf if value is None else value for value in values])
+    return np.nan_to_num(np.array(stds, dtype=np.float64), nan=np.inf, posinf=np.inf)
 
 
-def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
+def places(block: Parameters, supports: tuple[str, ...]) -> IntArray:
     """Where the block's parameters are among all; raises the model's fault."""
-    order = {name: k for k, name in enumerate(parameter_order(supports))}
+    order, place = parameter_order(supports), parameter_rows(block.parameters, supports)
     for name in block.parameters:
         if name not in order:
             raise fault(f"names no parameter of this rig: {name}", "parameters", "parameters")
-    place = [order[name] for name in block.parameters]
-    if place != sorted(set(place)):
+    if [order[k] for k in place] != [*block.parameters]:
         raise fault("are not in their order, each once", "parameters", "parameters")
     return place
 
@@ -272,38 +289,35 @@ def _tables(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None, int]]
 
 def _angles(c: Calibration) -> Iterator[Repeated]:
     """Yield what follows from rotations and covariance, where it stands too."""
-    variance = so3.rpy_variance(c.rotation, c.rotation_covariance)
-    turns = turn_std(c.rotation_covariance)
+    known = angles_document(c.rotation, c.rotation_covariance)
     for i in np.flatnonzero(c.determined).tolist():
         support, R, place = c.supports[i], c.rotation[i], ("supports", i)
         source = f"supports[{i}].rotation"
         yield (*place, "rpy"), source, so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
-        quaternion, stated = so3.to_quaternion(R), np.array(support.quaternion_xyzw)
+        quaternion, stated = known["quaternion_xyzw"][i], np.array(support.quaternion_xyzw)
         yield (*place, "quaternion_xyzw"), source, stated * np.sign(stated @ quaternion), quaternion
         if support.turn_std is not None:
-            yield (*place, "turn_std"), _COVARIANCE, support.turn_std, turns[i]
+            yield (*place, "turn_std"), _COVARIANCE, support.turn_std, known["turn_std"][i]
         if not so3.locked(R):
-            std = np.sqrt(np.maximum(variance[i], 0.0))
-            yield (*place, "rpy_std"), _COVARIANCE, support.rpy_std, std
+            yield (*place, "rpy_std"), _COVARIANCE, support.rpy_std, known["rpy_std"][i]
 
 
 def _zeros_and_load(c: Calibration) -> Iterator[Repeated]:
     """Yield zeros, sensitivities and load by the block of all parameters."""
     if c.parameters is None:
         return
-    given, n = calibrated_from(c.parameters, c.rig.record(), c.rotation), len(c.supports)
-    state, std, at = given.state, np.sqrt(np.diagonal(given.covariance)), layout(n)
-    zero_std, scale = std[at["zero"]].reshape(n, 3), np.eye(3) + symmetric(state.sensitivity)
+    given = calibrated_from(c.parameters, c.rig.record(), c.rotation)
+    std = placed(given.state, np.sqrt(np.diagonal(given.covariance)))
+    known = zeros_and_load(given.state, std, given.rig.axes)
+    scale = np.eye(3) + symmetric(given.state.sensitivity)
     for i, support in enumerate(c.supports):
-        yield ("supports", i, "zero"), _VALUES, support.zero, state.zero[i]
-        yield ("supports", i, "zero_std"), _VARIANCES, support.zero_std, zero_std[i]
+        yield ("supports", i, "zero"), _VALUES, support.zero, known["zero"][i]
+        yield ("supports", i, "zero_std"), _VARIANCES, support.zero_std, known["zero_std"][i]
         yield ("supports", i, "sensitivity"), _VALUES, c.sensitivity[i], scale[i]
-    for name, stated, value, row in (
-        ("mass", c.terminal.mass, state.mass, at["mass"]),
-        ("barycenter", c.terminal.barycenter, state.barycentre, at["barycentre"]),
-    ):
+    for name, stated in c.terminal:
+        value, std_of = known["terminal"][name].values()
         yield ("terminal", name, "value"), _VALUES, stated.value, value
-        yield ("terminal", name, "std"), _VARIANCES, stated.std, std[row]
+        yield ("terminal", name, "std"), _VARIANCES, stated.std, std_of
 
 
 def _covariance(rows: Sequence[Sequence[float]], size: int, *place: str | int) -> FloatArray:
@@ -328,7 +342,7 @@ def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) 
         raise fault(f"must have {len(place)} numbers", "parameters", "value")
     if block.unscaled is not None:
         _covariance(block.unscaled, len(rotations), "parameters", "unscaled")
-    if not set(turns.tolist()) <= set(place):
+    if not np.isin(turns, place).all():
         raise fault("lacks turns that `covariance` has", "parameters", "parameters")
     rows = np.searchsorted(place, turns)
     own = matrix[np.ix_(rows, rows)]

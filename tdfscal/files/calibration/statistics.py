@@ -12,6 +12,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.comparison.shared_data import Readings, readings
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
+from tdfscal.files.calibration.parameters import zeros_and_load
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
@@ -32,18 +33,6 @@ if TYPE_CHECKING:
 _LOOKED_AT = 2000
 #: What a slope per second is multiplied by for the file.
 _UNITS = {"time": HOUR, "temperature": 1.0, "parabola": HOUR**2}
-
-
-def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
-    """Zeros of the axes (n, 3) that are measured, and the load; std : theirs, ∞ where open."""
-    return {
-        "zero": measured_only(state.zero, axes),
-        "zero_std": measured_only(std.zero, axes),
-        "terminal": {
-            "mass": {"value": state.mass, "std": std.mass},
-            "barycenter": {"value": state.barycentre, "std": std.barycentre},
-        },
-    }
 
 
 def fit(
