@@ -171,7 +171,7 @@ def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
             table.refuse(k, "has no group or no point name", "name the point")
         if (first := seen.setdefault(name, k)) != k:  # which of them holds nobody can tell
             said = "/".join(filter(None, name))
-            what = f"{said} stands in line {table.lines[first].number} already"
+            what = f"{said} stands in line {table.rows[first][0]} already"
             hint = "give each point of a group a name of its own; average repeated measurements"
             table.refuse(k, what, hint)
         names.append(name)

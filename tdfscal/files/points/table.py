@@ -105,15 +105,14 @@ class Columns:
 class Table:
     """A table of cells, and what lines beside it say.
 
-    lines : of each row. comma : a decimal comma is one. unit : of length, None where none is named.
-    axes : there is an AXES line of SpatialAnalyzer's. coverage : k of the uncertainties, None where
-    none is named.
+    rows : number of the line, and cells. comma : a decimal comma is one. unit : of length, None
+    where none is named. axes : there is an AXES line of SpatialAnalyzer's. coverage : k of the
+    uncertainties, None where none is named.
     """
 
     source: str
     columns: Columns
-    lines: Sequence[Line]
-    rows: Sequence[list[str]]
+    rows: Sequence[tuple[int, list[str]]]
     comma: bool
     unit: str | None
     axes: bool
@@ -121,25 +120,25 @@ class Table:
 
     def refuse(self, row: int, what: str, hint: str) -> NoReturn:
         """Raise DataError at a row."""
-        refuse(f"{self.source}, line {self.lines[row].number}", what, hint)
+        refuse(f"{self.source}, line {self.rows[row][0]}", what, hint)
 
     def texts(self, *roles: str) -> list[list[str]]:
         """Return each row's cells of these roles."""
         which = [i for role in roles for i, own in enumerate(self.columns.roles) if own == role]
-        return [[row[i] for i in which] for row in self.rows]
+        return [[cells[i] for i in which] for _, cells in self.rows]
 
     def numbers(self, *roles: str, blank: bool = False) -> FloatArray:
         """Return each row's numbers (N, roles); blank : a cell may be, and is not a number then."""
-        texts = self.texts(*roles)
-        numbers = np.full((len(texts), len(texts[0])), np.nan)
-        for k, cells in enumerate(texts):
-            for j, cell in enumerate(cells):
-                text = self._plain(cell)
-                if _NUMBER.fullmatch(text) and abs(float(text)) <= LARGEST:
-                    numbers[k, j] = float(text)
-                elif cell or not blank:
-                    self.refuse(k, f"`{cell}` is not a finite number", "check the line")
-        return numbers
+
+        def number(row: int, cell: str) -> float:
+            text = self._plain(cell)
+            if _NUMBER.fullmatch(text) and abs(float(text)) <= LARGEST:
+                return float(text)
+            if cell or not blank:
+                self.refuse(row, f"`{cell}` is not a finite number", "check the line")
+            return np.nan
+
+        return np.array([[number(k, cell) for cell in c] for k, c in enumerate(self.texts(*roles))])
 
     def last_digit(self, *roles: str) -> float:
         """Return what the last digit of the most finely written number is worth; 0 of none."""
@@ -195,25 +194,24 @@ def read_table(text: str, source: str) -> Table:
     delimiter = _delimiter_of(data[-1].text) if data else ","
     header = _header(lines, delimiter)
     begin = 0 if header is None or header.comment else header.number
-    body = [line for line in data if line.number > begin]
-    if not body:
+    rows = [(x.number, _cells_of(x.text, delimiter)) for x in data if x.number > begin]
+    if not rows:
         what = "holds a header, but no points" if data else "holds no points"
         refuse(source, what, "check the export")
-    stated = _stated((x for x in lines if x.comment or x.number <= begin), source)
-    rows = [_cells_of(line.text, delimiter) for line in body]
+    unit, axes, coverage = _stated((x for x in lines if x.comment or x.number <= begin), source)
+    number, first = rows[0]
     if header is not None:
         columns = _columns(_header_cells(header, delimiter), f"{source}, line {header.number}")
-    elif stated[1] and len(rows[0]) in (5, 6):  # of SpatialAnalyzer
-        names = ("Collection", "group", "point", "x", "y", "z")[-len(rows[0]) :]
+    elif axes and len(first) in (5, 6):  # of SpatialAnalyzer
+        names = ("Collection", "group", "point", "x", "y", "z")[-len(first) :]
         columns = Columns(names, [name.removeprefix("Collection") for name in names])
     else:
-        where, shown = f"{source}, line {body[0].number}", ", ".join(rows[0])[:60]
-        refuse(where, f"no line names the columns; the first reads {visible(shown)}", _HEAD)
-    table = Table(source, columns, body, rows, delimiter != ",", *stated)
-    needed = {"x", "y", "z", "group", "point"}
+        what = f"no line names the columns; the first reads {visible(', '.join(first)[:60])}"
+        refuse(f"{source}, line {number}", what, _HEAD)
+    table = Table(source, columns, rows, delimiter != ",", unit, axes, coverage)
+    needed, expected = {"x", "y", "z", "group", "point"}, len(columns.roles)
     least = 1 + max(i for i, role in enumerate(columns.roles) if role in needed)
-    for k, cells in enumerate(rows):
-        expected = len(columns.roles)
+    for k, (_, cells) in enumerate(rows):
         if not least <= len(cells) <= expected:
             what = f"has {len(cells)} columns where {expected} are expected"
             table.refuse(k, what, "check the line; quote a name that has a comma in it")
@@ -227,10 +225,9 @@ def _split(text: str) -> list[Line]:
     for number, raw in enumerate(text.splitlines(), 1):
         line = raw.strip()
         comment = line.startswith(("//", "#")) and not re.match(r"#\s*[;,\t]", line)
-        if comment:
-            lines.append(Line(number, line.lstrip("/#").strip(), comment=True))
-        elif line.strip(',;\t "'):
-            lines.append(Line(number, line))
+        if comment or line.strip(',;\t "'):
+            said = line.lstrip("/#").strip() if comment else line
+            lines.append(Line(number, said, comment))
     return lines
 
 
@@ -282,25 +279,24 @@ def _header(lines: Sequence[Line], delimiter: str) -> Line | None:
     comments = [line for line in lines if line.comment and "=" not in line.text]
     wanted = {("coordinate", axis) for axis in "xyz"}
     for line in (*data, *comments):
-        found = {named[:2] for named in map(_named, _header_cells(line, delimiter)) if named}
-        if wanted <= found:
+        if wanted <= {named[:2] for named in map(_named, _header_cells(line, delimiter)) if named}:
             return line
     return None
 
 
 def _header_cells(line: Line, delimiter: str) -> list[str]:
-    """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows."""
+    """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows.
+
+    A name may be bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`.
+    """
     own = _delimiter_of(line.text) if line.comment else delimiter
-    return _cells_of(_SIGMA.sub("", line.text), own)
+    names = [name.removeprefix("[") for name in _cells_of(_SIGMA.sub("", line.text), own)]
+    return [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
 
 
-def _columns(cells: Sequence[str], where: str) -> Columns:
+def _columns(names: Sequence[str], where: str) -> Columns:
     """Columns from the cells of a header line; DataError where they do not make a point table."""
-    # A name may be bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`.
-    names = [name.removeprefix("[") for name in cells]
-    names = [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
-    folded, units = [name.lower() for name in names], dict[int, str | None]()
-    kinds: dict[str, dict[str, int]] = {kind: {} for kind in _COLUMN}
+    units, kinds = dict[int, str | None](), {kind: dict[str, int]() for kind in _COLUMN}
     for i, name in enumerate(names):
         if (named := _named(name)) is not None:
             kind, axis, units[i] = named
@@ -312,6 +308,7 @@ def _columns(cells: Sequence[str], where: str) -> Columns:
     if uncertain and set(uncertain) != set("xyz"):
         stated = ", ".join(sorted(uncertain))
         refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
+    folded = [name.lower() for name in names]
     point, target, group = (
         next((folded.index(name) for name in known if name in folded), None)
         for known in (_POINT, _TARGET, _GROUP)
