@@ -21,6 +21,7 @@ from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, PRINTED, described, summary
 from tdfscal.commands.options import Described
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.field_types import Strict
 from tdfscal.files.points.reading import PointFile
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import to_json
@@ -49,6 +50,8 @@ class _WithoutTitles(GenerateJsonSchema):
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Return the JSON Schema of each file format by its file name."""
+    for part in Strict.__subclasses__():
+        part.model_rebuild()  # pydantic before 2.14 writes no default of a block that is not built
     return {
         f"{name}.schema.json": {
             "$schema": "https://json-schema.org/draft/2020-12/schema",

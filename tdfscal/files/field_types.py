@@ -16,13 +16,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    GetCoreSchemaHandler,
     PlainSerializer,
     StringConstraints,
     ValidationInfo,
     WithJsonSchema,
 )
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import PydanticCustomError
+from typing_extensions import TypeAliasType
 
 from tdfscal.records import BoolArray, FloatArray
 
@@ -48,20 +48,6 @@ class Strict(BaseModel):
         defer_build=True,
         from_attributes=True,
     )
-
-
-class Once:
-    """Annotation by which pydantic builds the schema of a kind of value once, not at every use."""
-
-    def __init__(self) -> None:
-        self._schema: CoreSchema | None = None
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        if self._schema is None:
-            self._schema = handler(source)
-        return self._schema
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -150,57 +136,59 @@ def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
     return rows
 
 
-_before = BeforeValidator(_as_number)
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, Once()]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before, Once()]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before, Once()]
-Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before, Once()]
-Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before, Once()]
-PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy), Once()]
-Count = Annotated[int, Field(strict=True, ge=0), BeforeValidator(from_numpy), Once()]
-Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy), Once()]
+# Each kind by its name: pydantic builds it once, and the published schemas tell it once.
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+_number, _plain = BeforeValidator(_as_number), BeforeValidator(from_numpy)
+_triple, _open = BeforeValidator(_three), BeforeValidator(none_where_open)
+Number = TypeAliasType("Number", Annotated[_Finite, _number])
+Positive = TypeAliasType("Positive", Annotated[_Finite, Field(gt=0), _number])
+NotNegative = TypeAliasType("NotNegative", Annotated[_Finite, Field(ge=0), _number])
+Probability = TypeAliasType("Probability", Annotated[_Finite, Field(ge=0, le=1), _number])
+Coverage = TypeAliasType("Coverage", Annotated[_Finite, Field(gt=0, lt=1), _number])
+PositiveCount = TypeAliasType("PositiveCount", Annotated[int, Field(strict=True, gt=0), _plain])
+Count = TypeAliasType("Count", Annotated[int, Field(strict=True, ge=0), _plain])
+Flag = TypeAliasType("Flag", Annotated[bool, Field(strict=True), _plain])
 
 
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Once()]
-Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three), Once()]
-PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three), Once()]
-Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy), Once()]
-Matrix = Annotated[
-    tuple[Numbers, ...], BeforeValidator(from_numpy), AfterValidator(_rectangular), Once()
-]
-Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three), Once()]
+Numbers = TypeAliasType("Numbers", Annotated[tuple[Number, ...], _plain])
+Vector = TypeAliasType("Vector", Annotated[tuple[Number, Number, Number], _triple])
+PositiveVector = TypeAliasType(
+    "PositiveVector", Annotated[tuple[Positive, Positive, Positive], _triple]
+)
+Vectors = TypeAliasType("Vectors", Annotated[tuple[Vector, ...], _plain])
+Matrix3 = TypeAliasType("Matrix3", Annotated[tuple[Vector, Vector, Vector], _triple])
+Matrix = TypeAliasType(
+    "Matrix", Annotated[tuple[Numbers, ...], _plain, AfterValidator(_rectangular)]
+)
 
-OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open), Once()]
-OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open), Once()]
-OpenAngles = Annotated[
-    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open), Once()
-]
-OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open), Once()]
-OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open), Once()]
+OpenStd = TypeAliasType("OpenStd", Annotated[NotNegative | None, _open])
+OpenStds = TypeAliasType("OpenStds", Annotated[tuple[OpenStd, OpenStd, OpenStd], _open])
+_OpenNumber = Number | None
+OpenAngles = TypeAliasType(
+    "OpenAngles", Annotated[tuple[_OpenNumber, _OpenNumber, _OpenNumber], _open]
+)
+OpenRows = TypeAliasType("OpenRows", Annotated[tuple[OpenAngles, ...], _open])
+OpenStdRows = TypeAliasType("OpenStdRows", Annotated[tuple[OpenStds, ...], _open])
 """Null where the data and the rig leave it open, or nothing is measured."""
 
-Std = Annotated[
-    float,
-    Field(strict=True),
-    BeforeValidator(_std),
-    PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
-    WithJsonSchema(_STD_SCHEMA),
-    Once(),
-]
+Std = TypeAliasType(
+    "Std",
+    Annotated[
+        float,
+        Field(strict=True),
+        BeforeValidator(_std),
+        PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
+        WithJsonSchema(_STD_SCHEMA),
+    ],
+)
 """A standard uncertainty; ∞ is unknown."""
 
-Stds = Annotated[
-    tuple[Std, Std, Std],
-    BeforeValidator(_three),
-    BeforeValidator(one_for_all),
-    WithJsonSchema(_STD_SCHEMA_3),
-    Once(),
-]
+_Std3 = Annotated[tuple[Std, Std, Std], _triple, BeforeValidator(one_for_all)]
+Stds = TypeAliasType("Stds", Annotated[_Std3, WithJsonSchema(_STD_SCHEMA_3)])
 """Three of them; a single one stands for all three."""
 
-Text = Annotated[
-    str, StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$"), Once()
-]
+_LINE = StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$")
+Text = TypeAliasType("Text", Annotated[str, _LINE])
 """One line of text."""
 
 
@@ -209,9 +197,8 @@ def whole_as_text(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-Label = Annotated[
-    Text, BeforeValidator(whole_as_text), WithJsonSchema({"type": ["string", "integer"]}), Once()
-]
+_LABEL = WithJsonSchema({"type": ["string", "integer"]})
+Label = TypeAliasType("Label", Annotated[Text, BeforeValidator(whole_as_text), _LABEL])
 """One line of text, such as a serial number: a bare number is its text."""
 
 
@@ -225,20 +212,19 @@ def _date(value: str) -> str:
     return value
 
 
-Date = Annotated[Text, AfterValidator(_date), Once()]
+Date = TypeAliasType("Date", Annotated[Text, AfterValidator(_date)])
 """A day, or a time of a day, in ISO 8601."""
 
-FreeText = Annotated[str, StringConstraints(strict=True, min_length=1), Once()]
+FreeText = TypeAliasType("FreeText", Annotated[str, StringConstraints(strict=True, min_length=1)])
 """Text as it comes, such as a file's name."""
 
-Name = Annotated[
-    str,
-    StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64),
-    Once(),
-]
+_WORD = StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64)
+Name = TypeAliasType("Name", Annotated[str, _WORD])
 """A support's name; it is part of field and parameter names such as `ncp1.rx`."""
 
-Sha256 = Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$"), Once()]
+Sha256 = TypeAliasType(
+    "Sha256", Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$")]
+)
 
 
 def _with_std(given: Any, info: ValidationInfo) -> Any:
