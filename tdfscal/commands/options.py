@@ -176,8 +176,8 @@ def command(example: str) -> Callable[[_Function], _Function]:
                 values[_LINE] = line
             try:
                 with together():
-                    files = (p for p in each if p.option.writes is not None)
-                    check_outputs((p.flags[0], one(values[p.name]), p.option.writes) for p in files)
+                    places = ((p, one(values[p.name])) for p in each if p.option.writes is not None)
+                    check_outputs((p.flags[0], at, p.option.writes or ()) for p, at in places if at)
                     result: Result = function(*given.args, **given.kwargs)
                     if isinstance(result, CommandResult):
                         result = replace(result, command=line)

@@ -20,26 +20,24 @@ from tdfscal.files.yaml import shorten
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")
-#: Device and inode of a file, whatever its name.
-Identity = tuple[int, int]
 
 
 @dataclass(slots=True)
 class Outputs:
     """Files of one command, on their way.
 
-    staged : by place, where the file is written until then. folders : made for them. protected :
-    files that the command reads. asked : places that its options name.
+    staged : by place, where the file is written until then. folders : made for them. inputs : files
+    that the command reads. asked : places that its options name.
     """
 
     staged: dict[Path, Path] = field(default_factory=dict)
     folders: list[Path] = field(default_factory=list)
-    protected: set[Identity] = field(default_factory=set)
+    inputs: list[Path] = field(default_factory=list)
     asked: list[Path] = field(default_factory=list)
 
     def stage(self, path: Path) -> Path:
         """Return where to write what shall appear at `path`. Raises UsageError, OSError."""
-        place = checked_place(path, self.protected)
+        place = checked_place(path, self.inputs)
         if place in self.staged:
             what, hint = "two outputs go to one file", "choose another name"
             raise UsageError(what, where=str(path), hint=hint)
@@ -50,7 +48,7 @@ class Outputs:
         """Put everything in its place. Raises UsageError before anything has changed."""
         for place, beside in self.staged.items():
             with writing(place):
-                checked_place(place, self.protected)
+                checked_place(place, self.inputs)
                 if place.is_file():
                     beside.chmod(place.stat().st_mode & 0o7777)
                 elif _is_device(place):
@@ -137,28 +135,25 @@ def protect(inputs: Iterable[Path]) -> None:
     """Let none of these files be replaced by the outputs that are under way. Raises UsageError."""
     outputs = _current.get()
     if outputs is not None:
-        outputs.protected |= _identities(inputs)
+        outputs.inputs += (more := list(inputs))
         for path in outputs.asked:
-            checked_place(path, outputs.protected)
+            checked_place(path, more)
 
 
-def check_outputs(outputs: Iterable[tuple[str, Path | None, Sequence[str] | None]]) -> None:
+def check_outputs(outputs: Iterable[tuple[str, Path, Sequence[str]]]) -> None:
     """Refuse places of output before the work; what is found to be an input later refuses them too.
 
-    outputs : option, file, None where it is not asked for; what its name may end in, nothing where
-    that is free.
+    outputs : option, file, and what its name may end in, nothing where that is free.
 
     Raises UsageError where a place cannot be written, is named twice, or the name ends in what
     another kind of file has.
     """
     options = dict[Path, str]()
     for option, path, suffixes in outputs:
-        if path is None:
-            continue
         if suffixes:
             check_suffix(path, suffixes)
         with writing(path):
-            place = checked_place(path, set())
+            place = checked_place(path, ())
         if (current := _current.get()) is not None:
             current.asked.append(path)
         other = options.setdefault(place, option)
@@ -178,11 +173,12 @@ def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
         raise UsageError(what, where=str(path), hint=hint)
 
 
-def checked_place(path: Path, protected: set[Identity]) -> Path:
+def checked_place(path: Path, inputs: Iterable[Path]) -> Path:
     """Return the file itself that a path leads to, through links.
 
-    Raises UsageError for what no file can replace: an input, a folder, a file whose mode protects
-    it (also from root), a place in a folder that is not there or cannot be written.
+    Raises UsageError for what no file can replace: an input, by whatever name, a folder, a file
+    whose mode protects it (also from root), a place in a folder that is not there or cannot be
+    written.
     """
     try:
         place = Path(path) if _is_device(path) else Path(os.path.realpath(path))
@@ -190,7 +186,7 @@ def checked_place(path: Path, protected: set[Identity]) -> Path:
         raise UsageError("is no file's name", where=shorten(str(path))) from fault
     if place.is_symlink():
         what, hint = "is a link that leads to itself", "remove the link"
-    elif _identities([place]) & protected:
+    elif place.exists() and any(map(place.samefile, filter(Path.exists, inputs))):
         what, hint = "would replace an input", "choose another name for the result"
     elif place.is_dir():
         what, hint = "is a folder", "name a file in it"
@@ -214,16 +210,6 @@ def writing(path: Path) -> Iterator[None]:
         what = f"cannot be written: {fault.strerror or fault}"
         hint = "check that the folder exists, may be written to and has room"
         raise UsageError(what, where=shorten(str(path), 300), hint=hint) from fault
-
-
-def _identities(paths: Iterable[Path]) -> set[Identity]:
-    """Which files these paths lead to, through links; those that are not there have none."""
-    found = set()
-    for path in paths:
-        with contextlib.suppress(OSError, ValueError):
-            at = path.stat()
-            found.add((at.st_dev, at.st_ino))
-    return found
 
 
 def _is_device(place: Path) -> bool:

@@ -93,7 +93,6 @@ CASES = [
     Case("monitor own.yaml broken.yaml", 3, "broken.yaml"),
     Case(f"plan campaign -o out/plan.csv --travel ncp1=0.4,0.4,0.4 {FAST}", 0, "out/plan.csv"),
     Case("plan nowhere -o out/kept.csv", 2, "nowhere"),
-    Case(f"plan campaign -o out/kept.csv --given damaged {FAST}", 3, "log.parquet"),
     Case(f"plan campaign -o out/kept.csv --squeeze 0 --noise 1 {FAST}", 4, "do not determine"),
     Case("register moved.csv points.csv", 0, "6 points fit"),
     Case("register moved.csv nowhere.csv", 2, "nowhere.csv"),

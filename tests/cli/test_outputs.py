@@ -19,7 +19,6 @@ PLACES = [
     ("apply own.yaml C -o OUT", ".csv"),
     (f"plan C -o OUT {FAST}", ".csv"),
     (f"plan C/rig.yaml -o OUT {FAST}", ".csv"),  # whose home is that of the log beside it
-    (f"plan C/rig.yaml -o OUT --given C {FAST}", ".csv"),
     ("report own.yaml --html OUT", ".html"),
     ("update own.yaml C -o OUT --trials 0", ".yaml"),
     ("monitor own.yaml C --html OUT", ".html"),
