@@ -236,26 +236,24 @@ class _Streams:
         log.progress("reading the log")
         # An axis that is not measured has no full scale.
         self._decimator = Decimator(np.where(log.rig.axes, log.rig.capacity, np.inf))
-        self._log, self._averaged, self._thermometer = log, False, Thermometer()
+        self._log, self._thermometer = log, Thermometer()
 
     def pieces(self) -> Iterator[Log]:
         for piece in self._thermometer.passing(self._log.pieces()):
-            self._averaged |= piece.rows == "postures"
-            if not self._averaged:
+            if not self._log.campaign.averaged:
                 self._decimator.add(piece)
             yield piece
 
     def slow(self) -> Slow:
-        if self._averaged:
+        if self._log.campaign.averaged:
             raise DataError(
                 "the log holds averaged postures and no motion",
                 where="log",
                 hint="use --samples static, or give the recording itself",
             )
         slow = self._decimator.finish()
-        return replace(
-            slow, temperature=self._thermometer.at(slow.time, slow.time, len(slow.supports))
-        )
+        warm = self._thermometer.at(slow.time, slow.time, len(slow.supports))
+        return replace(slow, temperature=warm)
 
 
 def by_samples(
