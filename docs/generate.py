@@ -72,26 +72,26 @@ def commands() -> Iterator[str]:
     printed = (f"- {_flags(each.param_decls)}: {each.help}\n" for each in PRINTED.values())
     yield from sorted([*shared, *printed])
     for name in COMMANDS:
-        given = "".join(f" {p.option.metavar}" for p in named[name] if p.positional)
+        given = "".join(f" {p.metavar}" for p in named[name] if p.positional)
         options = [p for p in named[name] if not p.positional]
-        needed = "".join(f" {p.flags[-1]} {_values(p)}" for p in options if p.default is ...)
+        needed = "".join(f" {p.names[-1]} {_values(p)}" for p in options if p.default is ...)
         yield f"\n### tdfscal {name}\n\n{summary(name)}\n\n    tdfscal {name}{given}{needed}\n\n"
         yield from (line for p in options if (line := _option(p)) not in shared)
-        also = [f"`{p.flags[0]}`" for p in options if _option(p) in shared]
+        also = [f"`{p.names[0]}`" for p in options if _option(p) in shared]
         yield f"- also {', '.join(also)}\n" if also else ""
     yield "\n"
 
 
 def _values(p: Described) -> str:
     """What an option takes, in a word; nothing where it is on or off."""
-    return "|".join(p.words) or p.option.metavar or ("" if p.shown is bool else "N")
+    return "|".join(p.words) or p.metavar or ("" if p.kind is bool else "N")
 
 
 def _option(p: Described) -> str:
     value = f" `{_values(p)}`" if _values(p) else ""
     plain = isinstance(p.default, str | int | float) and not isinstance(p.default, bool)
     default = f" ({p.default})" if plain else ""
-    return f"- {_flags(p.flags)}{value}{default}: {p.option.sentence}\n"
+    return f"- {_flags(p.names)}{value}{default}: {p.sentence}\n"
 
 
 def _flags(flags: Iterable[str]) -> str:

@@ -139,20 +139,20 @@ def made(name: str) -> Any:
 
 def _parameter(one: Described) -> Parameter:
     """Return a parameter as typer wants it."""
-    option, text = one.option, one.option.sentence
+    default, kind = None if one.default == () else one.default, one.kind
+    told: Any
     if one.positional:
-        told = typer.Argument(one.default, metavar=option.metavar, help=text)
-        return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=one.shown, default=told)
-    default = None if one.default == () else one.default
-    kind = one.shown | None if default is None and get_origin(one.shown) is list else one.shown
-    told = typer.Option(
-        default,
-        *one.flags,
-        metavar=option.metavar,
-        help=text,
-        case_sensitive=not one.words,
-        show_default=not isinstance(default, Path),
-    )
+        told = typer.Argument(default, metavar=one.metavar, help=one.sentence)
+    else:
+        kind = kind | None if default is None and get_origin(kind) is list else kind
+        told = typer.Option(
+            default,
+            *one.names,
+            metavar=one.metavar,
+            help=one.sentence,
+            case_sensitive=not one.words,
+            show_default=not isinstance(default, Path),
+        )
     return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=kind, default=told)
 
 

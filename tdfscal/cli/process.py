@@ -12,16 +12,14 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import TdfscalError, UsageError, inaccessible, is_short, shortage, visible
 
 if TYPE_CHECKING:
-    from tdfscal.commands.options import Command, Described, Progress
-    from tdfscal.commands.result import Result
+    from tdfscal.commands.options import Command
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
@@ -32,40 +30,30 @@ _closed: set[str] = set()
 
 
 class Interrupted(BaseException):
-    """A signal, whose number it has, ends the run."""
+    """A signal ends the run."""
 
 
-@dataclass(slots=True)
-class End:
-    """Status with which the program leaves. signal : number of what came, 0 until then."""
+def status_of(work: Callable[[], int]) -> int:
+    """Do the work of a run; whatever ends it becomes a status and one line on standard error."""
+    came = list[int]()
 
-    status: int = 0
-    signal: int = 0
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        raise Interrupted
 
-    def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Take a signal."""
-        self.signal = number
-        raise Interrupted(number)
-
-
-@contextlib.contextmanager
-def ending() -> Iterator[End]:
-    """Turn whatever ends the block into a status and one line on standard error."""
-    end = End()
-    before = _listen(end.interrupt)
+    before = _listen(interrupt)
     _prepare_streams()
     try:
-        yield end
-        with reporting():
-            pass
+        status = work()
+        report("")
+        return status
     except BaseException as fault:
         _listen(signal.SIG_IGN)
         # Some code between makes another exception of a signal's.
-        if end.signal or isinstance(fault, KeyboardInterrupt):
-            number = 128 + (end.signal or signal.SIGINT)
-            end.status = ended(number, "interrupted", "interrupted; nothing was written")
-        else:
-            end.status = _judged(fault)
+        if not came and not isinstance(fault, KeyboardInterrupt):
+            return _judged(fault)
+        number = came[0] if came else signal.SIGINT
+        return ended(128 + number, "interrupted", "interrupted; nothing was written")
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -147,24 +135,20 @@ def hand_over(text: str) -> None:
 
 def unwritten(fault: OSError | ValueError, what: str) -> UsageError:
     """Return the error of standard output that does not take a text; nothing more goes there."""
-    leave_stdout()
-    reason = getattr(fault, "strerror", None) or str(fault)
     hint = "write it to a file with room for it"
-    return UsageError(f"{what} cannot be written: {reason}", where="standard output", hint=hint)
+    what = f"{what} cannot be written: {leave_stdout(fault)}"
+    return UsageError(what, where="standard output", hint=hint)
 
 
-@contextlib.contextmanager
-def reporting() -> Iterator[None]:
+def report(text: str) -> None:
     """Report on standard output; that it is full, or that nobody listens, changes nothing."""
     try:
-        yield
+        sys.stdout.write(text)
         sys.stdout.flush()
-    except BrokenPipeError:
-        leave_stdout()
     except (OSError, ValueError) as fault:
-        leave_stdout()
-        reason = getattr(fault, "strerror", None) or str(fault)
-        say(f"tdfscal: warning: standard output takes no more of the report: {reason}")
+        reason = leave_stdout(fault)
+        if not isinstance(fault, BrokenPipeError):
+            say(f"tdfscal: warning: standard output takes no more of the report: {reason}")
 
 
 def say(text: str) -> None:
@@ -173,12 +157,13 @@ def say(text: str) -> None:
         print("\n".join(map(visible, text.split("\n"))), file=sys.stderr, flush=True)
 
 
-def leave_stdout() -> None:
-    """Write nothing more to standard output, not even at the end of the program."""
+def leave_stdout(fault: Exception | None = None) -> str:
+    """Write nothing more to standard output, not even at the end of the program; return why."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())
         os.close(null)
+    return getattr(fault, "strerror", None) or str(fault)
 
 
 def perform(command: Command, options: Mapping[str, Any]) -> int:
@@ -196,15 +181,15 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
 
     logging.disable(logging.WARNING)  # matplotlib has words for a home without room
     asked = {option: value for option, value in options.items() if value is not None}
-    json, verbose = asked.pop("json"), asked.pop("verbose")
-    files = [p for p in command.parameters if p.option.writes is not None and p.name in asked]
-    carried = _carried(asked, files, json=json)
-    places = [(asked[p.name], p.option.holds) for p in files if p.name in asked]
+    json, verbose, quiet = asked.pop("json"), asked.pop("verbose"), asked.pop("quiet")
+    carried, places = _destinations(command, asked, json=json)
+    several = [path for p in command.parameters if p.several for path in asked.pop(p.name)]
+    line = " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():
-        result = _call(command, asked)
-        # What the quality gate rejects is not written, unless asked for.
+        # Files stand one after the other there, as in `compare(a, b)`.
+        result = command.call(line, *several, progress=None if quiet else _timed(), **asked)
         written = result.exit_status == 0 or asked.get("allow_rejected", True)
         for note in result.notes:  # before the numbers that they concern, wherever these go
             say(f"tdfscal: warning: {note}")
@@ -213,11 +198,14 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         elif carried and written:
             hand_over(getattr(result, carried))
         else:
-            there = [str(path) for path, holds in places if written or holds == "html"]
-            text = _with_places(result.shown(whole=verbose), there)
+            text = result.shown(whole=verbose)
+            there = [visible(path) for path, holds in places if written or holds == "html"]
+            if text and there:
+                text += (
+                    f"\nwrote {' and '.join(filter(None, (', '.join(there[:-1]), there[-1])))}\n"
+                )
     _listen(signal.SIG_IGN)  # all is done
-    with reporting():
-        sys.stdout.write(text)
+    report(text)
     if result.exit_status and "allow_rejected" in asked:
         what = "it was written as rejected" if written else "nothing was written"
         if not written and "html" in asked:
@@ -226,45 +214,27 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     return result.exit_status
 
 
-def _with_places(text: str, places: Sequence[str]) -> str:
-    """A result in words, and what was written."""
-    if not text or not places:
-        return text
-    *others, last = map(visible, places)
-    return f"{text}\nwrote {', '.join(others)}{' and ' if others else ''}{last}\n"
+def _destinations(
+    command: Command, asked: dict[str, Any], *, json: bool
+) -> tuple[str | None, list[tuple[str, str]]]:
+    """The text that `-` lets standard output carry; the files that are asked for, with theirs."""
+    carried, places = None, list[tuple[str, str]]()
+    for file in command.parameters:
+        if file.writes is None or file.name not in asked:
+            continue
+        if str(asked[file.name]) != "-":
+            places.append((str(asked[file.name]), file.holds))
+            continue
+        if not (file.dash and file.holds) or (json and file.holds == "html"):
+            what = "the JSON object" if json else "the result in words"
+            where = f"{file.names[0]} -"
+            raise UsageError(f"standard output has {what}", where=where, hint="name a file")
+        del asked[file.name]
+        carried = file.holds
+    return carried, places
 
 
-def _carried(asked: dict[str, Any], files: Sequence[Described], *, json: bool) -> str | None:
-    """Take the `-` of an option away; return the text that standard output gets for it."""
-    carried = None
-    for file in files:
-        holds = file.option.holds if file.option.dash else ""
-        if str(asked[file.name]) == "-":
-            if not holds or (json and holds == "html"):
-                what = "the JSON object" if json else "the result in words"
-                where = f"{file.flags[0]} -"
-                raise UsageError(f"standard output has {what}", where=where, hint="name a file")
-            del asked[file.name]
-            carried = holds
-    return carried
-
-
-def _line() -> str:
-    """The command line as the user gave it."""
-    return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
-
-
-def _call(command: Command, asked: dict[str, Any]) -> Result:
-    """Call its function; files stand one after the other there, as in `compare(a, b)`."""
-    asked["progress"] = _on_stderr(quiet=asked.pop("quiet", False))
-    several = [p.name for p in command.parameters if p.several]
-    files = [path for name in several for path in asked.pop(name)]
-    return command.call(_line(), *files, **asked)
-
-
-def _on_stderr(*, quiet: bool) -> Progress | None:
+def _timed() -> Callable[[str], None]:
     """Return what shows progress to a user; each line is headed by the seconds since now."""
-    if quiet:
-        return None
     started = time.monotonic()
     return lambda stage: say(f"[{time.monotonic() - started:5.1f} s] {stage} …")

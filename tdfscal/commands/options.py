@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import wraps
@@ -23,7 +23,6 @@ from tdfscal.commands.campaign import PathLike, PathLikes, one
 from tdfscal.commands.result import CalibrationSource, CommandResult, Result
 from tdfscal.errors import UsageError, expect, inaccessible, is_short
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
-from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record, replace
 from tdfscal.logs import Moment, TimeWindow
 from tdfscal.logs.table import seconds_of
@@ -74,53 +73,50 @@ class Option:
         return f"{text[0].upper()}{text[1:]}."
 
 
-@record
-class Described:
-    """A parameter of a command.
+@record(kw_only=True)
+class Described(Option):
+    """An option that knows its parameter.
 
-    kind, shown : its types in Python and on the command line; shown None where only Python has it.
-    several : each stands for itself, as `*files`. default : on the command line; `...` where it
-    must be given. positional : it stands without a name. flags : names of the option. words :
-    among which it chooses.
+    name, python : of the parameter, and its type. kind : on the command line; None where only
+    Python has it. names : without dashes where it is positional. several : each stands for itself,
+    as `*files`. words : among which it chooses.
     """
 
     name: str
-    several: bool
-    kind: Any
-    shown: Any
-    default: Any
+    python: Any
     positional: bool
-    flags: tuple[str, ...]
+    several: bool
     words: tuple[str, ...]
-    option: Option
 
     @classmethod
     def of(cls, parameter: Parameter, annotation: Any) -> Described:
         """Read it off a function's annotation."""
-        kind, option = get_args(annotation)
+        python, option = get_args(annotation)
         name = parameter.name
         given = parameter.kind is not Parameter.KEYWORD_ONLY and not option.names
-        required = given and parameter.default is Parameter.empty
-        default = ... if required else parameter.default
-        if option.default is not None:
-            default = option.default
-        flags = option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
-        shown = kind if option.kind is ... else option.kind
-        choices = [one for one in (kind, *get_args(kind)) if get_origin(one) is Literal]
-        words = get_args(choices[0]) if choices else ()
-        return cls(
-            name, parameter.kind is Parameter.VAR_POSITIONAL, kind, shown, default, given,
-            (name,) if given else flags, words, option,
-        )  # fmt: skip
+        default = parameter.default if option.default is None else option.default
+        flag = f"--{name.strip('_').replace('_', '-')}"
+        choices = [one for one in (python, *get_args(python)) if get_origin(one) is Literal]
+        told = vars(option) | {
+            "name": name,
+            "python": python,
+            "kind": python if option.kind is ... else option.kind,
+            "default": ... if default is Parameter.empty and given else default,
+            "names": (name,) if given else option.names or (flag,),
+            "positional": given,
+            "several": parameter.kind is Parameter.VAR_POSITIONAL,
+            "words": get_args(choices[0]) if choices else (),
+        }
+        return cls(**told)
 
     def check(self, value: Any) -> None:
         """Raise UsageError for none of its words, or for what is no number within its bounds."""
         if value is None:
             return
-        where, least, below = self.flags[0], self.option.least, self.option.below
+        where, least, below = self.names[0], self.least, self.below
         if self.words and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
-        kinds = (self.kind, *get_args(self.kind))
+        kinds = (self.python, *get_args(self.python))
         if int in kinds or (float in kinds and not {str, os.PathLike[str]}.intersection(kinds)):
             wanted = Integral if int in kinds else Real
             if not isinstance(value, wanted) or isinstance(value, bool) or value != value:
@@ -170,18 +166,25 @@ def command(example: str) -> Callable[[_Function], _Function]:
             values = given.arguments
             for parameter in each:
                 parameter.check(values[parameter.name])
-            values["progress"] = told = values["progress"] or silent
-            expect("progress", told, Callable, "a function that takes the name of a stage")
+            values["progress"] = values["progress"] or silent
+            expect("progress", values["progress"], Callable, "a function that takes a stage's name")
             if _LINE in values:
                 values[_LINE] = line
+            files = [(p, one(values[p.name])) for p in each if p.writes is not None]
+            asked = [(p, path) for p, path in files if path is not None]
             try:
                 with together():
-                    places = ((p, one(values[p.name])) for p in each if p.option.writes is not None)
-                    check_outputs((p.flags[0], at, p.option.writes or ()) for p, at in places if at)
+                    check_outputs((p.names[0], path, p.writes or ()) for p, path in asked)
                     result: Result = function(*given.args, **given.kwargs)
                     if isinstance(result, CommandResult):
                         result = replace(result, command=line)
-                    _write_files(each, values, result)
+                    # What the gate rejects on request alone; a page whatever the verdict.
+                    accepted = result.exit_status == 0 or values.get("allow_rejected", True)
+                    for p, path in asked:
+                        if p.holds == "html":
+                            values["progress"]("drawing the report")
+                        if p.holds and (accepted or p.holds == "html"):
+                            result.write(path, p.holds)
                     return result
             except OSError as fault:
                 if is_short(fault):
@@ -196,33 +199,19 @@ def command(example: str) -> Callable[[_Function], _Function]:
             with threadpool_limits(1, "blas"):
                 return call(f"tdfscal.{name}", *positional, **options)
 
-        told = "\n".join(f"    {p.name} : {p.option.help}." for p in each)
+        told = "\n".join(f"    {p.name} : {p.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
         run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
         # `help` shows the types alone.
-        bare = [named[p.name].replace(annotation=p.kind) for p in each]
+        bare = [named[p.name].replace(annotation=p.python) for p in each]
         bare[-1] = bare[-1].replace(default=None, annotation=Progress | None)  # nobody follows
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
-        COMMANDS[name] = Command(call, example, tuple(p for p in each if p.shown))
+        COMMANDS[name] = Command(call, example, tuple(p for p in each if p.kind))
         return run  # type: ignore[return-value]
 
     return make
-
-
-def _write_files(
-    parameters: Iterable[Described], values: Mapping[str, Any], result: Result
-) -> None:
-    """Write what is asked for; a page whatever the verdict, what the gate rejects on request."""
-    written = result.exit_status == 0 or values.get("allow_rejected", True)
-    for parameter in parameters:
-        holds, path = parameter.option.holds, values[parameter.name]
-        if not holds or path is None or not (written or holds == "html"):
-            continue
-        if holds == "html":
-            values["progress"]("drawing the report")
-        result.write(as_path(path), holds)
 
 
 def written(
