@@ -8,8 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -49,15 +47,11 @@ class Outputs:
         for place, beside in self.staged.items():
             with writing(place):
                 checked_place(place, self.inputs)
-                if place.is_file():
+                if place.exists():
                     beside.chmod(place.stat().st_mode & 0o7777)
-                elif _is_device(place):
-                    with place.open("wb") as sink, beside.open("rb") as source:
-                        shutil.copyfileobj(source, sink)
         for place, beside in self.staged.items():
             with writing(place):
-                if not _is_device(place):
-                    beside.replace(place)
+                beside.replace(place)
         self.folders.clear()
         self.vanish()
 
@@ -157,14 +151,14 @@ def check_outputs(outputs: Iterable[tuple[str, Path, Sequence[str]]]) -> None:
         if (current := _current.get()) is not None:
             current.asked.append(path)
         other = options.setdefault(place, option)
-        if other != option and path.name != "null":
+        if other != option:
             what, hint = f"{other} and {option} name one file", "give each a name of its own"
             raise UsageError(what, where=str(path), hint=hint)
 
 
 def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
-    """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
-    if path.suffix.lower() not in suffixes and not _is_device(path):
+    """Raise UsageError for a name that ends in none of the suffixes."""
+    if path.suffix.lower() not in suffixes:
         *others, last = suffixes
         what = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}"
         hint = "choose such a name"
@@ -181,7 +175,7 @@ def checked_place(path: Path, inputs: Iterable[Path]) -> Path:
     written.
     """
     try:
-        place = Path(path) if _is_device(path) else Path(os.path.realpath(path))
+        place = Path(os.path.realpath(path))
     except ValueError as fault:
         raise UsageError("is no file's name", where=shorten(str(path))) from fault
     if place.is_symlink():
@@ -190,10 +184,12 @@ def checked_place(path: Path, inputs: Iterable[Path]) -> Path:
         what, hint = "would replace an input", "choose another name for the result"
     elif place.is_dir():
         what, hint = "is a folder", "name a file in it"
+    elif place.exists() and not place.is_file():
+        what, hint = "is a device or a pipe", "name a file; - is standard output"
     elif place.is_file() and not place.stat().st_mode & 0o222:
         what = "is write-protected"
         hint = "choose another name for the result, or allow writing with `chmod u+w`"
-    elif not (_is_device(place) or os.access(place.parent, os.W_OK)):
+    elif not os.access(place.parent, os.W_OK):
         what = "cannot be written: its folder is not there or may not be written to"
         hint = "create the folder first, or choose another"
     else:
@@ -212,19 +208,9 @@ def writing(path: Path) -> Iterator[None]:
         raise UsageError(what, where=shorten(str(path), 300), hint=hint) from fault
 
 
-def _is_device(place: Path) -> bool:
-    """The place is a device or a pipe, which is written into."""
-    return place.exists() and not place.is_file() and not place.is_dir()
-
-
 def _beside(place: Path) -> Path:
-    """Create a file to write to: beside its place, or elsewhere for a device's content."""
-    if _is_device(place):
-        handle, name = tempfile.mkstemp(suffix=".part")
-        beside = Path(name)
-    else:
-        beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(6)}.part")
-        # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
-        handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
-    os.close(handle)
+    """Create a file to write to, beside its place."""
+    beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(6)}.part")
+    # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
+    os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     return beside
