@@ -6,6 +6,7 @@ function of that name makes; `angles.png` shows the angles of the sample campaig
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -24,13 +25,14 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.field_types import Strict
 from tdfscal.files.points.reading import PointFile
 from tdfscal.files.rig.model import RigFile
-from tdfscal.files.saving import to_json
 from tdfscal.findings import Severity
 
 HERE = Path(__file__).parent
 PAGE = Path(__file__).with_name("reference.md")
 #: Commands from which on an option is told once for all.
 _SEVERAL = 3
+#: Columns of a line of a schema, beside its key.
+_WIDTH = 84
 #: Words of a finding in the list of all.
 _GLOSS = 7
 _MODELS: dict[str, tuple[type[BaseModel], str]] = {
@@ -61,6 +63,20 @@ def schemas() -> dict[str, dict[str, Any]]:
         }
         for name, (model, title) in _MODELS.items()
     }
+
+
+def laid_out(value: Any, indent: str = "") -> str:
+    """Return JSON with what is short on one line."""
+    line = json.dumps(value, ensure_ascii=False)
+    if len(indent) + len(line) <= _WIDTH or not isinstance(value, dict | list):
+        return line
+    deeper = f"{indent}  "
+    if isinstance(value, list):
+        opened, inner, closed = "[", [laid_out(each, deeper) for each in value], "]"
+    else:
+        told = ((json.dumps(k, ensure_ascii=False), laid_out(v, deeper)) for k, v in value.items())
+        opened, inner, closed = "{", [f"{key}: {each}" for key, each in told], "}"
+    return f"{opened}\n{deeper}{f',{chr(10)}{deeper}'.join(inner)}\n{indent}{closed}"
 
 
 def commands() -> Iterator[str]:
@@ -223,6 +239,6 @@ def picture(path: Path) -> None:
 
 if __name__ == "__main__":
     for file, schema in schemas().items():
-        (HERE.parent / "schemas" / file).write_text(to_json(schema), encoding="utf-8")
+        (HERE.parent / "schemas" / file).write_text(laid_out(schema) + "\n", "utf-8")
     picture(HERE / "angles.png")
     PAGE.write_text(generated(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

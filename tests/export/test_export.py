@@ -72,7 +72,7 @@ def force(c: Calibration, i: int, reading: np.ndarray) -> np.ndarray:
     support = c.supports[i]
     if support.directions is not None:
         each = [("xyz".index(axis), e) for axis, e in support.directions.items()]
-        zero = np.array(support.offset)
+        zero = np.array(support.zero, dtype=np.float64)
         return np.asarray(sum((reading[k] - zero[k]) * np.array(e) for k, e in each))
     load = reading - np.array(support.zero)
     if support.sensitivity is not None:

@@ -198,7 +198,8 @@ class Calibration(Strict):
     @property
     def zero(self) -> FloatArray:
         """(n, 3), zero offsets, N, sensor frames; 0 for an axis that is not measured."""
-        return _read_only(np.array([support.offset for support in self.supports]))
+        stated = np.array([support.zero for support in self.supports], dtype=np.float64)
+        return _read_only(np.nan_to_num(stated))
 
     @property
     def zero_std(self) -> FloatArray:

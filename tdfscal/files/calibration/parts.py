@@ -135,8 +135,6 @@ class Interval(Strict):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         for low, high in zip(self.low, self.high, strict=True):
-            if (low is None) != (high is None):
-                raise fault("an interval has one of its ends and lacks the other")
             if low is not None and high is not None and low > high:
                 raise fault("an interval's low end is above its high end")
         return self
@@ -147,17 +145,14 @@ class Mounting:
     """The angles of a sensor that is determined, as `SupportResult` has them."""
 
     name: str
-    rotation: tuple[tuple[float, float, float], ...]
     rpy: tuple[float, float, float]
     rpy_std: tuple[float, float, float]
-    turn_std: tuple[float, ...] | None
     interval: Interval
 
     @property
     def half_widths(self) -> list[float]:
         """Half of each angle's interval, rad, by the farther end; without one, of its turn."""
-        turns = self.turn_std or self.rpy_std
-        ends = zip(self.interval.low, self.rpy, self.interval.high, turns, strict=True)
+        ends = zip(self.interval.low, self.rpy, self.interval.high, self.rpy_std, strict=True)
         return [
             COVERAGE_FACTOR * std if low is None or high is None else max(value - low, high - value)
             for low, value, high, std in ends
@@ -193,12 +188,6 @@ class SupportResult(Strict):
         return self.rotation is not None
 
     @property
-    def offset(self) -> tuple[float, float, float]:
-        """Its zero, N; 0 for an axis that is not measured."""
-        x, y, z = (0.0 if value is None else value for value in self.zero)
-        return x, y, z
-
-    @property
     def stated_std(self) -> OpenStds:
         """Of roll, pitch, yaw; where roll and yaw are not separable, of the turns about X, Y, Z."""
         return self.turn_std if self.turn_std and None in self.rpy_std else self.rpy_std
@@ -209,8 +198,7 @@ class SupportResult(Strict):
         if not self.determined:
             return None
         own: Any = self  # nothing of it is missing then
-        std, interval = own.stated_std, own.rpy_interval
-        return Mounting(own.name, own.rotation, own.rpy, std, own.turn_std, interval)
+        return Mounting(own.name, own.rpy, own.stated_std, own.rpy_interval)
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -218,9 +206,12 @@ class SupportResult(Strict):
         if {value is None for value in angles} != {not self.determined}:
             raise fault("has some of its angles and lacks others", "rotation")
         if self.rpy_interval is not None:
-            ends = zip(self.rpy_interval.low, self.rpy_std, strict=True)
-            if any(low is None and std is not None for low, std in ends):
-                raise fault("lacks an interval whose rpy_std is stated", "rpy_interval")
+            low, high = self.rpy_interval.low, self.rpy_interval.high
+            each = [[value is None for value in three] for three in (low, high, self.rpy_std)]
+            if each[0] != each[1] or any(
+                a and not b for a, b in zip(each[0], each[2], strict=True)
+            ):
+                raise fault("lacks an end where the other, or rpy_std, is stated", "rpy_interval")
         if self.determined != (self.directions is None):
             raise fault("belongs to a sensor without rotation, and to no other", "directions")
         return self
