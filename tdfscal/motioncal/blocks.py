@@ -52,6 +52,8 @@ _MOST_RESTS = 60
 _LEAD = 0.01
 #: Fewest instants of a block.
 _FEWEST = 40
+#: Product of the primes below 50: FFTs of a length without any other factor are fast.
+_SMALL = 614889782588491410
 
 
 @record
@@ -131,9 +133,16 @@ def blocks(slow: Slow, keep: BoolArray) -> tuple[Block, ...]:
     for run in stretches(slow, keep):
         length = (run.stop - run.start) * slow.step
         parts = max(1, int(np.ceil(length / LONGEST)))
-        edges = np.linspace(run.start, run.stop, parts + 1).astype(int)
-        out += [_block(slow, a, b) for a, b in pairwise(edges)]
+        edges = np.linspace(run.start, run.stop, parts + 1).astype(int).tolist()
+        out += [_block(slow, a, a + _fast(b - a)) for a, b in pairwise(edges)]
     return tuple(out)
+
+
+def _fast(count: int) -> int:
+    """The largest length up to `count` whose FFT is fast; the taper leaves little of the rest."""
+    while pow(_SMALL, 16, count):
+        count -= 1
+    return count
 
 
 def stretches(slow: Slow, keep: BoolArray) -> list[slice]:
