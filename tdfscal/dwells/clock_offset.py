@@ -78,14 +78,18 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
 
     bins : of the whole log. dwells : found in it.
     """
-    n, middle = len(bins.supports), bins.start + 0.5 * bins.width
-    streams = [
-        (Track.of(middle[seen], bins.mean[seen, k]), k >= n)
-        for k, seen in enumerate(bins.count.T > 0)
-    ]
+    n, middle, seen = len(bins.supports), bins.start + 0.5 * bins.width, bins.count > 0
+
+    def tracks(kind: slice, late: bool) -> list[tuple[Track, bool]]:
+        if seen.all():  # one, of all axes
+            return [(Track.of(middle, bins.mean[:, kind].reshape(len(bins), -1)), late)]
+        each = [Track.of(middle[own], bins.mean[own, k]) for k, own in enumerate(seen.T)]
+        return [(track, late) for track in each[kind]]
+
     between = evenly(max(len(dwells) - 1, 0), _MOST)
     way = [(float(dwells.end[k]), float(dwells.start[k + 1])) for k in between]
-    line = lag_by_moves(streams[:n], streams[n:], way, 0.0, float(bins.period.max()))
+    streams = tracks(slice(0, n), False), tracks(slice(n, None), True)
+    line = lag_by_moves(*streams, way, 0.0, float(bins.period.max()))
     if line is None:
         return None
     return Offset(line.value, line.std, line.moves, line.rate, line.rate_std, line.span)

@@ -191,31 +191,36 @@ def _spectra(bins: Bins, extents: Sequence[Extent], looked: IntArray) -> list[tu
 
 
 def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
-    shape = (len(extents), bins.count.shape[1], 3)
+    n, shape = len(bins.supports), (len(extents), bins.count.shape[1], 3)
     mean, scatter, drift, length = (np.zeros(shape) for _ in range(4))
-    low, high = (np.zeros((shape[0], shape[1] // 2, 3)) for _ in range(2))
+    low, high = (np.zeros((shape[0], n, 3)) for _ in range(2))
     count = np.zeros(shape[:2], dtype=np.int64)
+    axes, spread, lowest, highest = (  # as they lie in memory
+        moments.transpose(1, 2, 0) for moments in (bins.mean, bins.scatter, bins.low, bins.high)
+    )
     for k, extent in enumerate(extents):
         rows = extent.rows
-        w = bins.count.T[:, None, rows].astype(np.float64)  # (S, 1, R)
-        x = np.where(w > 0, bins.mean.transpose(1, 2, 0)[..., rows], 0.0)  # (S, 3, R)
+        whole = rows[-1] - rows[0] + 1
+        some = slice(rows[0], rows[-1] + 1) if len(rows) == whole else rows
+        w = bins.count.T[:, None, some].astype(np.float64)  # (S, 1, R)
+        x = np.where(w > 0, axes[..., some], 0.0)  # (S, 3, R)
         reference = x.max(axis=2, keepdims=True)
         x -= reference
-        n = w.sum(axis=2, keepdims=True)
-        offset = (w * x).sum(axis=2, keepdims=True) / n
+        size = w.sum(axis=2, keepdims=True)
+        offset = (w * x).sum(axis=2, keepdims=True) / size
         x -= offset
-        own = bins.scatter.transpose(1, 2, 0)[..., rows].sum(axis=2, dtype=np.float64)
+        weighted = w * x
+        own = spread[..., some].sum(axis=2, dtype=np.float64)
         # The line: the time as a fraction of the dwell, about its weighted mean.
-        t = (rows - rows[0]) / (rows[-1] - rows[0] + 1)
-        line = t - (w * t).sum(axis=2, keepdims=True) / n
+        t = (rows - rows[0]) / whole
+        line = t - (w * t).sum(axis=2, keepdims=True) / size
         line2 = (w * line**2).sum(axis=2)
-        count[k], mean[k] = n[:, 0, 0], (reference + offset)[..., 0]
-        scatter[k] = ((w * x**2).sum(axis=2) + own) / np.maximum(n[..., 0] - 1.0, 1.0)
-        drift[k] = (w * x * line).sum(axis=2) / line2
+        count[k], mean[k] = size[:, 0, 0], (reference + offset)[..., 0]
+        scatter[k] = ((weighted * x).sum(axis=2) + own) / np.maximum(size[..., 0] - 1.0, 1.0)
+        drift[k] = (weighted * line).sum(axis=2) / line2
         length[k] = np.sqrt(line2)
-        middle = bins.mean[rows, shape[1] // 2 :]
-        low[k] = np.fmin.reduce(middle + bins.low[rows])
-        high[k] = np.fmax.reduce(middle + bins.high[rows])
+        low[k] = np.fmin.reduce(axes[n:, :, some] + lowest[..., some], axis=2)
+        high[k] = np.fmax.reduce(axes[n:, :, some] + highest[..., some], axis=2)
     return _Own(mean, scatter, count, drift, length, low, high)
 
 
