@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.special import chdtri
@@ -236,6 +236,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArra
     return float(tau[best]), np.abs(centred @ shapes[best] / size[best])
 
 
+@lru_cache(maxsize=16)  # stops are of few lengths
 def _decays(shortest: float, longest: float, length: int) -> tuple[FloatArray, ...]:
     """Time constants (τ,) in steps of one factor, e^{−t/τ} less its mean over `length` bins and
     divided by its size, (τ, length), and that size, (τ,).
