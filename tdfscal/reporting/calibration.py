@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 
 import numpy as np
+from pydantic import BaseModel
 
 from tdfscal.catalogue.numbers import bracketed, count, places, rounded, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
 from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.rig.model import RigFile
 from tdfscal.model import parameters
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import student_dof
@@ -28,7 +30,7 @@ from tdfscal.reporting.headline import (
     largest_source,
     within,
 )
-from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table, chi_squared
+from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table
 from tdfscal.reporting.traceability import (
     campaign,
     campaign_facts,
@@ -72,16 +74,18 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         provisional=c.status == "provisional",
         claim=headline(c) if c.accepted else "",
         reasons=tuple(_reasons(c)),
-        tiles=_tiles(c),
+        tiles=tuple(_tiles(c)),
         summary=(_summary(c),),
         sections=(
             *layout.illustrated(drawings, blocks),
             Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_table(c)),
-            Section("Rotations, gains and budget", (*_matrices(c), *_budget(c)), page_only=True),
+            Section("Rotations and gains", _matrices(c), page_only=True),
             Section("Lines to confirm", layout.listed("", draft_lines(c))),
-            Section("As stated in the rig file", (Facts(_stated(c)),), page_only=True),
+            Section(
+                "As stated in the rig file", (Facts(tuple(_as_stated(c.rig))),), page_only=True
+            ),
             campaign(campaign_facts(c), c.rig.record()),
             provenance(c),
         ),
@@ -207,112 +211,75 @@ def _by_row(
     return Table(f"{caption}; ± std. unc. (k = 1)", ("sensor", "row", *"xyz"), rows, left=2)
 
 
-def _budget(c: Calibration) -> tuple[Table, ...]:
-    """Standard uncertainty of every angle by source, mrad; their squares add up."""
-    if c.budget is None:
-        return ()
-    rows = tuple(
-        (f"{a.angle} of {a.support}", *(_root(a.variance.get(name)) for name in c.budget.sources))
-        for a in c.budget.angles
-    )
-    return (Table("Budget: standard uncertainty by source, mrad", ("", *c.budget.sources), rows),)
+def _as_stated(rig: RigFile) -> Iterator[tuple[str, str]]:
+    """All numbers but 0 that went into the result beside the log, by their keys."""
+    for name in ("gravity", "terminal", "uncertainty", "drift"):
+        yield from _stated(getattr(rig, name), name)
+    for support in rig.supports:
+        yield from _stated(support, support.name, "zero")
 
 
-def _root(variance: float | None) -> str:
-    return "–" if variance is None else f"{1e3 * math.sqrt(max(variance, 0.0)):.3f}"
+def _stated(block: BaseModel, place: str, *keys: str) -> Iterator[tuple[str, str]]:
+    """Numbers of a block of the rig file, or of some keys of it, in the units that these name."""
+    fields = type(block).model_fields
+    for key in keys or fields:
+        value, unit = getattr(block, key), (fields[key].description or "").partition(":")
+        if isinstance(value, BaseModel) and not hasattr(value, "std"):
+            yield from _stated(value, f"{place}.{key}")
+        elif value:
+            each = (value.value, value.std) if hasattr(value, "std") else (value,)
+            said = (bracketed([f"{number:.9g}" for number in np.ravel(one)]) for one in each)
+            yield f"{place}.{key}", f"{', std '.join(said)} {unit[0] if unit[1] else ''}"
 
 
-def _stated(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """The quantities with the standard uncertainties that went into the result."""
-    rig = c.rig
-    load, u = rig.terminal, rig.uncertainty
-    tares = [f"{s.name} {_each(s.zero.value)}, std {_each(s.zero.std)} N" for s in rig.supports]
-    middle = [
-        _each(1e3 * size for size in row) for row in (load.barycenter.value, load.barycenter.std)
-    ]
-    return (
-        ("Mass", f"{load.mass.value:g} kg, std {load.mass.std:g} kg"),
-        ("Barycentre", f"{' mm, std '.join(middle)} mm"),
-        ("Tare", "; ".join(tares)),
-        (
-            "Gravity",
-            f"{rig.gravity.magnitude:.9g} m/s², std of the level {rig.gravity.tilt_std:g} rad",
-        ),
-        (
-            "NCPs, hinges, datums",
-            f"std {1e6 * u.positioner:g}, {1e6 * u.hinge:g}, {1e6 * u.datum:g} µm",
-        ),
-        ("Force noise, gain", f"std {u.force_noise:g} N, {100 * u.force_sensitivity:g} %"),
-        ("Hinge friction", f"std {u.hinge_moment:g} N·m"),
-    )
-
-
-def _each(values: Iterable[float]) -> str:
-    return bracketed([f"{value:g}" for value in values])
-
-
-def _tiles(c: Calibration) -> tuple[Row, ...]:
-    limits = c.rig.acceptance
-    tiles = [
-        ("each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)} mrad"),
-        *layout.residual_tiles(_residual(c)),
-    ]
-    birge = c.tracker.birge if c.tracker is not None else None
+def _tiles(c: Calibration) -> Iterator[Row]:
+    yield "each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)} mrad"
+    yield from layout.residual_tiles(_residual(c))
     if c.motion is not None:
-        tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))
+        yield "in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"
     elif c.fit is not None:
-        total = c.fit.postures + len(c.fit.rejected)
-        tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
-    elif c.tracker is not None and isinstance(birge, float):
-        tiles.append(("points", str(c.tracker.points), "of the survey"))
-    if c.fit is not None:
-        birge = c.fit.birge
-    if isinstance(birge, float):
-        tiles.append(
-            ("residuals against stated", f"{birge:.2f}", f"limit {rounded(limits.birge_max)}")
+        yield (
+            "postures",
+            f"{c.fit.postures} of {c.fit.postures + len(c.fit.rejected)}",
+            "in the fit",
         )
-    return tuple(tiles)
+    elif c.tracker is not None:
+        yield "points", f"{c.tracker.points}", "of the survey"
+    judged, limit = c.fit or c.tracker, rounded(c.rig.acceptance.birge_max)
+    if judged is not None and isinstance(judged.birge, float):
+        yield "residuals against stated", f"{judged.birge:.2f}", f"limit {limit}"
 
 
 def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     """How well the fit agrees with what is stated."""
-    facts = []
-    if c.fit is not None:
-        f = c.fit
+    return tuple(_statistics(c))
+
+
+def _statistics(c: Calibration) -> Iterator[tuple[str, str]]:
+    if (f := c.fit) is not None:
         if c.motion is None or f.postures:
-            facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
-        facts += [
-            ("Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.log or ())}") for k in c.clocks
-        ]
-        facts += _motion(c.motion, c.clocks) if c.motion is not None else []
-        facts += [
-            (
-                "Residuals",
-                f"force {rounded(f.rms_force)} N, moment {rounded(f.rms_moment)} N·m (rms)",
-            ),
-            ("Fit", chi_squared(f.chi2, f.dof, None if c.motion else f.p_value) + _scaled(c)),
-        ]
-    if c.tracker is not None:
-        t = c.tracker
-        facts.append(("Survey", chi_squared(t.chi2, t.dof, t.p_value)))
+            yield "Postures", f"{f.postures} used, {len(f.rejected)} rejected"
+        for k in c.clocks:
+            yield "Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.log or ())}"
+        if c.motion is not None:
+            yield from _motion(c.motion, c.clocks)
+        sizes = f"force {rounded(f.rms_force)} N, moment {rounded(f.rms_moment)} N·m (rms)"
+        yield "Residuals", sizes
+        # The residuals widen every uncertainty by one factor only in a campaign at rest.
+        at_rest = c.estimator != "linear" and c.motion is None and not c.campaigns
+        scaled = f"; all noise was therefore scaled up by {f.birge:.2f} (Birge ratio)"
+        tested = layout.chi_squared(f.chi2, f.dof, None if c.motion else f.p_value)
+        yield "Fit", tested + scaled * (at_rest and f.birge > 1)
+    if (t := c.tracker) is not None:
+        yield "Survey", layout.chi_squared(t.chi2, t.dof, t.p_value)
     if c.observability is not None:
         alone = "by the log alone, " if c.method == "joint" else ""
-        facts.append(("Observability", alone + c.observability.verdict))
-    facts.append(("Coverage", _coverage(c)))
-    done = "none was made: the intervals are those of the linear uncertainties"
-    if (m := c.monte_carlo) is not None:
+        yield "Observability", alone + c.observability.verdict
+    yield "Coverage", _coverage(c)
+    m, done = c.monte_carlo, "none was made: the intervals are those of the linear uncertainties"
+    if m is not None:
         done = f"{m.trials} trials {m.verdict} the linear 95 % intervals"
-    facts.append(("Monte Carlo", done))
-    return tuple(facts)
-
-
-def _scaled(c: Calibration) -> str:
-    """That the residuals widened every uncertainty; by one factor only in a campaign at rest."""
-    of_stops = c.estimator != "linear" and c.motion is None and not c.campaigns
-    if c.fit is None or c.fit.birge <= 1 or not of_stops:
-        return ""
-    scale = f"{c.fit.birge:.2f} (Birge ratio)"
-    return f"; all noise was therefore scaled up by {scale}"
+    yield "Monte Carlo", done
 
 
 def _coverage(c: Calibration) -> str:
@@ -337,21 +304,16 @@ def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
     return " to ".join(dict.fromkeys(format(end, form) for end in ends))
 
 
-def _motion(m: MotionResult, clocks: Sequence[ClockResult]) -> list[tuple[str, str]]:
+def _motion(m: MotionResult, clocks: Sequence[ClockResult]) -> Iterator[tuple[str, str]]:
     """What the motion told besides the angles; clocks : of the other recorders."""
-    lost = covered(m.rejected)
-    rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
-    moments = ", ".join(with_std(m.inertia.value[k][k], m.inertia.std[k][k]) for k in range(3))
+    lost = f"; {len(m.rejected)} stretches left out, {covered(m.rejected):.1f} s"
+    yield "Motion", f"{m.seconds:.1f} s used{lost * bool(m.rejected)}"
     beyond = ", beyond the recorders' clocks" if clocks else ""
     delay = f"{with_std(1e3 * m.delay.value, 1e3 * m.delay.std)} ms, force after position{beyond}"
-    rates = []
+    yield "Delay", "stands in the other recorder's clock" if has_delay(clocks) else delay
     if m.rate is not None:
         ppm = f"{with_std(1e6 * m.rate.value, 1e6 * m.rate.std)} ppm"
-        rates = [("Clocks", f"run apart by {ppm}: the delay is that in the middle of the log")]
-    return [
-        ("Motion", f"{m.seconds:.1f} s used{rejected}"),
-        ("Delay", "stands in the other recorder's clock" if has_delay(clocks) else delay),
-        *rates,
-        ("Friction", f"{with_std(m.friction.value, m.friction.std)} N·m at each hinge"),
-        ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-    ]
+        yield "Clocks", f"run apart by {ppm}: the delay is that in the middle of the log"
+    yield "Friction", f"{with_std(m.friction.value, m.friction.std)} N·m at each hinge"
+    moments = ", ".join(with_std(m.inertia.value[k][k], m.inertia.std[k][k]) for k in range(3))
+    yield "Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"

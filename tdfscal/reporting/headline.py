@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStret
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Table
 from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
@@ -90,15 +91,15 @@ def headline(c: Calibration) -> str:
     said += f"{within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
-    first = f"You may load these angles: {said}."
+    beside = (expired_sentence(c), not_whole_sentence(c), _rests_on(c))
     if lines := draft_lines(c):
         first = (
             f"Do not load these angles yet: they rest on {count(len(lines), 'unconfirmed line')} "
             f"of the drafted rig file: {_by_key(c, lines)}. If these are right, {said}."
         )
-    trusted, limited = ("", "") if lines else (_trusted(c), _limited_by(c))
-    beside = (_not_counted(c), trusted, expired_sentence(c), not_whole_sentence(c))
-    return " ".join(filter(None, (first, *beside, _rests_on(c), limited)))
+        return " ".join(filter(None, (first, _not_counted(c), *beside)))
+    first = f"You may load these angles: {said}."
+    return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
 
 
 def draft_lines(c: Calibration) -> list[str]:
@@ -134,41 +135,36 @@ def _not_counted(c: Calibration) -> str:
     return f"{first}." if counted == within(c) else f"{first}; if so, reckon with {counted}."
 
 
-def _trusted(c: Calibration) -> str:
+def _trusted(c: Calibration) -> Iterator[str]:
     """What an error of typical size does of what is stated to be better, as a tare that is none.
 
     Linear, and so by the budget: errors of all components of a group add in squares.
     """
     if c.budget is None or c.method == "tracker":
-        return ""
-    terminal, parts = c.rig.terminal, []
-    stated = {
-        "zero": ("tare", 1.0, "N", [std for s in c.rig.supports for std in s.zero.std]),
-        "barycentre": ("barycentre", 1e-3, "m", list(terminal.barycenter.std)),
-        "mass": ("mass", 1e-3 * terminal.mass.value, "kg", [terminal.mass.std]),
-    }
-    for source, (name, error, unit, std) in stated.items():
+        return
+    terminal = c.rig.terminal
+    for source, name, error, unit, std in (
+        ("zero", "tare", 1.0, "N", [std for s in c.rig.supports for std in s.zero.std]),
+        ("barycentre", "barycentre", 1e-3, "m", list(terminal.barycenter.std)),
+        ("mass", "mass", 1e-3 * terminal.mass.value, "kg", [terminal.mass.std]),
+    ):
         variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
         move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
         if min(std) == max(std) and move > _NOTABLE * half_widths(c).max():
-            parts.append(
+            yield (
                 f"The {name} counts as good to {quantity(std[0], unit)}, as stated: "
                 f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."
             )
-    return " ".join(parts)
-
-
-def uncounted(c: Calibration) -> list[ExactQuantityResult]:
-    """Quantities taken as exact whose typical errors are not small against the half widths.
-
-    The one that moves an angle most first.
-    """
-    return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half_widths(c).max()]
 
 
 def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
     """Quantities taken as exact, the one whose typical error moves an angle most first."""
     return sorted(c.taken_as_exact, key=lambda q: -float(np.max(q.effect)))
+
+
+def uncounted(c: Calibration) -> list[ExactQuantityResult]:
+    """Return those of them whose typical errors are not small against the half widths."""
+    return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half_widths(c).max()]
 
 
 def exact_table(c: Calibration) -> tuple[Table, ...]:
@@ -195,22 +191,19 @@ def _rests_on(c: Calibration) -> str:
     """How much went in, and how it fits."""
     parts = []
     if c.motion is not None:
-        few = "".join(
-            f", since {found.size:.0f} dwells are too few" for found in c.found("dwells-few")
-        )
-        without = _without(c.motion.rejected, _seconds)
-        parts.append(f"{c.motion.seconds:.0f} s of motion{few}{without}")
+        few = (f", since {found.size:.0f} dwells are too few" for found in c.found("dwells-few"))
+        without = _without(c.motion.rejected, lambda some: f"{covered(some):.1f} s")
+        parts.append(f"{c.motion.seconds:.0f} s of motion{''.join(few)}{without}")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{count(c.fit.postures, 'posture')}{_without(c.fit.rejected, numbers)}")
-    contact = bool(parts)
+    contact = " A constant contact would not show." if parts else ""
     if c.tracker is not None:
         alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.points} points of the tracker{alone}")
     parts += [f"{k.recorder}'s clock to ± {upwards(1e3 * k.offset_std, 2)} ms" for k in c.clocks]
-    said = f"Used: {', '.join(parts)}"
     if c.fit is not None and c.fit.dof:
-        said += f"; residuals {c.fit.birge:.2f} times as large as stated"
-    return f"{said}. A constant contact would not show." if contact else f"{said}."
+        parts[-1] += f"; residuals {c.fit.birge:.2f} times as large as stated"
+    return f"Used: {', '.join(parts)}.{contact}"
 
 
 def _without(left_out: Sequence[_Part], told: Callable[[Sequence[_Part]], str]) -> str:
@@ -220,10 +213,6 @@ def _without(left_out: Sequence[_Part], told: Callable[[Sequence[_Part]], str]) 
         by.setdefault(_LEFT_OUT.get(each.code or "", "contact or a jolt"), []).append(each)
     said = "; ".join(f"{told(some)} left out: {why}" for why, some in by.items())
     return f" ({said})" if said else ""
-
-
-def _seconds(stretches: Sequence[LeftOutStretch]) -> str:
-    return f"{sum(s.end - s.begin for s in stretches):.1f} s"
 
 
 def numbers(rejected: Sequence[RejectedPosture]) -> str:

@@ -6,7 +6,7 @@ import math
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from tdfscal.catalogue.numbers import FIXED
 from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
@@ -18,7 +18,6 @@ _LISTS = ("Warnings", "What next")
 #: Lines of a terminal; of them those of the files that were written.
 LINES, _FILES = 24, 2
 _LEAST_WIDTH = 40
-_NARROWEST = 8
 #: Columns that facts need beside their names; else they stand below.
 _BESIDE = 32
 
@@ -108,46 +107,27 @@ def width() -> int:
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     """Align columns: the first `left` to the left, the others to the right.
 
-    Where they do not fit the width, the widest column of words gives way; where that is not
-    enough, columns go on below, with those at the left repeated.
+    What is wider than half a line is cut; where columns do not fit beside each other, they go on
+    below, with those at the left repeated.
     """
-    cells = [[cell.replace(FIXED, " ") for cell in row] for row in (header, *rows)]
-    words = [c for c in range(len(header)) if c < left or not _numeric(row[c] for row in rows)]
-    widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
     room = width()
-    over = 2 * len(widths) + sum(widths) - room
-    if 0 < over <= sum(max(widths[c] - _NARROWEST, 0) for c in words):
-        for _ in range(over):
-            widths[max(words, key=lambda c: widths[c])] -= 1
-    elif over > 0:  # it folds anyhow
-        widths = [min(each, room // 2) for each in widths]
-    lines: list[str] = []
-    for chosen in _folded(widths, left, room):
-        lines += [""] if lines else []
-        for row in cells:
-            fitted = (_fit(row[c], widths[c]) for c in chosen)
-            aligned = (
-                cell.ljust(widths[c]) if c < left else cell.rjust(widths[c])
-                for c, cell in zip(chosen, fitted, strict=True)
-            )
-            lines.append("  " + "  ".join(aligned).rstrip())
-    return lines
-
-
-def _folded(widths: Sequence[int], left: int, room: int) -> Iterator[list[int]]:
-    """Columns of each part of a table that is too wide."""
+    cells = [[_fit(cell.replace(FIXED, " "), room // 2) for cell in row] for row in (header, *rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     fixed = list(range(left))
-    chosen = fixed.copy()
+    parts = [fixed.copy()]
     for c in range(left, len(widths)):
-        if len(chosen) > left and sum(widths[k] + 2 for k in (*chosen, c)) > room:
-            yield chosen
-            chosen = fixed.copy()
-        chosen.append(c)
-    yield chosen
-
-
-def _numeric(column: Iterable[str]) -> bool:
-    return all(not cell or not cell[0].isalpha() for cell in column)
+        if len(parts[-1]) > left and sum(widths[k] + 2 for k in (*parts[-1], c)) > room:
+            parts.append(fixed.copy())
+        parts[-1].append(c)
+    aligned = [
+        [cell.ljust(w) if c < left else cell.rjust(w)
+         for c, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        for row in cells
+    ]  # fmt: skip
+    folded = [
+        ["  " + "  ".join(row[c] for c in part).rstrip() for row in aligned] for part in parts
+    ]
+    return [line for part in folded for line in ("", *part)][1:]
 
 
 def _fit(cell: str, room: int) -> str:

@@ -91,11 +91,11 @@ def test_what_is_not_stated_is_said() -> None:
         rig["uncertainty"]["hinge_moment"] = moment
         told = facts(changed(c, rig=rig))
         assert ("friction" in told["Taken as exact"]) == (moment == 0.0)
-        middle = " mm, std ".join(
-            f"({', '.join(f'{1e3 * v:g}' for v in rig['terminal']['barycenter'][key])})"
-            for key in ("value", "std")
-        )
-        assert told["Barycentre"] == f"{middle} mm"
+        assert ("uncertainty.hinge_moment" in told) == (moment > 0)
+        mass, bary = rig["terminal"]["mass"], rig["terminal"]["barycenter"]
+        assert told["terminal.mass"] == f"{mass['value']:g}, std {mass['std']:g} kg"
+        places = (f"({', '.join(f'{v:g}' for v in bary[key])})" for key in ("value", "std"))
+        assert told["terminal.barycenter"] == f"{', std '.join(places)} m"
 
 
 def test_conformity_stands_beside_the_rule() -> None:
