@@ -6,6 +6,7 @@ a calibration's time; here only `__init__` is made for each.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import FrozenInstanceError, dataclass, field, replace
 from functools import partial
 from reprlib import recursive_repr
@@ -42,7 +43,16 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _hash(self: Any) -> int:
-    return hash(_compared(self))
+    return hash(tuple(map(_token, _compared(self))))
+
+
+def _token(value: Any) -> object:
+    """What equal values have in common and can be hashed: of an array its shape."""
+    if isinstance(value, tuple):
+        return tuple(map(_token, value))
+    if isinstance(value, Hashable):
+        return value
+    return value.shape if hasattr(value, "shape") else len(value)
 
 
 @recursive_repr()

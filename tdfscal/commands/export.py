@@ -16,6 +16,7 @@ from tdfscal.files.calibration.document import defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
+from tdfscal.reporting.traceability import Making, overdue
 
 Target = Literal["urdf", "ros", "csv"]
 
@@ -86,5 +87,7 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    text = FORMATS[to](loaded, parent)
-    return ExportResult(to, text, loaded, one(output), defects(name, loaded))
+    text, rig, today = FORMATS[to](loaded, parent), loaded.rig.record(), Making("", ()).created[:10]
+    before = {found.subject for found in overdue(rig, loaded.measured.end[:10])}
+    ended = (found for found in overdue(rig, today, "today") if found.subject not in before)
+    return ExportResult(to, text, loaded, one(output), (*defects(name, loaded), *ended))

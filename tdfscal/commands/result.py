@@ -196,7 +196,7 @@ class Calibration(Result, CalibrationFile):
     def of(cls, file: CalibrationFile) -> Self:
         """Take over the content of a checked calibration file."""
         made = cls.model_construct(**{name: getattr(file, name) for name in cls.model_fields})
-        made._read = file._read
+        made._source = file._source
         return made
 
     @property

@@ -116,7 +116,9 @@ def _named(touched: Sequence[RejectedPosture]) -> str:
 def _proof(c: Calibration) -> str:
     """How to check the result, with the name of its file."""
     new = "new postures" if c.motion is None else "a motion without contact"
-    if c.command.startswith("tdfscal."):  # as Python names it
+    if c.source:
+        how = f"tdfscal validate {c.source} LOG"
+    elif c.command.startswith("tdfscal."):  # as Python names it
         how = "tdfscal.validate(calibration, log)"
     else:
         named = re.search(r"(?:-o|--output)[= ]([^ -][^ ]*)", c.command)

@@ -189,6 +189,14 @@ def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> 
     assert str(content["content_sha256"]) not in said
 
 
+def test_a_certificate_that_ended_since_the_calibration_is_told(tmp_path: Path, cli: Cli) -> None:
+    rig = PLAIN.rig.model_dump(mode="json", exclude_none=True)
+    rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-31"}
+    before = {"begin": "2019-05-01T08:00:00Z", "end": "2019-05-01T09:00:00Z", "source": "log"}
+    path = saved(changed(PLAIN, rig=rig, measured=before), tmp_path, "c.json")
+    assert "support_2's sensor ended on 2020-01-31" in cli("export", path, "--to", "csv").err
+
+
 @pytest.mark.parametrize("to", sorted(FORMATS))
 def test_a_rejected_calibration_stays_at_home(to: str, tmp_path: Path, cli: Cli) -> None:
     c = changed(PLAIN, status="rejected", findings=(found("too few postures", "rejects"),))

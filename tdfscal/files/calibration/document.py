@@ -95,7 +95,7 @@ class Calibration(Strict):
         exclude=True,
     )
     """Of all that stands in a file beside it, as tdfscal wrote it; none in files of others."""
-    _read: bool = PrivateAttr(default=False)
+    _source: str = PrivateAttr(default="")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -116,7 +116,12 @@ class Calibration(Strict):
     @property
     def unsealed(self) -> bool:
         """It was read from a file without `content_sha256`: nobody vouches for what it says."""
-        return self._read and self.content_sha256 is None
+        return self.source != "" and self.content_sha256 is None
+
+    @property
+    def source(self) -> str:
+        """The file that it was read from; empty for one that is new."""
+        return self._source
 
     @property
     def reasons(self) -> tuple[parts.FindingResult, ...]:
@@ -337,5 +342,5 @@ def _from_document(document: Document) -> Calibration:
     own = calibration.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     if not intact and stated != content_sha256(own):
         raise DataError(_CHANGED, where=document.source, hint=ALTERED)
-    calibration._read = True
+    calibration._source = document.source
     return calibration
