@@ -135,6 +135,12 @@ class Balance:
         left[~known] = np.nan
         return np.asarray(left)
 
+    def later(self, time: FloatArray, lag: FloatArray, model: Model, step: float) -> FloatArray:
+        """Residuals (N, 6) at a lag larger by `step`, s; of all forces by earlier positions."""
+        if all(second for _, second in self.forces):
+            return self.residual(time, lag, model, -step)
+        return self.residual(time, lag + step, model)
+
     def slopes(self, time: FloatArray, lag: FloatArray, model: Model) -> FloatArray:
         """Slopes (N, 6, 6n + 11) of the residuals by turns and by what is linear."""
         rows, k = self._rows(time, lag)[0], 9 * self.n
@@ -217,7 +223,7 @@ def _search(gram: FloatArray, rotation: FloatArray) -> list[Model]:
     return [Model(*each) for each in zip(best, rest, misfit, strict=True)]
 
 
-_ROUNDS = 4
+_ROUNDS = 40  # at most, where the noise of the slope makes steps short
 _FITTED = 600  # instants for the mounting
 _FEWEST, _BLOCKS = 6, 24
 _LAG_SETTLED = 0.05  # of the lag's standard uncertainty
@@ -253,8 +259,8 @@ def refine(
         course = line[0] + line[1] * (time - middle)
         model = balance.fit([time[some]], [course[some]], model.rotation)[0] or model
         left = balance.residual(time, course, model)
-        after = balance.residual(time, course, model, h)
-        slope = (balance.residual(time, course, model, -h) - after) / (2 * h)
+        after, before = (balance.later(time, course, model, step) for step in (h, -h))
+        slope = (after - before) / (2 * h)
         known = np.isfinite(left).all(axis=1) & np.isfinite(slope).all(axis=1)
         columns = np.stack([left, slope, slope * (time - middle)[:, None]], axis=2)[known]
         columns = _without(columns, balance.slopes(time, course, model)[known])

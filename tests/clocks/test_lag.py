@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from tdfscal.clocks.search import find_clock
 from tdfscal.clocks.tracks import Reduction, Tracks
@@ -44,6 +45,38 @@ def found(log: Log, how: Apart, prior: ClockPrior | None = None) -> tuple[float,
 def test_any_offset_is_found_at_rest(offset: float) -> None:
     error, std = found(campaign("self", 3), Apart(offset, 30e-6, late=2.0, jitter=1e-3))
     assert abs(error) < 3.0 * std < 0.1
+
+
+def pulls(log: Log, rate: float, late: float, forces_first: bool) -> tuple[float, float]:
+    """Errors of offset and rate in standard uncertainties."""
+    how = Apart(3.7, rate, late=0.0 if forces_first else 2.0, position_rate=50.0, force_rate=20.0)
+    moves, loads = recorded_apart(log, how, np.random.default_rng(1))
+    first, second = (loads, moves) if forces_first else (moves, loads)
+    clock = find_clock(tracks(first), tracks(second), ClockPrior(), "other")
+    begin, rate_back = float(moves.position[0].time[0]), 1.0 / (1.0 + rate) - 1.0
+    true = 3.7 + late, rate
+    if forces_first:
+        # Of the positions' clock at the forces' first stamp, which is `begin` of the positions'.
+        true = begin - float(loads.force[0].time[0]) - late, rate_back
+    offset = (clock.offset - true[0]) / clock.offset_std
+    return offset, (clock.rate - true[1]) / clock.rate_std
+
+
+@pytest.mark.parametrize("forces_first", [False, True])
+def test_stated_uncertainties_are_those_of_the_errors(forces_first: bool) -> None:
+    """Of slow and fast moves, and of motion whose forces are 5 ms late besides."""
+    z = []
+    for seed, rate in enumerate([0.0, 1e-4, -1e-4] * 2):
+        move = [(0.5, 1.0), (2.0, 4.0)][seed % 2]
+        recorder = Recorder(dwell=(2.0, 3.0), move=move)
+        options = Options(postures=16, squeeze=200.0, recorder=recorder)
+        played = run(reference_rig(), "self", options, np.random.default_rng(40 + seed)).campaign
+        assert played is not None
+        z.append(pulls(played.log, rate, 0.0, forces_first))
+    z.append(pulls(campaign("motion", 5), 0.0, 0.005, forces_first))
+    square = np.square(z)
+    assert square.max() < 4.0**2
+    assert (square.sum(axis=0) < chdtri(len(z), 1e-3)).all()
 
 
 def test_in_motion() -> None:
