@@ -21,7 +21,8 @@ from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.recordings import read_campaigns
 from tdfscal.commands.several_campaigns import judged
 from tdfscal.comparison.control_chart import Check, Watch, Watching
-from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import eliminate, stated
 from tdfscal.files.writers.campaign import simulate_to_folder

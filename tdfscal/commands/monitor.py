@@ -10,12 +10,12 @@ from typing import Annotated, Any
 from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import RESULT, RIG, campaign_folders, kind_of
+from tdfscal.commands.earlier import Earlier, on_one_another, read_earlier
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent
-from tdfscal.commands.recordings import Read, Unusable, require_one_rig
+from tdfscal.commands.recordings import Unusable, require_one_rig
 from tdfscal.commands.result import CalibrationSource, CommandResult, by_column, sources_of
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
-from tdfscal.commands.update import Earlier, read_earlier
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.pooling import pool
@@ -143,8 +143,7 @@ def monitor(
         A calibration cannot be read, or no campaign.
     """
     calibrations, folders = _sorted_out(sources_of(*files))
-    known = [read_earlier(source) for source in calibrations]
-    like = (known[0].name, known[0].rig) if known else None
+    known = on_one_another([read_earlier(source) for source in calibrations])
     papers = [
         found
         for earlier in known[1:]
@@ -157,18 +156,17 @@ def monitor(
         )
     settings = Settings(progress)
     before = [recording for earlier in known for recording in earlier.own_recordings()]
-    reads, unusable = usable_campaigns(groups, settings, like, before)
+    reads, unusable = usable_campaigns(groups, settings, None, known, before)
     if not known and not reads:
         raise unusable.first
     reads, lost = _taking_part(known, reads, unusable)
-    checks: list[Earlier | Read] = [*known, *reads]
+    checks: list[Earlier | Judged] = [*known, *reads]
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
     rig = max(checks, key=lambda check: check.measured.month).rig
     progress(f"going through {len(checks)} checks")
-    ordered: list[Earlier | Read] = sorted([*reads, *known], key=lambda one: one.measured.month)
-    pooled = pool([read.recorded for read in reads]) if reads else None
-    life, noisy = life_of(rig, known, pooled)
+    ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda one: one.measured.month)
+    life, noisy = life_of(rig, pool([check.recorded for check in checks]))
     making = Making(command, tuple(file for read in reads for file in read.inputs))
     found = (*lost, *papers, *noisy, *_findings(life, checks), *overdue(rig, making.created[:10]))
     return MonitorResult(rig, life, found, tuple(map(_source, ordered)), making)
@@ -191,7 +189,7 @@ def _taking_part(
     return sound, [*wanted(needed), *unusable.findings, *others, *remarks]
 
 
-def _source(check: Earlier | Read) -> Source:
+def _source(check: Earlier | Judged) -> Source:
     """When a check was measured, and the digest of its calibration or rig file."""
     when = MeasuredResult.model_validate(check.measured)
     if isinstance(check, Earlier):
@@ -221,7 +219,7 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
     return calibrations, folders
 
 
-def _findings(life: Life, checks: Sequence[Earlier | Read]) -> Iterator[Finding]:
+def _findings(life: Life, checks: Sequence[Earlier | Judged]) -> Iterator[Finding]:
     """What a reader of the history must know of its checks."""
     known = [check for check in checks if isinstance(check, Earlier)]
     for e in known:

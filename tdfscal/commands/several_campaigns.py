@@ -14,11 +14,14 @@ import numpy as np
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.commands.calibrate import Own, calibrate_motion, origin_of
+from tdfscal.commands.campaign import PathLike
+from tdfscal.commands.earlier import Earlier
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.recordings import (
     Read,
     Recording,
     Unusable,
+    day,
     left_out,
     naming,
     read_campaigns,
@@ -26,10 +29,11 @@ from tdfscal.commands.recordings import (
 )
 from tdfscal.commands.result import Calibration
 from tdfscal.comparison.history import life_of
-from tdfscal.comparison.misfit import Misfit
-from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.statistics import campaign
@@ -132,14 +136,16 @@ def _told(read: Read, alone: Own | None) -> list[str]:
 def usable_campaigns(
     groups: Sequence[Sequence[Path]],
     settings: Settings,
-    like: tuple[str, Rig] | None = None,
+    rig: PathLike | None = None,
+    known: Sequence[Earlier] = (),
     before: Sequence[Recording] = (),
 ) -> tuple[list[Judged], Unusable]:
     """Read campaigns of one rig, as `read_campaigns`, and judge each; and those that are unusable.
 
-    before : recordings that none of them may hold again.
+    known : calibrations of the same rig. before : recordings that none may hold again.
     """
-    reads, unusable = read_campaigns(groups, settings, like=like)
+    like = (known[0].name, known[0].rig) if known else None
+    reads, unusable = read_campaigns(groups, settings, rig, like)
     refuse_repeated([*before, *reads])
     found = list[Judged]()
     for read in reads:
@@ -159,7 +165,16 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
     Of a log with few dwells that which determines the zeros better. What its residuals say that
     the rig file lacks names the campaign.
     """
-    own = _informed(read, informed, trials)
+    assert read.dwells is not None
+    with read.log.explaining():
+        own: Own | None = calibrate_motion(read.log, read.dwells, informed)
+        if own is None or len(read.dwells):
+            rng = np.random.default_rng(0).spawn(2)[0]
+            stage = read.log.progress
+            still = self_calibrate(
+                informed, read.dwells, rng=rng, max_trials=trials, progress=stage
+            )
+            own = still if own is None else min(own, still, key=_zero_std)
     named = (
         replace(f, values={**f.values, "campaign": read.name}) if f.code in SUSPECTS else f
         for f in own.findings
@@ -167,37 +182,71 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
     return replace(own, findings=tuple(named))
 
 
-def _informed(read: Read, informed: Rig, trials: int | None) -> Own:
-    assert read.dwells is not None
-    with read.log.explaining():
-        moving = calibrate_motion(read.log, read.dwells, informed)
-        if moving is not None and not len(read.dwells):
-            return moving
-        still = self_calibrate(
-            informed,
-            read.dwells,
-            rng=np.random.default_rng(0).spawn(2)[0],
-            max_trials=trials,
-            progress=read.log.progress,
-        )
-    if moving is None:
-        return still
-    zero = layout(informed.n)["zero"]
-    moving_std = moving.uncertainty.parameter_std[zero]
-    surer = np.linalg.norm(moving_std) < np.linalg.norm(still.uncertainty.parameter_std[zero])
-    return moving if surer else still
+def _zero_std(own: Own) -> float:
+    std = own.uncertainty.parameter_std[layout(own.fit.rig.n)["zero"]]
+    return float(np.linalg.norm(std))
 
 
-def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> Calibration:
+def calibrate_several(
+    groups: Sequence[Sequence[Path]],
+    settings: Settings,
+    rig: PathLike | None = None,
+    earlier: Earlier | None = None,
+) -> Calibration:
     """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
 
     The angles are those at the time of the last campaign with a log. One that the gate rejects by
-    itself takes no part, as long as two others do; one that cannot be used as this rig's takes
-    none either, and rejects the result.
+    itself takes no part, as long as others do; one that cannot be used as this rig's takes none
+    either, and rejects the result. earlier : a calibration that counts as what stands behind it;
+    then the last campaign takes part in any case.
     """
-    reads, unusable = usable_campaigns(groups, settings)
+    known, before = [earlier] if earlier else [], earlier.recordings() if earlier else ()
+    reads, unusable = usable_campaigns(groups, settings, rig, known, before)
     if not reads:
         raise unusable.first
+    _check(reads, earlier)
+    settings.progress(f"pooling {len(reads)} campaigns")
+    read = [one for one in reads if one.dwells is not None][-1]
+    rejected = {one.name: one.rejected for one in reads if one.rejected}
+    sound = [one for one in reads if not one.rejected or (earlier and one is read)]
+    if len(sound) + len(known) > 1 and any(one.dwells is not None for one in sound):
+        reads = sound
+        read = [one for one in reads if one.dwells is not None][-1]
+    recorded = [one.recorded for one in reads]
+    if earlier:  # it stands behind them, whatever files without a date say
+        month = min(earlier.measured.month, *(one.month for one in recorded))
+        recorded.insert(0, replace(earlier.recorded, month=month))
+    pooled = pool(recorded)
+    changes, pooled = _changes(read.rig, pooled, earlier)
+    at = pooled.index(read.recorded)
+    informed = replace(read.rig, earlier=pooled.others(read.rig, at))
+    own = calibrate_informed(read, informed, settings.trials)
+    reasons = [*changes, *_lost(pooled, at), *unusable.findings]
+    causes = {reason.code for reason in own.reasons}
+    for name, found in rejected.items():
+        if name not in {one.name for one in reads}:
+            reasons.append(found)
+        elif name != read.name or found.values["cause"] not in causes:  # or it is said already
+            reasons += wanted([found])
+    origin = origin_of(
+        read.log,
+        inputs=tuple(entry for one in reads for entry in one.inputs),
+        measured=_whole([one.measured for one in reads]),
+        campaigns=(*(earlier.campaigns if earlier else ()), *_campaigns(reads, pooled)),
+        history=earlier.history() if earlier else (),
+    )
+    remarks = [one.remark for one in reads if one is not read and one.remark]
+    remarks += [said for said in read.log.messages if said not in own.findings]
+    remarks += defects(earlier.name, earlier.file) if earlier else []
+    said = own.findings
+    if changes and not read.rejected:  # what else rejects it stands on what it does not fit
+        said = tuple(f for f in said if not f.rejects or f.code in PRECISION)
+    own = replace(own, findings=(*reasons, *said))
+    return Calibration.of(from_self(own, origin, remarks))
+
+
+def _check(reads: Sequence[Read], earlier: Earlier | None) -> None:
+    """Refuse campaigns without any log, and those whose order in time is not known or wrong."""
     if all(read.dwells is None for read in reads):
         raise UsageError(
             "none of the campaigns has a log",
@@ -205,50 +254,36 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
             hint="calibrate surveys one by one, and compare them",
         )
     undated = [read.name for read in reads if read.measured.source == "file"]
-    if undated and reads[-1].rig.drift.angle > 0:
+    if undated and reads[-1].rig.drift.angle > 0 and earlier is None:
         # Where angles walk the order of the campaigns and their distances matter.
         raise DataError(
             "drift.angle is declared, but nothing says when this was recorded",
             where=undated[0],
             hint="state campaign.date in its rig.yaml, or record with a wall clock",
         )
-    settings.progress(f"pooling {len(reads)} campaigns")
-    rejected = {read.name: read.rejected for read in reads if read.rejected}
-    sound = [read for read in reads if not read.rejected]
-    enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
-    reads = sound if enough else reads
-    pooled = pool([read.recorded for read in reads])
-    last = max(k for k, read in enumerate(reads) if read.dwells is not None)
-    read = reads[last]
-    changes, pooled = _changes(reads, pooled)
-    inputs = tuple(entry for one in reads for entry in one.inputs)
-    informed = replace(read.rig, earlier=pooled.others(read.rig, last))
-    own = calibrate_informed(read, informed, settings.trials)
-    if not enough and read.rejected:  # what it says of itself names its cause once
-        said = {reason.code for reason in own.reasons}
-        rejected = {
-            n: f for n, f in rejected.items() if n != read.name or f.values["cause"] not in said
-        }
-    reasons = [*changes, *_lost(reads, pooled, last), *unusable.findings]
-    reasons += rejected.values() if enough else wanted(rejected.values())
-    whole = Measured(
-        min(one.measured.begin for one in reads),
-        max(one.measured.end for one in reads),
-        next(by for by in ("file", "rig", "log") if by in {r.measured.source for r in reads}),
-    )
-    told = {"inputs": inputs, "measured": whole, "campaigns": _campaigns(reads, pooled)}
-    origin = origin_of(read.log, **told)
-    remarks = [one.remark for one in reads if one is not read and one.remark]
-    remarks += [said for said in read.log.messages if said not in own.findings]
-    own = replace(own, findings=(*reasons, *own.findings))
-    return Calibration.of(from_self(own, origin, remarks))
+    if earlier is None or earlier.measured.source == "file":
+        return
+    for read in reads:
+        if read.measured.source != "file" and read.measured.end < earlier.measured.begin:
+            raise UsageError(
+                f"was recorded on {day(read.measured.end)}, before the calibration "
+                f"({day(earlier.measured.end)})",
+                where=read.name,
+                hint="update in the order of time, or give all campaigns to calibrate",
+            )
 
 
-def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[CampaignResult, ...]:
+def _whole(each: Sequence[Measured]) -> Measured:
+    """From the first to the last, by the least sure of what tells it."""
+    source = next(by for by in ("file", "rig", "log") if by in {one.source for one in each})
+    return Measured(min(one.begin for one in each), max(one.end for one in each), source)
+
+
+def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, ...]:
     """What the file says of each campaign."""
     return tuple(
         campaign(
-            *pooled.own_state(read.rig, k),
+            *pooled.own_state(read.rig, pooled.index(read.recorded)),
             read.rig.axes,
             read.means,
             name=read.name,
@@ -258,21 +293,23 @@ def _campaigns(reads: Sequence[Read], pooled: Pool) -> tuple[CampaignResult, ...
             chi2=member.chi2,
             dof=max(member.dof, 0),
         )
-        for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True))
+        for read in reads
+        for member in [pooled.members[pooled.index(read.recorded)]]
     )
 
 
-def _changes(reads: Sequence[Read], pooled: Pool) -> tuple[list[Finding], Pool]:
+def _changes(rig: Rig, pooled: Pool, earlier: Earlier | None) -> tuple[list[Finding], Pool]:
     """Why the campaigns are not of one state; and the pool, knowing what turned between them.
 
     Turns that the control chart alarms of, unless fewer campaigns that do not fit the others
     explain as much.
     """
-    life, _ = life_of(reads[-1].rig, [], pooled)
+    life, _ = life_of(rig, pooled)
     alarms, misfits = life.alarms, pooled.misfits
     unnamed = any(alarm.sensor is None for alarm in alarms)
     if not alarms or (misfits and (unnamed or len(misfits) < len(alarms))):
-        return [misfit_finding(misfit) for misfit in misfits], pooled
+        than = earlier.name if earlier else None
+        return [misfit.against(than) for misfit in misfits], pooled
     edges = [0, *sorted({alarm.onset for alarm in alarms}), len(life.names)]
     names = short(life.names)
     apart = [
@@ -295,27 +332,12 @@ def _changes(reads: Sequence[Read], pooled: Pool) -> tuple[list[Finding], Pool]:
     return found, replace(pooled, walk=replace(pooled.walk, steps=steps))
 
 
-def _lost(reads: Sequence[Read], pooled: Pool, last: int) -> Iterator[Finding]:
+def _lost(pooled: Pool, last: int) -> Iterator[Finding]:
     """Campaigns of which more postures had to be left out than a faultless one loses."""
-    for k, (read, member) in enumerate(zip(reads, pooled.members, strict=True)):
+    for k, member in enumerate(pooled.members):
         count = 0 if member.fit is None else len(member.fit.weight)
         lost = len(member.rejected)
         if k != last and lost > MOST_REJECTED * count:
             values: dict[str, Value] = {"postures": count, "limit": MOST_REJECTED}
             code = "campaign-postures-rejected"
-            yield Finding(code, (read.name,), lost, values=values, rejects=True)
-
-
-def misfit_finding(misfit: Misfit, *, since: str | None = None) -> Finding:
-    """A campaign that does not fit the others, or an earlier calibration (since)."""
-    code, subject, size = f"misfit-{misfit.cause or 'unexplained'}", misfit.campaign, None
-    if misfit.sensor is not None:
-        code, subject = "misfit-turned", misfit.sensor
-        size = float(np.linalg.norm(misfit.turn))
-    values: dict[str, Value] = {
-        "campaign": misfit.campaign,
-        "than": since or "the other campaigns",
-        "updating": since is not None,
-    }
-    unit = "" if size is None else "rad"
-    return Finding(code, (subject,), size, unit, misfit.p_value, values=values, rejects=True)
+            yield Finding(code, (member.name,), lost, values=values, rejects=True)

@@ -24,16 +24,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL, exact_rows
+from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import Observation, stated
+from tdfscal.estimation.observation import stated
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated, free_constants, of_load, same_load
+from tdfscal.model.calibrated import free_constants, of_load, same_load
 from tdfscal.model.parameters import LOAD, State, retract
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.information import Information, contrast, inverse, nothing
-from tdfscal.records import ExactMoves, FloatArray, IntArray, Rig, Rotations
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.numerics.information import Information, contrast, nothing
+from tdfscal.records import ExactMoves, FloatArray, IntArray, Rig
 from tdfscal.significance import INTERVAL_COVERAGE
 
 
@@ -114,37 +113,6 @@ def with_load(reference: State, of: State) -> State:
     return replace(reference, **{group: getattr(of, group) for group in LOAD})
 
 
-def scores_of_fit(fit: Fit, part: Observation, places: IntArray) -> tuple[ExactMoves, ...]:
-    """Scores of the common parameters (C,) by errors of what a campaign at rest takes as exact.
-
-    part : what it says, its own parameters eliminated. places : of its constants among the common.
-    """
-    J = fit.whitened()[1]
-    own = part.places[fit.active]
-    reduced = part.give.T @ J[:, own].T
-    reduced[places] += J[:, ~own].T
-    return tuple(one.by(reduced) for one in exact_rows(fit))
-
-
-def scores_of_estimate(
-    known: Calibrated, exact: Sequence[ExactMoves], size: int, places: IntArray
-) -> tuple[ExactMoves, ...]:
-    """Scores (C,) of a campaign calibrated by itself; exact : moves (P,) of its parameters."""
-    free = free_constants(known.rig)
-    posterior = np.zeros((size, len(free)))
-    posterior[np.ix_(places, free)] = inverse(known.covariance[np.ix_(free, free)])
-    return tuple(one.by(posterior) for one in exact)
-
-
-def scores_of_survey(
-    survey: Rotations, exact: Sequence[ExactMoves], size: int
-) -> tuple[ExactMoves, ...]:
-    """Scores (C,) of a survey; exact : moves (3n,) of its turns."""
-    posterior = np.zeros((size, len(survey.covariance)))
-    posterior[: len(survey.covariance)] = inverse(survey.covariance)
-    return tuple(one.by(posterior) for one in exact)
-
-
 #: Sources of the budget that are of the rig, or of a terminal: one error in all campaigns.
 _OF_ALL = ("sensitivity", "mass", "barycentre", "hinge", "datum", "gravity", "compliance")
 
@@ -163,6 +131,7 @@ def sources_together(each: Sequence[Mapping[str, FloatArray]]) -> dict[str, Floa
         together = np.square(np.sum(std, axis=0)) if name in _OF_ALL else np.sum(np.square(std), 0)
         found[name] = np.asarray(together)
     total = np.sum(list(found.values()), axis=0)
+    total = np.where(total > 0, total, 1.0)  # of a sensor that has no angles
     return {name: variance / total for name, variance in found.items()}
 
 

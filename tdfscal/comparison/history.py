@@ -9,21 +9,19 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from tdfscal.comparison.common import Intensity, Walk, common, intensity, with_load
+from tdfscal.comparison.common import Intensity, Walk, intensity
 from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
-from tdfscal.comparison.misfit import EarlierCalibration, scatter_of, within
+from tdfscal.comparison.members import added_to
+from tdfscal.comparison.misfit import scatter_of
 from tdfscal.comparison.pooling import Pool
-from tdfscal.errors import UsageError
-from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import stated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import of_load, same_load, turned
-from tdfscal.model.parameters import EVEN_TURN, State, nominal
+from tdfscal.model.calibrated import turned
+from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.numerics.information import Information, without
+from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.significance import ALARMS_PER_YEAR, INTERVAL_COVERAGE, LONGEST_INTERVAL
 
@@ -249,32 +247,14 @@ def _pace(alarms: Sequence[Alarm], n: int) -> FloatArray:
     return pace
 
 
-def life_of(
-    rig: Rig, known: Sequence[EarlierCalibration], pooled: Pool | None
-) -> tuple[Life, list[Finding]]:
-    """Go through calibrations and a pool's campaigns; and say which count with their own scatter.
-
-    Raises UsageError where a calibration stands on another that is not among them.
-    """
-    rigs = pooled.common.rigs if pooled else ()
-    shared = common([*rigs, *(e.rig for e in known)])
-    first, told = known[0].state if known else nominal(rig), np.zeros(rig.n, dtype=np.bool_)
-    if pooled:
-        first, told = pooled.reference, _determined(rig, pooled)
-    first = _with_turns(first, told, known)
-    loads = [*(pooled.references if pooled else ()), *(e.state for e in known)]
-    references = [with_load(first, loads[k]) for k in shared.terminal]
-    prior, checks, fits = shared.stated(references), list[Check](), list[tuple[float, int]]()
-    for k, m in enumerate(pooled.members if pooled else ()):
-        own = m.own.padded(shared.size)
-        if not told.all():
-            own = _added(rig, own + prior, prior, told)
+def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
+    """Go through a pool's checks; and say which count with their own scatter."""
+    shared, prior, checks = pooled.common, pooled.walk.prior, list[Check]()
+    fits, told = list[tuple[float, int]](), _determined(rig, pooled)
+    for k, m in enumerate(pooled.members):
+        own = m.own if told.all() else added_to(rig, m.own + prior, prior, told)
         checks.append(Check(m.name, m.month, own, shared.load(k)))
-        fits.append(within(replace(m.reduced, information=own), prior))
-    for k, e in enumerate(known, len(rigs)):
-        own = _own(rig, e, known, references[k])
-        checks.append(Check(e.name, e.measured.month, shared.embedded(k, own), shared.load(k)))
-        fits.append((0.0, 0) if e.pooled else (e.chi2, e.dof))
+        fits.append(replace(m, reduced=replace(m.reduced, information=own)).within(prior))
     birge = scatter_of(fits)
     least = float(birge.min())
     noisy = [
@@ -282,9 +262,8 @@ def life_of(
         for check, ratio in zip(checks, birge, strict=True)
         if ratio > least
     ]
-    scaled = (replace(c, own=c.own.scaled(b / least)) for c, b in zip(checks, birge, strict=True))
-    ordered = sorted(scaled, key=lambda check: check.month)
-    return live(rig, references[-1], prior, ordered, rate=ALARMS_PER_YEAR, birge=least), noisy
+    scaled = [replace(c, own=c.own.scaled(b / least)) for c, b in zip(checks, birge, strict=True)]
+    return live(rig, pooled.reference, prior, scaled, rate=ALARMS_PER_YEAR, birge=least), noisy
 
 
 def _determined(rig: Rig, pooled: Pool) -> BoolArray:
@@ -293,46 +272,3 @@ def _determined(rig: Rig, pooled: Pool) -> BoolArray:
     last = pooled.posterior(len(pooled.members) - 1)
     std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
     return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))
-
-
-def _with_turns(first: State, told: BoolArray, known: Sequence[EarlierCalibration]) -> State:
-    """Constants from which all checks count: each sensor's turns where something determines it.
-
-    told : (n,), those that the first state has from something.
-    """
-    rotation = first.rotation.copy()
-    for e in known:
-        new = e.determined & ~told
-        rotation[new], told = e.state.rotation[new], told | new
-    return replace(first, rotation=rotation)
-
-
-def _own(
-    rig: Rig, e: EarlierCalibration, known: Sequence[EarlierCalibration], reference: State
-) -> Information:
-    """What a calibration's own data say (c,), without what was known before them."""
-    told, before = e.determined, stated(Priors(e.rig), reference)
-    if e.base is not None:
-        digest, created = e.base
-        base = next((other for other in known if other.sha256 == digest), None)
-        if base is not None:
-            stood = base.about(reference).walked(base.walk(rig, e.measured.month))
-            told = told & base.determined
-            if same_load(base.rig, e.rig):
-                before = stood
-            else:  # of the terminal its own rig file spoke
-                spoken, kept = ~of_load(e.rig), ~of_load(base.rig)
-                rest = stood.without(~kept)
-                before.matrix[np.ix_(spoken, spoken)] = rest.matrix[np.ix_(kept, kept)]
-                before.score[spoken] = rest.score[kept]
-        elif min(other.measured.month for other in known) < e.measured.month:
-            unnamed = Finding("calibration-unnamed", values={"date": created[:10]})
-            raise UsageError(unnamed, where=e.name)
-    return _added(e.rig, e.about(reference), before, told)
-
-
-def _added(rig: Rig, now: Information, before: Information, told: BoolArray) -> Information:
-    """What was added to what was known before, but for turns of sensors (n,) that are not told."""
-    lost = np.zeros(len(now.score), dtype=np.bool_)
-    lost[: 3 * rig.n] = np.repeat(~told, 3)
-    return without(now.without(lost), before.without(lost))

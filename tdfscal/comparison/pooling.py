@@ -7,7 +7,7 @@ of time, and each is held against the rest before anything is pooled.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,64 +16,33 @@ from tdfscal.comparison.common import (
     Walk,
     common,
     others_move,
-    scores_of_estimate,
-    scores_of_fit,
-    scores_of_survey,
     sources_together,
     with_load,
 )
+from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import (
-    Observation,
-    eliminate,
-    of_estimate,
-    of_survey,
-    stated,
-    unstated,
-)
+from tdfscal.estimation.observation import Observation, eliminate, unstated
 from tdfscal.findings import Finding
-from tdfscal.frozen import field, record, replace
-from tdfscal.model.calibrated import Calibrated, free_constants, joint_prior, loosened, turned
+from tdfscal.frozen import record, replace
+from tdfscal.model.calibrated import free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
-    CONSTANTS,
     State,
     nominal,
     placed,
     prior_std,
-    retract,
     with_motions,
 )
-from tdfscal.model.statics import Postures
+from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information
-from tdfscal.records import ExactMoves, FloatArray, IntArray, JointPrior, Rig, Rotations
-from tdfscal.selfcal.estimator import Fit, at_state
+from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
+from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import POOL_SHARE, alarm_level
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-6
 _ROUNDS = 8
-
-
-@record
-class Recorded:
-    """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
-
-    estimate : of a log in motion, by what its rig file states. survey : of a tracker.
-    exact : how either moves with errors of what it took as exact. contributions : variances (n, 3)
-    of roll, pitch, yaw by source, as it knows them alone; empty where it does not.
-    month : when it was measured, in months of 30.4375 days from any common instant.
-    """
-
-    name: str
-    month: float
-    rig: Rig
-    postures: Postures | None = None
-    estimate: Calibrated | None = None
-    survey: Rotations | None = None
-    exact: tuple[ExactMoves, ...] = ()
-    contributions: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @record
@@ -110,6 +79,16 @@ class Member:
         """What it says of the constants by itself."""
         return self.reduced.information
 
+    def within(self, prior: Information) -> tuple[float, int]:
+        """χ² and degrees of freedom with the constants at its own best.
+
+        prior : what is stated of the constants, beside which it says something of them. None of a
+        calibration that stands on another one, whose χ² is in its own.
+        """
+        if (earlier := self.recorded.earlier) is not None:
+            return (earlier.chi2, earlier.dof) if earlier.base is None else (0.0, 0)
+        return within(self.reduced, prior)
+
 
 @record
 class Pool:
@@ -139,7 +118,25 @@ class Pool:
         moved = others_move(self.common, index, [m.exact for m in self.members], self.walk)
         here = [one.by(np.eye(self.common.size)[at]) for one in moved]
         prior = joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
-        return replace(prior, sources=sources_together([m.recorded.contributions for m in chosen]))
+        sources = sources_together([m.recorded.contributions for m in chosen])
+        return replace(prior, sources=self._with_walk(sources, index))
+
+    def _with_walk(self, sources: dict[str, FloatArray], index: int) -> dict[str, FloatArray]:
+        """Shares of the sources beside that of the walk until one campaign."""
+        if not sources or not np.any(self.walk.steps):
+            return sources
+        R, still = self.reference.rotation, [np.zeros_like(step) for step in self.walk.steps]
+        walks = (replace(self.walk, steps=still), self.walk)
+        left, whole = (
+            so3.rpy_variance(R, walk.others()[index].covariance[: 3 * len(R), : 3 * len(R)])
+            for walk in walks
+        )
+        share = left / whole
+        return {name: share * own for name, own in sources.items()} | {"walk": 1.0 - share}
+
+    def index(self, recorded: Recorded) -> int:
+        """Place of a campaign in the order of time."""
+        return next(k for k, m in enumerate(self.members) if m.recorded is recorded)
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
@@ -192,51 +189,46 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         posterior = walk.others()[-1] + walk.own[-1]
         move = posterior.mean
         fits = [
-            None if at is None else _moved(item, at, part, reference, shared.step(k, move), move)
+            None if at is None else item.moved(at, part, reference, shared.step(k, move), move)
             for k, (item, at, part, reference) in enumerate(
                 zip(ordered, fits, reduced, references, strict=True)
             )
         ]
         references = shared.moved(references, move)
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
-    members = []
-    for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True)):
-        # Constants of which nothing was stated are determined by the first campaign that has them.
-        dof = reduced[k].rows
-        if shared.terminal[k] == k:
-            dof -= unstated(Priors(item.rig), load_alone=k > 0)
-        members.append(
-            Member(
-                recorded=item,
-                reduced=reduced[k],
-                fit=fits[k],
-                state=_own_state(item, fits[k], reduced[k], references[k]),
-                rejected=rejected[k],
-                chi2=_fresh(known, reduced[k]),
-                dof=dof,
-                exact=_exact(item, fits[k], reduced[k], shared.places[k]),
-            )
-        )
-    birge = scatter_of([within(part, walk.prior) for part in reduced])
+    members = [
+        _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known)
+        for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True))
+    ]
+    birge = scatter_of([member.within(walk.prior) for member in members])
     own = [item.scaled(ratio) for item, ratio in zip(walk.own, birge, strict=True)]
-    names = [item.name for item in ordered]
     level = POOL_SHARE * alarm_level(np.append(gaps[1:2], gaps[1:]))
     scaled = Walk(own, walk.prior.scaled(birge.min()), steps)
-    found = not_fitting(shared, names, scaled, level)
+    found = not_fitting(shared, ordered, scaled, level)
     return Pool(shared, references, walk, tuple(members), found)
 
 
-def _exact(
-    item: Recorded, at: Fit | None, part: Observation, places: IntArray
-) -> tuple[ExactMoves, ...]:
-    """Scores (C,) of what a campaign says, by errors of what it takes as exact."""
-    size = len(part.information.score)
-    if at is not None:
-        return scores_of_fit(at, part, places)
-    if item.estimate is not None:
-        return scores_of_estimate(item.estimate, item.exact, size, places)
-    assert item.survey is not None
-    return scores_of_survey(item.survey, item.exact, size)
+def _member(
+    shared: Common,
+    index: int,
+    item: Recorded,
+    at: Fit | None,
+    part: Observation,
+    reference: State,
+    rejected: dict[int, Finding],
+    known: Information,
+) -> Member:
+    """A campaign within the pool; known : before it, from those before it."""
+    if (earlier := item.earlier) is not None:
+        chi2, dof = earlier.chi2, earlier.dof
+    else:
+        chi2, dof = _fresh(known, part), part.rows
+        # Constants of which nothing was stated are determined by the first that has them.
+        if shared.terminal[index] == index:
+            dof -= unstated(Priors(item.rig), load_alone=index > 0)
+    state = item.own_state(at, part, reference)
+    exact = item.scores(at, part, shared.places[index])
+    return Member(item, part, at, state, rejected, chi2, dof, exact)
 
 
 def _fresh(known: Information, part: Observation) -> float:
@@ -263,9 +255,9 @@ def _first_round(
         return shared.stated(references)
 
     for k, item in enumerate(ordered):
-        if item.estimate is not None:
-            known = begin(item.estimate.state) if known is None else known
-            part = _observed(item, None, references[k])
+        if item.start is not None:
+            known = begin(item.start) if known is None else known
+            part = item.observed(None, references[k])
             known = known + shared.embedded(k, part.information)
     for k in np.argsort(sizes)[::-1]:
         item = ordered[k]
@@ -280,17 +272,22 @@ def _first_round(
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
         known = known + shared.embedded(k, eliminate(result, references[k]).information)
-    return fits, rejected, references
+    turns = _turns(ordered, [fits[k] for k in np.argsort(sizes)[::-1]], references[0].rotation)
+    return fits, rejected, [replace(reference, rotation=turns) for reference in references]
 
 
-def _observed(item: Recorded, at: Fit | None, reference: State) -> Observation:
-    """What a campaign says of its own constants (c,), counted from the reference."""
-    if at is not None:
-        return eliminate(at, reference)
-    if item.estimate is not None:
-        return of_estimate(item.estimate, stated(Priors(item.rig), reference), reference)
-    assert item.survey is not None
-    return of_survey(item.survey, reference, int(free_constants(item.rig).sum()))
+def _turns(
+    ordered: Sequence[Recorded], fits: Iterable[Fit | None], rotation: FloatArray
+) -> FloatArray:
+    """Rotations (n, 3, 3), each sensor's of the first calibration that gives it, or of a fit."""
+    found, told = rotation.copy(), np.zeros(len(rotation), dtype=np.bool_)
+    known = [(item.earlier.determined, item.start) for item in ordered if item.earlier]
+    moved = [(~told, item.start) for item in ordered if item.estimate]
+    fitted = [(~told, at.state) for at in fits if at is not None]
+    for sensors, state in (*known, *moved, *fitted):
+        if state is not None:
+            found[sensors & ~told], told = state.rotation[sensors & ~told], told | sensors
+    return found
 
 
 def _reduced(
@@ -302,41 +299,8 @@ def _reduced(
     """What each campaign says of the common parameters, counted from the references."""
     parts = []
     for k, (item, at, reference) in enumerate(zip(ordered, fits, references, strict=True)):
-        part = _observed(item, at, reference)
+        part = item.observed(at, reference)
         give = np.zeros((len(part.own), shared.size))
         give[:, shared.places[k]] = part.give
         parts.append(replace(part, information=shared.embedded(k, part.information), give=give))
     return parts
-
-
-def _own_state(item: Recorded, at: Fit | None, part: Observation, reference: State) -> State | None:
-    """A campaign's own parameters at the reference, whose constants it has."""
-    if at is not None:
-        return at.state
-    if item.estimate is None:
-        return None
-    step = np.zeros(len(part.places))
-    step[part.places] = part.own
-    return retract(_with_constants(item.estimate.state, reference), step)
-
-
-def _moved(
-    item: Recorded,
-    at: Fit,
-    part: Observation,
-    reference: State,
-    constants: FloatArray,
-    move: FloatArray,
-) -> Fit:
-    """The campaign's fit a step (P,) of the constants from the reference, the others at their best.
-
-    move : (C,), the same step of all that the campaigns have in common.
-    """
-    state = _with_constants(at.state, reference)
-    step = np.pad(constants, (0, len(at.active) - len(constants)))
-    step[part.places] = part.own + part.give @ move
-    return at_state(item.rig, at.postures, retract(state, step), at.weight)
-
-
-def _with_constants(state: State, reference: State) -> State:
-    return replace(state, **{group: getattr(reference, group) for group in CONSTANTS})

@@ -105,7 +105,14 @@ def of_survey(survey: Rotations, reference: State, size: int) -> Observation:
     matrix = np.linalg.inv(survey.covariance)
     out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
     out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
-    return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
+    return of_information(out)
+
+
+def of_information(found: Information) -> Observation:
+    """What an estimate of the constants alone says, without parameters of its own."""
+    size = len(found.score)
+    none = np.zeros(0, dtype=np.bool_)
+    return _alone(found, none, np.zeros((0, size)), np.zeros((0, 0)), np.zeros(size))
 
 
 def of_estimate(known: Calibrated, prior: Information, reference: State) -> Observation:

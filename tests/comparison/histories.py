@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.comparison.pooling import Recorded
+from tdfscal.comparison.members import Recorded
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tdfscal.comparison.control_chart import Check, Watching
-from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import reference_rig
 from tests.comparison.histories import history

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.comparison.pooling import Recorded, pool
+from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import pool
 from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.estimation.fit import information
 from tdfscal.numerics import so3

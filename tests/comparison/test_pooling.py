@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.comparison.pooling import Pool, Recorded, pool
+from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.estimation.fit import Priors, information
 from tdfscal.model.parameters import constants, nominal, retract
 from tdfscal.numerics import so3

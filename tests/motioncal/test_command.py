@@ -79,7 +79,7 @@ def test_a_sensor_that_turned_before_a_motion_is_named(minute: Path, tmp_path: P
     pq.write_table(table, turned / "log.parquet")
     updated = tdfscal.update(known, turned, trials=0)
     (found,) = updated.reasons
-    assert (found.code, found.subject) == ("misfit-turned", ("ncp2",))
+    assert (found.code, found.subject) == ("campaigns-changed", ("ncp2",))
     assert found.size == pytest.approx(0.02, abs=1e-3)
     assert not updated.found("stretch-touched")
 

@@ -1,0 +1,150 @@
+"""Earlier calibrations, as files hold them, for what is made of them and further campaigns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from tdfscal.commands.recordings import Recording
+from tdfscal.commands.result import Calibration, CalibrationSource, read_source
+from tdfscal.comparison.members import EarlierCalibration
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration.compared import readings_of
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import dump_calibration
+from tdfscal.files.calibration.evidence import CampaignResult
+from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
+from tdfscal.files.calibration.parts import HistoryEntry
+from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
+from tdfscal.model.calibrated import constants_known, free_constants, with_rotations
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
+
+
+@record(kw_only=True)
+class Earlier(EarlierCalibration):
+    """A calibration file as what is known before another campaign."""
+
+    file: Calibration
+
+    @property
+    def campaigns(self) -> tuple[CampaignResult, ...]:
+        """The campaigns that it stands on, as a file lists them."""
+        return self.file.campaigns or (_alone(self),)
+
+    def recordings(self) -> list[Recording]:
+        """The recordings that it stands on."""
+        known = readings_of(self.file, self.rig.supports)
+        return [
+            Recording(one.name, [f.record() for f in one.inputs], one.measured.record(), means)
+            for one, means in zip(self.campaigns, known, strict=True)
+        ]
+
+    def own_recordings(self) -> list[Recording]:
+        """Those of them on which no calibration stands that this one updates."""
+        return self.recordings()[-1:] if self.file.history else self.recordings()
+
+    def history(self) -> tuple[HistoryEntry, ...]:
+        """The calibrations that one which stands on this one stands on."""
+        own = {"created": self.file.created, "method": self.file.method, "sha256": self.sha256}
+        last = HistoryEntry.model_validate({**own, "measured": self.measured})
+        return (*self.file.history, last)
+
+
+def read_earlier(source: CalibrationSource) -> Earlier:
+    """Read a calibration as what is known before another campaign.
+
+    Raises DataError, UsageError where it is none, or cannot be read.
+    """
+    name, file = read_source(source)
+    known = calibrated(file)
+    covariance = known.covariance
+    if file.parameters is not None and file.parameters.unscaled is not None:
+        covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
+    # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
+    alone = () if file.fit is None or file.motion is not None else (file.fit,)
+    fits = file.campaigns or alone
+    in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
+    content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
+    last = file.history[-1] if file.history else None
+    return Earlier(
+        name=name,
+        file=file,
+        rig=known.rig,
+        state=known.state,
+        information=constants_known(known.rig, covariance),
+        determined=file.determined,
+        measured=file.measured.record(),
+        sha256=sha256(content).hexdigest(),
+        chi2=sum(fit.chi2 for fit in fits),
+        dof=sum(fit.dof for fit in fits),
+        stands_on=None if last is None else (last.sha256, last.created),
+        exact=_exact(file, known.rig),
+        sources=_sources(file),
+    )
+
+
+def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
+    """Shares (n, 3) of the sources in the variance of roll, pitch, yaw; none where not told."""
+    if file.budget is None:
+        return {}
+    shares = np.zeros((len(file.determined), 3, len(file.budget.sources)))
+    shares[file.determined] = file.budget.shares.reshape(-1, *shares.shape[1:])
+    return dict(zip(file.budget.sources, np.moveaxis(shares, 2, 0), strict=True))
+
+
+def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
+    """How the constants (C,) move with errors of what the calibration took as exact."""
+    free = free_constants(rig)
+    rows = parameter_rows((file.parameters or file.covariance).parameters, rig.supports)
+    moves = exact_moves_from(file.taken_as_exact, rows, len(free))
+    return tuple(one.by(np.eye(len(free))[free]) for one in moves)
+
+
+def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
+    """Covariance (P, P) with that of the determined sensors' turns replaced by their own."""
+    stand = np.zeros(len(covariance), dtype=np.bool_)
+    stand[: 3 * len(determined)] = np.repeat(determined, 3)
+    order = np.argsort(~stand, kind="stable")  # with_rotations replaces the first block
+    back = np.argsort(order)
+    moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
+    return np.asarray(moved[np.ix_(back, back)])
+
+
+def _alone(earlier: Earlier) -> CampaignResult:
+    """The one campaign of a calibration, as a file with several lists it."""
+    file = earlier.file
+    return CampaignResult.model_validate(
+        {
+            "name": earlier.name,
+            "measured": earlier.measured,
+            "inputs": file.inputs,
+            "zero": [support.zero for support in file.supports],
+            "zero_std": [support.zero_std for support in file.supports],
+            "terminal": file.terminal,
+            "postures": 0 if file.fit is None else file.fit.postures,
+            "chi2": earlier.chi2,
+            "dof": earlier.dof,
+            "readings": file.dwells,
+        }
+    )
+
+
+def on_one_another(known: Sequence[Earlier]) -> list[Earlier]:
+    """Let each calibration know the one among them that it updates.
+
+    Raises UsageError where that is not among them, and older ones are.
+    """
+    found = list[Earlier]()
+    for e in known:
+        digest, created = e.stands_on or ("", "")
+        base = next((other for other in known if other.sha256 == digest), None)
+        first = min(other.measured.month for other in known)
+        if base is None and digest and first < e.measured.month:
+            unnamed = Finding("calibration-unnamed", values={"date": created[:10]})
+            raise UsageError(unnamed, where=e.name)
+        found.append(replace(e, base=base))
+    return found
