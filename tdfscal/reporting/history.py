@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from tdfscal.catalogue import told
-from tdfscal.catalogue.numbers import p_text, places, rounded, to_place, with_std
+from tdfscal.catalogue.numbers import count, p_text, places, rounded, to_place, with_std
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, rejecting
@@ -25,6 +25,8 @@ _NO_PART = ("campaign-unsound", "campaign-unusable", "campaign-left-out")
 _SLIP = "sensor-slipped"
 #: Months that read as such in a sentence.
 _SAID = 0.05
+#: Scatter, as a multiple of what is stated, that is not worth a word.
+_AS_STATED = 1.05
 
 _ADVICE = {
     "load": (
@@ -49,29 +51,25 @@ def day(month: float) -> str:
 
 def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
-    since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
+    raised = day(life.month[alarm.raised])
     tail = f"({layout.short(life.names)[alarm.onset]}; {p_text(alarm.p_value)})"
     if alarm.kind == "load":
-        return (
-            f"the load has changed {_since(life, alarm)}: mass or barycentre is not what it was "
-            f"{tail}"
-        )
+        what = f"the load has changed {_since(life, alarm)}: mass or barycentre is not what it was"
+        return f"{what} {tail}"
     if alarm.sensor is None:
-        return (
-            f"on {raised} all sensors together depart from what they were, and no turn of a single "
-            f"one explains it {tail}"
-        )
-    half = COVERAGE_FACTOR * alarm.size_std
-    said = f"{with_std(1e3 * alarm.size, 1e3 * half)} mrad (k = {COVERAGE_FACTOR:g})"
-    name = life.supports[alarm.sensor]
-    turns = (to_place(1e3 * x, places(1e3 * half), "+") for x in alarm.turn)
-    turn = f"about the BCS axes ({', '.join(turns)}) mrad"
+        what = f"on {raised} all sensors together depart from what they were"
+        return f"{what}, and no turn of a single one explains it {tail}"
+    half = 1e3 * COVERAGE_FACTOR * alarm.size_std
+    size = f"{with_std(1e3 * alarm.size, half)} mrad (k = {COVERAGE_FACTOR:g})"
+    turns = ", ".join(to_place(1e3 * x, places(half), "+") for x in alarm.turn)
+    name, seen = (
+        life.supports[alarm.sensor],
+        "" if alarm.raised == alarm.onset else f"; seen on {raised}",
+    )
+    what = f"has turned by {size} {_since(life, alarm)}"
     if alarm.kind == "creep":
-        return (
-            f"{name} creeps by {said} a month since about {since}, {turn}; seen on {raised} {tail}"
-        )
-    late = "" if alarm.raised == alarm.onset else f"; seen on {raised}"
-    return f"{name} has turned by {said} {_since(life, alarm)}, {turn}{late} {tail}"
+        what = f"creeps by {size} a month since about {day(life.month[alarm.onset])}"
+    return f"{name} {what}, about the BCS axes ({turns}) mrad{seen} {tail}"
 
 
 def _since(life: Life, alarm: Alarm) -> str:
@@ -108,7 +106,7 @@ def history_report(
         ends, name = min(certificates)
         tense = "ended" if ends < f"{datetime.now(UTC):%Y-%m-%d}" else "ends"
         due += f"; the certificate of {name}'s sensor {tense} on {ends}"
-    facts = Facts(_facts(life, alarms, len(lost), due))
+    facts = Facts(tuple(_facts(life, alarms, len(lost), due)))
     verdict = _verdict(alarms, unjudged=bool(unjudged))
     if slipped and not alarms:
         verdict = "slip"
@@ -116,7 +114,7 @@ def history_report(
         verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
     by_file = any(found.code == "checks-undated" for found in findings)
     return Report(
-        title=f"History of {_checks(life)}",
+        title=f"History of {count(len(life.names), 'check')}",
         subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement"
         + (", where nothing says it by the file's date" if by_file else ""),
         verdict=verdict.upper(),
@@ -160,40 +158,25 @@ def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:
     return "alarm" if alarms else "not all judged" if unjudged else "no alarm"
 
 
-def _checks(life: Life) -> str:
-    return f"{len(life.names)} check{'s' if len(life.names) > 1 else ''}"
-
-
-def _facts(
-    life: Life, alarms: tuple[Alarm, ...], lost: int, due: str
-) -> tuple[tuple[str, str], ...]:
-    beside = f"; {lost} more left out" if lost else ""
+def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterator[tuple[str, str]]:
     months = life.month[-1] - life.month[0]
-    time = (
-        f" in {months:.1f} months" if day(life.month[0]) != day(life.month[-1]) else " of one day"
-    )
-    rows = [
-        ("checks", f"{len(life.names)}{time}{beside}"),
-        ("alarms", f"{len(alarms)}" + (" in the checks judged" if lost else "")),
-        ("false alarms", f"at most {rounded(life.rate)} a year while nothing changes"),
-        ("random walk", _walk(life)),
-        ("next calibration", due),
-    ]
-    if life.birge > 1.05:
-        scatter = f"{life.birge:.2f} times what is stated; all uncertainties were scaled by it"
-        rows.append(("scatter of checks", scatter))
-    return tuple(rows)
-
-
-def _walk(life: Life) -> str:
+    several = day(life.month[0]) != day(life.month[-1])
+    time = f" in {months:.1f} months" if several else " of one day"
+    yield "checks", f"{len(life.names)}{time}" + f"; {lost} more left out" * bool(lost)
+    yield "alarms", f"{len(alarms)}" + " in the checks judged" * bool(lost)
+    yield "false alarms", f"at most {rounded(life.rate)} a year while nothing changes"
     stated = f"the rig file states {rounded(1e3 * life.declared)} mrad/√month"
-    if life.walk is None:
-        return f"{stated}; checks or days are too few to estimate it"
-    low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
-    return (
-        f"{rounded(1e3 * life.walk.value)} mrad/√month by the checks (95 %: {rounded(low)} to "
-        f"{rounded(high)}); {stated}"
-    )
+    walk = f"{stated}; checks or days are too few to estimate it"
+    if life.walk is not None:
+        most, low, high = (
+            rounded(1e3 * x) for x in (life.walk.value, life.walk.low, life.walk.high)
+        )
+        walk = f"{most} mrad/√month by the checks (95 %: {low} to {high}); {stated}"
+    yield "random walk", walk
+    yield "next calibration", due
+    if life.birge > _AS_STATED:
+        scatter = f"{life.birge:.2f} times what is stated; all uncertainties were scaled by it"
+        yield "scatter of checks", scatter
 
 
 def _turned(alarms: Sequence[Alarm]) -> bool:

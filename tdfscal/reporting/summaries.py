@@ -57,9 +57,7 @@ def _place(point: Sequence[float]) -> str:
 
 
 def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") -> str:
-    if value is None or not np.isfinite(value):
-        return unknown
-    return format(value, form)
+    return unknown if value is None or not np.isfinite(value) else format(value, form)
 
 
 def wrench_report(summary: dict[str, Any]) -> Report:
@@ -75,48 +73,39 @@ def wrench_report(summary: dict[str, Any]) -> Report:
     }
     way = "without inertia" if summary["quasi_static"] else "with inertia"
     about = _place(summary["about"])
-    force, torque = (rounded(summary["largest"][name], 3) for name in ("force", "torque"))
-    largest = f"The largest force is {force} N, the largest torque {torque} N·m."
-    said = [largest, *_of_motion(summary), _of_noise(summary)]
     return Report(
         f"Contact wrench of {summary['rows']} samples",
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
         claim=_filter(summary["filter"]),
-        sections=(Section("", (_by_component(shown), " ".join(said), *_of_zeros(summary))),),
+        sections=(Section("", (_by_component(shown), " ".join(_said(summary)))),),
     )
 
 
-def _of_motion(summary: dict[str, Any]) -> Iterator[str]:
+def _said(summary: dict[str, Any]) -> Iterator[str]:
+    """How large the wrench is, what part is motion, how its noise is known, the zeros' age."""
+    force, torque = (rounded(summary["largest"][name], 3) for name in ("force", "torque"))
+    yield f"The largest force is {force} N, the largest torque {torque} N·m."
     if summary["stops"] is not None:
         share = summary["stops"]["rows"] / summary["rows"]
         yield (
             f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s); where nothing "
             "touches, what is larger between the stops comes from the motion."
         )
-
-
-def _of_noise(summary: dict[str, Any]) -> str:
     noise = summary["noise"] or {"dwells": 0, "windows": 0}
-    if noise["dwells"]:
-        return f"The noise of a sample was measured in {noise['dwells']} static dwells of the log."
+    known = "is as declared, for the log shows none"
     if noise["windows"]:
-        return (
-            f"The noise of a sample was measured in {noise['windows']} short windows, so that "
-            "slower noise is not in it."
-        )
-    return "The noise of a sample is as declared, for the log shows none."
-
-
-def _of_zeros(summary: dict[str, Any]) -> Iterator[str]:
+        known = f"was measured in {noise['windows']} short windows; slower noise is not in it"
+    if noise["dwells"]:
+        known = f"was measured in {noise['dwells']} static dwells of the log"
+    yield f"The noise of a sample {known}."
     moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
-    if moved == 0.0:
-        return
-    size = "by an unknown amount" if moved is None else f"by {rounded(moved)} N (std)"
-    since = "are of unknown age (taken as if the log followed the calibration's at once)"
-    if summary["zeros"]["age_known"]:
-        since = "older" if age >= 0 else "younger"
-        since = f"are {rounded(abs(age) / 86400)} days {since} than the log"
-    yield f"The calibration's zeros {since} and may have moved {size} by its end."
+    if moved != 0.0:
+        size = "by an unknown amount" if moved is None else f"by {rounded(moved)} N (std)"
+        since = "are of unknown age (taken as if the log followed the calibration's at once)"
+        if summary["zeros"]["age_known"]:
+            order = "older" if age >= 0 else "younger"
+            since = f"are {rounded(abs(age) / 86400)} days {order} than the log"
+        yield f"The calibration's zeros {since} and may have moved {size} by its end."
 
 
 def _filter(f: dict[str, Any] | None) -> str:
@@ -144,9 +133,7 @@ def capability_report(
     columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
     for name, share in found.shares.items():
         columns[name] = [_number(v, ".0%", "–") for v in share]
-    unstated = any(f.code == "path-inertia-unknown" or f.values.get("unstated") for f in findings)
-    noise = _noise(found, request, inertia=not unstated)
-    blocks: tuple[Block, ...] = (_by_component(columns), *noise)
+    blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
     most = [max(found.shares, key=lambda source: found.shares[source][c]) for c in found.worst]
     if request.cutoff is not None:
         most = ["filtered" if source == "noise" else source for source in most]
@@ -167,22 +154,17 @@ def capability_report(
     )
 
 
-def _noise(found: Capability, request: Request, *, inertia: bool) -> Iterator[str]:
-    """What noise is, where it counts most; inertia : stated, or of no matter."""
+def _noise(found: Capability, request: Request) -> Iterator[str]:
+    """What noise is, where it counts most."""
     worst = [c for c in found.worst if found.shares["noise"][c] > _MOSTLY]
-    sizes = ", ".join(
-        f"{rounded(found.noise[c].std, 3)} {UNITS[c]} in {COMPONENTS[c]}" for c in worst
-    )
     if worst and not any(found.noise[c].std for c in worst):
         yield "The noise is what the rig file declares of a posture (uncertainty.force_noise)."
     elif worst:
-        plain = request.cutoff is None
-        of = "of single samples" if plain else "behind the filter"
+        sizes = (f"{rounded(found.noise[c].std, 3)} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
+        of = "of single samples" if request.cutoff is None else "behind the filter"
         where = "at the stops of the path" if found.resting else "along the path, motion included"
-        less = ["a filter (--filter HZ)" if plain else "a lower filter"]
-        if not found.resting:
-            less += ["an inertia that is stated"] * (not inertia) + ["a path at rest"]
-        yield f"Noise is the scatter {of} {where}: {sizes}. Less with {' or '.join(less)}."
+        less = "" if found.resting else ". Less at rest, or where the inertia is stated"
+        yield f"Noise is the scatter {of} {where}: {', '.join(sizes)}{less}."
 
 
 def plan_report(plan: Plan | MovingPlan) -> Report:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,46 +43,42 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: Causes that are told, where the log does not tell them apart.
 _CAUSES = 3
+#: mrad; a turn as large as this is as good as any.
+_UNSEEN = 785.0
 _RULE = (
     "still valid where neither χ² nor the search for a single change falls below its limit; both "
     f"limits together reject {VALIDATION_ALARM:.1%} of calibrations that hold{FIXED}"
 )
 
-#: Verdict, and what next, by the outcome.
+#: Verdict, and what next, by the outcome; of what proves nothing by the first reason that holds.
+_AGAIN = "Validate it again in a month, and after every work on a sensor, a hinge or the terminal."
+_NEW_ZEROS = "Keep its angles; if the sensors were tared, bring their zeros in by `tdfscal update`."
 _SAID = {
-    "holds": (
-        "still valid",
-        (
-            "Keep this calibration in use.",
-            "Validate it again in a month, and after every work on a sensor, a hinge or the "
-            "terminal.",
-        ),
-    ),
+    "holds": ("still valid", "Keep this calibration in use.", _AGAIN),
+    "tared": ("still valid", _NEW_ZEROS, _AGAIN),
     "touched": (
         "record again",
-        (
-            "Free what was touched and record this check again, before anything else.",
-            "Until then it says nothing of the calibration, neither for it nor against it.",
-        ),
+        "Free what was touched and record this check again, before anything else.",
+        "Until then it says nothing of the calibration, neither for it nor against it.",
     ),
     "changed": (
         "recalibrate",
-        (
-            "Do not steer by this calibration until the cause is found.",
-            "Undo the cause and validate again; where that is not possible, calibrate again.",
-        ),
+        "Do not steer by this calibration until the cause is found.",
+        "Undo the cause and validate again; where that is not possible, calibrate again.",
     ),
 }
-_REJECTED = "Mend what the quality gate names and calibrate again: a check mends no calibration."
-_NEW_ZEROS = "Keep its angles; if the sensors were tared, bring their zeros in by `tdfscal update`."
+_UNPROVEN = {
+    "gate_rejected": ("not fit for use", "Mend what the quality gate names, and calibrate again."),
+    "own": ("not contradicted", "Validate on a log that did not go into the calibration."),
+    "earlier": ("not contradicted", "Validate on a log recorded since the calibration."),
+    "few": ("not contradicted", "Record six postures or more, with squeezes, to call it valid."),
+    "blind": (
+        "not contradicted",
+        "Check again with more postures, tilt and squeezes, and state no more noise or drift than "
+        "there is.",
+    ),
+}
 _LITTLE = ("rejected-in-use", "log-used-before", "log-before-calibration")
-_ANOTHER = "Validate on a log that did not go into the calibration."
-_LATER = "Validate on a log recorded since the calibration: only that shows whether it holds."
-_MORE = "Record six postures or more, with squeezes: these are too few to call it still valid."
-_SHARPER = (
-    "Check again with more postures, tilt and squeezes, and state no more noise or drift than "
-    "there is."
-)
 
 
 @record
@@ -141,14 +137,13 @@ def validation_document(
     )
 
 
-def _verdict(v: Tested) -> tuple[str, tuple[str, ...]]:
+def _verdict(v: Tested) -> tuple[str, list[str]]:
     """The verdict, and what next."""
     if v.outcome == "unproven":
-        advice = {_REJECTED: v.gate_rejected, _ANOTHER: v.own, _LATER: v.earlier, _MORE: v.few}
-        verdict = "not fit for use" if v.gate_rejected else "not contradicted"
-        return verdict, (next((said for said in advice if advice[said]), _SHARPER),)
-    verdict, steps = _SAID[v.outcome]
-    return verdict, (_NEW_ZEROS, *steps[1:]) if v.holds and v.zeros.moved else steps
+        verdict, *steps = next(_UNPROVEN[why] for why in _UNPROVEN if getattr(v, why))
+    else:
+        verdict, *steps = _SAID["tared" if v.holds and v.zeros.moved else v.outcome]
+    return verdict, steps
 
 
 def _own(v: Tested, found: Finding) -> bool:
@@ -156,7 +151,7 @@ def _own(v: Tested, found: Finding) -> bool:
     return v.holds and found.code in _LITTLE
 
 
-def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
+def _why(v: Tested, findings: Sequence[Finding]) -> Iterator[str]:
     """The headline: what the check found, what of zeros, and what it would have seen."""
     moving = isinstance(v, MovingValidation)
     noise = " and the noise of this log" if moving else ""
@@ -165,28 +160,29 @@ def _why(v: Tested, findings: Sequence[Finding]) -> list[str]:
     search, chi2 = _tests(v)
     if v.holds:
         own = [f"{sentence(found)}." for found in findings if _own(v, found)]
-        passed = f"{left} no more {allow} (χ² test: {chi2}; test for a single change: {search})."
-        zeros = [begun(sentence(found), ".") for found in changes(v)]
-        return [*own, passed, *zeros, *([] if own else [_sure(v)])]
+        yield from own
+        yield f"{left} no more {allow} (χ² test: {chi2}; test for a single change: {search})."
+        yield from (begun(sentence(found), ".") for found in changes(v))
+        yield from [] if own else [_sure(v)]
+        return
     failed = []
     if v.judged.search_p < VALIDATION_SEARCH:
         failed.append(f"a single change explains more of it than chance would ({search})")
     if v.judged.p_value < VALIDATION_CHI2:
         said = f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom ({chi2})"
         failed.insert(len(failed) if v.decided_by_search else 0, said)
-    why = ""
+    yield f"{left} more {allow}: {'; '.join(failed)}."
     if not v.suspected:
-        why = (
+        yield (
             "No single change explains all of it: several things may have changed, or the "
             "calibration is that of another rig."
         )
     elif len(v.suspected) > 1:
         more = "a longer motion" if moving else "more postures"
-        why = (
+        yield (
             f"The causes below explain it about equally well; {more}, more tilt and a squeeze "
             "would tell them apart."
         )
-    return [f"{left} more {allow}: {'; '.join(failed)}.", *filter(None, [why])]
 
 
 def _tests(v: Tested) -> tuple[str, str]:
@@ -206,14 +202,15 @@ def _extent(v: Tested) -> str:
 
 def _sure(v: Tested) -> str:
     """What would have been detected."""
-    lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
+    lean, twist = 1e3 * v.detectable[:, :2].max(), 1e3 * v.detectable[:, 2].max()
     said = (
-        f"Had one sensor turned by more than {rounded(1e3 * lean)} mrad in roll or pitch, this "
-        f"check would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare"
+        f"Had one sensor turned by more than {rounded(lean)} mrad in roll or pitch, this check "
+        f"would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare; "
     )
-    unseen = "; it would not show a turn about the vertical."
-    seen = f"; about the vertical, by more than {rounded(1e3 * twist)} mrad."
-    said += unseen if twist > np.pi / 4 else seen
+    unseen = "it would not show a turn about the vertical."
+    said += (
+        unseen if twist > _UNSEEN else f"about the vertical, by more than {rounded(twist)} mrad."
+    )
     if v.blind:
         said += (
             f" The angles have to hold to ± {rounded(1e3 * v.limit)} mrad, which is less: a "
@@ -311,7 +308,7 @@ def validation_report(
             *(_papers(v, origin) if origin is not None else ()),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
-        advice=advice,
+        advice=tuple(advice),
         created="" if origin is None else layout.utc(origin.making.created),
     )  # fmt: skip
 
@@ -336,13 +333,13 @@ def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
     """Campaign and sensors; the calibration, the test and the logs."""
     c, rig = origin.calibration, origin.rig.rig
     fisher = " by Fisher's F" * bool(np.isfinite(v.judged.noise_dof))
+    test = layout.chi_squared(v.chi2, v.dof, v.judged.p_value)
     return campaign(stated_facts(rig, origin.measured), rig), origin.making.section(
         calibration_fact(origin.name, c),
-        ("Rig file", f"{origin.rig.rig.name}, SHA-256 {origin.rig.sha256}"),
-        ("χ² test", f"{layout.chi_squared(v.chi2, v.dof, v.judged.p_value)}{fisher}, limit "
-         f"{rounded(VALIDATION_CHI2, 3)}"),
+        ("Rig file", f"{rig.name}, SHA-256 {origin.rig.sha256}"),
+        ("χ² test", f"{test}{fisher}, limit {rounded(VALIDATION_CHI2, 3)}"),
         ("Single change", f"the likeliest one, by chance alone: {_tests(v)[0]}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),
         ("Convention", c.convention),
-    )  # fmt: skip
+    )
