@@ -298,14 +298,12 @@ def _with_survey(
     from tdfscal.comparison.compatibility import combine
     from tdfscal.files.calibration.from_results import from_joint, from_tracker
     from tdfscal.model.calibrated import independent
-    from tdfscal.records import Rotations
 
     if own is None:
         given = independent(rig, tracker.rotations.rotation, tracker.rotations.covariance)
         reasons = judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
         return Calibration.of(from_tracker(tracker, origin, (*reasons, *notes)))
-    mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
-    both = combine(mine, tracker.rotations)
+    both = combine(own.rotations, tracker.rotations)
     given = own.estimate.calibrated_at(both.rotations.covariance, both.rotations.rotation)
     mine_alone = [f for f in own.findings if f.code not in _OF_CONTACT]
     found = [f for f in mine_alone if f.rejects]

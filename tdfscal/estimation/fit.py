@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -63,6 +63,8 @@ class Fitted(ABC):
     is the log's own; not whitened. prior_residual : (m₀,), prior_jacobian : (m₀, p + …), whitened.
     """
 
+    #: Whether the rows are those of a motion.
+    moving: ClassVar[bool] = False
     priors: Stated
     residual: FloatArray
     jacobian: FloatArray

@@ -108,15 +108,14 @@ class Suspicion:
             return max(self.shift, self.zero_shift) > CERTAIN_SHIFT
         return self.shift > HARMFUL_SHIFT
 
-    @property
-    def spoils_motion(self) -> bool:
-        """Harmful to samples in motion, where only what is certain counts, but for a slip.
+    def spoils(self, moving: bool) -> bool:
+        """Harmful; to samples in motion only what is certain is, but for a slip.
 
         A path driven twice repeats the positioners' errors, as no noise does: what is left of them
         looks like a gain or an offset, and stands in the uncertainty. It turns no sensor on the
         way.
         """
-        return self.harmful and (self.certain or self.kind == "slip")
+        return self.harmful and (not moving or self.certain or self.kind == "slip")
 
     def findings(self, *, rejects: bool, **values: Value) -> tuple[Finding, ...]:
         """Each cause as a finding, the likeliest first."""

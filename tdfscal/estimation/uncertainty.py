@@ -137,33 +137,6 @@ class Estimate(Generic[F]):
         )
 
 
-@record
-class Estimated(Generic[F]):
-    """What a judged result says by its estimate."""
-
-    estimate: Estimate[F]
-
-    @property
-    def fit(self) -> F:
-        """The fit."""
-        return self.estimate.fit
-
-    @property
-    def quality(self) -> Quality:
-        """How well residuals and what is stated of them agree."""
-        return self.estimate.quality
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """Uncertainty of the rotations."""
-        return self.estimate.uncertainty
-
-    @property
-    def calibrated(self) -> Calibrated:
-        """All parameters of the rig with their joint covariance, for those who use them."""
-        return self.estimate.calibrated
-
-
 def quality(of: Fitted, parts: Spectrum) -> Quality:
     """χ² of a fit against the stated uncertainties; parts : of its Jacobian."""
     dof = of.rows + len(of.prior_jacobian) - len(parts.values)

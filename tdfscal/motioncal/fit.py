@@ -93,6 +93,7 @@ class MovingFit(Fitted):
     shift : whose delay and rate the poses of the designs are shifted by.
     """
 
+    moving = True
     priors: MovingPriors
     designs: tuple[BlockDesign, ...]
     data: Rows

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
-from tdfscal.estimation import observability
 from tdfscal.estimation.exact_quantities import misplaced
-from tdfscal.estimation.observability import Observability
+from tdfscal.estimation.judged import Judged, holding
+from tdfscal.estimation.observability import Observability, require_angles, verdict
 from tdfscal.estimation.score_tests import Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Estimated, Quality, beside, estimate
-from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.estimation.uncertainty import Quality, estimate
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.dynamics import PARAMETERS, RATE
 from tdfscal.model.parameters import nominal
@@ -25,7 +24,7 @@ from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
-from tdfscal.motioncal.score_tests import suspicions, undeclared, without_contacts
+from tdfscal.motioncal.score_tests import suspicions, without_contacts
 from tdfscal.motioncal.slip import likeliest_steps, refuse_changed_delay, suspicion_of
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import (
@@ -36,9 +35,8 @@ from tdfscal.motioncal.uncertainty import (
     residual_wrench,
     simulate,
 )
-from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.streams import covered
-from tdfscal.records import FloatArray, Rig, Rotations, UncertainValue
+from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.channel_checks import check_positions
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
@@ -51,20 +49,15 @@ _TOLD = 0.5
 _FREQUENCIES = 400
 
 
-@record
-class MotionCalibration(Estimated[MovingFit]):
+@record(kw_only=True)
+class MotionCalibration(Judged[MovingFit]):
     """The judged result of a calibration in motion.
 
-    begin : s, in the log's time, and seconds : length of what was used. suspicions : what the
-    residuals say was not declared. rejected : stretches left out, with their reasons. postures :
-    moments of the motion, for figures. dwells : rests within it. residual : the residual wrench
-    over time. findings : all that was found.
+    begin : s, in the log's time, and seconds : length of what was used. rejected : stretches left
+    out, with their reasons. postures : moments of the motion, for figures. dwells : rests within
+    it. residual : the residual wrench over time.
     """
 
-    rig: Rig
-    observability: Observability
-    suspicions: tuple[Suspicion, ...]
-    conformity: Conformity | None
     validation: HeldOut | None
     rejected: tuple[Stretch, ...]
     begin: float
@@ -72,13 +65,6 @@ class MotionCalibration(Estimated[MovingFit]):
     postures: Postures
     dwells: int
     residual: ResidualWrench
-    findings: tuple[Finding, ...]
-    monte_carlo: MonteCarlo | None = None
-
-    @property
-    def reasons(self) -> tuple[Finding, ...]:
-        """Why the gate rejects; empty where it accepts."""
-        return rejecting(self.findings)
 
     @property
     def moving_std(self) -> FloatArray:
@@ -146,53 +132,42 @@ def calibrate_moving(
         fit, usable, lambda cut, last: fit_moving(priors, cut, last.state)
     )
     result = _judged(fit, usable, dwells, progress)
+    found = (*result.gate(), *_unfit(result), *result.findings, *result.harmless(), *doubt)
     trials = None
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
         stand = result.observability.determined
         trials = simulate(result.estimate, rng, max_trials or MOST_TRIALS, stand)
-    return replace(result, monte_carlo=trials, findings=(*result.findings, *doubt))
+    return replace(result, monte_carlo=trials, findings=found)
 
 
 def _judged(
-    fit: MovingFit,
-    usable: Usable,
-    dwells: int,
-    progress: Callable[[str], None],
+    fit: MovingFit, usable: Usable, dwells: int, progress: Callable[[str], None]
 ) -> MotionCalibration:
+    """The estimate, doubted; findings : of the log and of what is determined."""
     rig, slow, still = fit.rig, fit.slow, fit.state.still
     keep, rejected = usable.keep, usable.rejected
     # Forces that nobody measures as the balance demands them.
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     known = estimate(fit)
-    verdict = observability.verdict(rig, still, used, known.uncertainty.covariance, moving=True)
-    seen = UndeterminedMotion(rig, float(keep.sum() * slow.step), rejected, known.quality, verdict)
-    observability.require_angles(verdict, fit.converged, fit.iterations, seen, moving=True)
+    seen = verdict(rig, still, used, known.uncertainty.covariance, moving=True)
+    evidence = UndeterminedMotion(rig, float(keep.sum() * slow.step), rejected, known.quality, seen)
+    require_angles(seen, fit.converged, fit.iterations, evidence, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))
     progress("looking for what changed on the way")
-    steps = likeliest_steps(fit, verdict.determined)
+    steps = likeliest_steps(fit, seen.determined)
     refuse_changed_delay(steps)
     # With hinges elsewhere than stated whatever else the residuals ask for is an echo.
-    if not any(doubt.spoils_motion for doubt in placed):
+    if not any(doubt.spoils(fit.moving) for doubt in placed):
         changed = (suspicion_of(steps, known),) if steps else ()
         doubts = likeliest([*suspicions(known), *changed])
-    held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
-    doubts = (*placed, *doubts)
-    if held:
-        known = beside(known, np.sum(held, axis=0))
-    found = [*gaps(slow), *verdict.findings, *(stretch.finding for stretch in rejected)]
-    found += log_against_rig.turned(rig, used.position)
-    for doubt in doubts:
-        if not doubt.spoils_motion:
-            found += doubt.findings(rejects=False, held=bool(held))
     start = fit.priors.start(nominal(rig))
-    result = MotionCalibration(
+    return MotionCalibration(
         rig=rig,
-        estimate=known,
-        observability=verdict,
-        suspicions=doubts,
-        conformity=None,
+        estimate=holding(known, doubts, placed),
+        observability=seen,
+        suspicions=(*placed, *doubts),
         validation=hold_out(fit, keep, start),
         rejected=rejected,
         begin=float(slow.time[0]),
@@ -200,11 +175,13 @@ def _judged(
         postures=used,
         dwells=dwells,
         residual=residual_wrench(fit, start.still, still),
-        findings=(),
+        findings=(
+            *gaps(slow),
+            *seen.findings,
+            *(stretch.finding for stretch in rejected),
+            *log_against_rig.turned(rig, used.position),
+        ),
     )
-    conformity = assess_stated(result.calibrated)
-    reasons = _reasons(result, conformity)
-    return replace(result, conformity=conformity, findings=(*reasons, *found))
 
 
 def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
@@ -219,35 +196,16 @@ def _geometry(fit: MovingFit, seen: Postures) -> Geometry:
     return examine(fit.rig, seen.position[some], variance, force, common=own)
 
 
-def _reasons(result: MotionCalibration, conformity: Conformity | None) -> tuple[Finding, ...]:
-    """Why the gate rejects."""
-    rig, rejected = result.rig, result.rejected
-    suspected = [
-        finding
-        for doubt in result.suspicions
-        if doubt.spoils_motion
-        for finding in doubt.findings(rejects=True)
-    ]
-    reasons = judge(
-        rig,
-        Rotations(rig.supports, result.fit.state.still.rotation, result.uncertainty.covariance),
-        result.quality.birge,
-        determined=result.observability.determined,
-        suspicions=suspected,
-        conformity=conformity,
-    )
-    lost = covered(rejected)
+def _unfit(result: MotionCalibration) -> Iterator[Finding]:
+    """Reasons of its own to reject a motion: much was left out; residuals that are no noise.
+
+    The spectrum follows any residual. Moments may ask for poses worse than the positions are, by
+    all that is known: errors of the positions would show in the hinges' distances.
+    """
+    lost, fit = covered(result.rejected), result.fit
     if lost > MOST_REJECTED * (lost + result.seconds):
         values: dict[str, Value] = {"seconds": lost + result.seconds, "limit": MOST_REJECTED}
-        reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)
-    return reasons + _unlike_noise(result.fit)
-
-
-def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
-    """That the residual moments ask for poses worse than the positions are, by all that is known.
-
-    The spectrum follows any residual. Errors of the positions would show in the hinges' distances.
-    """
+        yield Finding("motion-left-out", (), lost, "s", values=values, rejects=True)
     frequency = np.exp(np.linspace(fit.noise.knot[0], fit.noise.knot[-1], _FREQUENCIES))
     _, density = fit.noise.density(frequency)
     asked = float(np.sqrt(2 * np.trapezoid(density, frequency)))  # two-sided
@@ -255,7 +213,6 @@ def _unlike_noise(fit: MovingFit) -> tuple[Finding, ...]:
     x = np.concatenate([fit.slow.position[block.index] for block in fit.blocks])
     shown = float(np.linalg.norm(x[:, i] - x[:, j], axis=2).std(axis=0).max() / np.sqrt(2))
     stated = max(fit.rig.declared.positioner, UNSTATED)
-    if asked <= MOST_POSE_NOISE * max(stated, shown):
-        return ()
-    values: dict[str, Value] = {"declared": stated, "shown": shown}
-    return (Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True),)
+    if asked > MOST_POSE_NOISE * max(stated, shown):
+        values = {"declared": stated, "shown": shown}
+        yield Finding("moments-unlike-noise", (), asked, "m", values=values, rejects=True)

@@ -41,20 +41,6 @@ def suspicions(of: Estimate[MovingFit]) -> tuple[Suspicion, ...]:
     return likeliest(speaking(of, [*stated_suspects(of.fit), *_drifts(of.fit)]))
 
 
-def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
-    """Covariance (p, p) by what is suspected, as if declared with the size that it has here.
-
-    Of suspects about as likely only one is true: the moves count by their likelihood. None where
-    nothing is suspected, or so surely and harmfully that the result is rejected.
-    """
-    if not doubts or any(doubt.spoils_motion for doubt in doubts):
-        return None
-    moves = np.array([doubt.move for doubt in doubts])
-    weight = np.array([doubt.weight for doubt in doubts])
-    share = np.exp((weight - weight.max()) / 2)
-    return np.asarray((moves.T * (share / share.sum())) @ moves)
-
-
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     """Zeros that move with time or temperature, where the rig file declares none that move."""
     motion, n = suspected(fit.rig, fit.slow), fit.rig.n

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.uncertainty import Estimate, simulate_angles
+from tdfscal.estimation.uncertainty import UNDECLARED, Estimate, simulate_angles
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
@@ -206,29 +206,26 @@ def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatA
 
 
 def simulate(
-    of: Estimate[Fit],
-    rng: np.random.Generator,
-    max_trials: int,
-    known: BoolArray,
-    undeclared: FloatArray | None = None,
+    of: Estimate[Fit], rng: np.random.Generator, max_trials: int, known: BoolArray
 ) -> MonteCarlo:
     """Perturb and solve until the averages are stable or the trials run out.
 
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
-    undeclared : (p,), one standard deviation of the active parameters by what is not declared.
     """
     sampler = Sampler(of.fit, of.parts, of.quality.birge)
-    unsettled = 0
+    base, unsettled = of.fit.state.rotation, 0
+    undeclared = None
+    if UNDECLARED in of.shares:
+        undeclared = _root_of(of.shares[UNDECLARED][: 3 * len(base), : 3 * len(base)])
 
     def draw(size: int) -> FloatArray:
         nonlocal unsettled
         rotation, settled = sampler.solve(sampler.draw(rng, size))
         unsettled += int(np.sum(~settled))
         if undeclared is not None:
-            turn = undeclared[: 3 * len(base)].reshape(-1, 3)
-            rotation = so3.exp(rng.standard_normal((size, 1, 1)) * turn) @ rotation
+            turn = rng.standard_normal((size, undeclared.shape[1])) @ undeclared.T
+            rotation = so3.exp(turn.reshape(size, -1, 3)) @ rotation
         return rotation
 
-    base, linear = of.fit.state.rotation, of.uncertainty
-    found = simulate_angles(draw, base, linear, known, max_trials, chunk=CHUNK)
+    found = simulate_angles(draw, base, of.uncertainty, known, max_trials, chunk=CHUNK)
     return replace(found, unsettled=unsettled)

@@ -7,19 +7,19 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.acceptance import assess_stated, judge
 from tdfscal.checks.faulty_sensors import exceeded_ranges
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
-from tdfscal.estimation import observability
 from tdfscal.estimation.fit import information
+from tdfscal.estimation.judged import holding
+from tdfscal.estimation.observability import verdict
 from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Estimate, beside, estimate, evaluate, quality
+from tdfscal.estimation.uncertainty import Estimate, estimate, evaluate, quality
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
-from tdfscal.records import Dwells, Rig, Rotations
+from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.channel_checks import check_readings
 from tdfscal.selfcal.estimator import (
@@ -89,14 +89,14 @@ def self_calibrate(
         else _linear(rig, usable, rng, max_trials or LINEAR_TRIALS)
     )
     known = told.known
-    result, stats, uncertainty = known.fit, known.quality, known.uncertainty
-    seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
+    result, stats = known.fit, known.quality
+    seen = verdict(rig, result.state, result.postures, known.uncertainty.covariance)
     rejected = dict(usable.reasons) | {
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
     _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust)
     doubts = misplaced_hinges(known)
-    move = doubts[0].move if doubts and not doubts[0].harmful else None
+    known = holding(known, doubts)  # till it is mended
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
         placed = doubts
@@ -107,13 +107,11 @@ def self_calibrate(
             again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts = (*placed, *_with_change(doubts, told))
-    if move is not None:  # till it is mended, the stated uncertainty holds that move
-        known = beside(known, np.outer(move, move))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
-        trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined, move)
+        trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined)
     calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,
@@ -121,13 +119,12 @@ def self_calibrate(
         estimate=known,
         observability=seen,
         suspicions=doubts,
-        conformity=assess_stated(known.calibrated),
         validation=cross_validate(result, known.parts),
         monte_carlo=trials,
         rejected=rejected,
     )
     found = (
-        *_reasons(calibration),
+        *calibration.gate(used=len(dwells) - len(rejected), rejected=len(rejected)),
         *caveats(calibration, measured_noise=told.measured_noise, unasked=unasked),
         *exceeded_ranges(rig, dwells, result.state),
     )
@@ -276,21 +273,3 @@ def _with_change(doubts: tuple[Suspicion, ...], told: _Told) -> tuple[Suspicion,
     if told.change is None:
         return doubts
     return likeliest([told.change, *(doubts or wandering(told.known, told.usable.time))])
-
-
-def _reasons(of: SelfCalibration) -> tuple[Finding, ...]:
-    return judge(
-        of.rig,
-        Rotations(of.rig.supports, of.fit.state.rotation, of.uncertainty.covariance),
-        of.quality.birge,
-        determined=of.observability.determined,
-        used=len(of.dwells) - len(of.rejected),
-        rejected=len(of.rejected),
-        suspicions=[
-            finding
-            for doubt in of.suspicions
-            if doubt.harmful
-            for finding in doubt.findings(rejects=True)
-        ],
-        conformity=of.conformity,
-    )

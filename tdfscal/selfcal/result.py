@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.acceptance import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import Priors
+from tdfscal.estimation.judged import Judged
 from tdfscal.estimation.observability import (
     ENOUGH,
     Observability,
@@ -20,14 +20,12 @@ from tdfscal.estimation.observability import (
     prospect,
     require_angles,
 )
-from tdfscal.estimation.score_tests import Suspicion
-from tdfscal.estimation.uncertainty import Estimate, Estimated, Quality
-from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.estimation.uncertainty import Estimate, Quality
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, nominal, sensing
 from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.mounting_search import Rival, describe
@@ -42,34 +40,20 @@ _FAR_TURNED = np.pi / 8
 _HALF_TURN = 2.6
 
 
-@record
-class SelfCalibration(Estimated[Fit]):
+@record(kw_only=True)
+class SelfCalibration(Judged[Fit]):
     """The judged result of a self-calibration.
 
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
-    index → reason. suspicions : what the residuals say was not declared. conformity : of the
-    contact wrench, where the rig file limits it.
-    findings : all that was found.
-    with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect from dwells and
-    moves together, where the log holds moves.
+    index → reason. with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect
+    from dwells and moves together, where the log holds moves.
     """
 
-    rig: Rig
     estimator: Estimator
     dwells: Dwells
-    observability: Observability
-    suspicions: tuple[Suspicion, ...]
-    conformity: Conformity | None
     validation: CrossValidation
-    monte_carlo: MonteCarlo | None
     rejected: dict[int, Finding]
-    findings: tuple[Finding, ...] = ()
     with_moves: FloatArray | None = None
-
-    @property
-    def reasons(self) -> tuple[Finding, ...]:
-        """Why the gate rejects; empty where it accepts."""
-        return rejecting(self.findings)
 
 
 @record
@@ -125,9 +109,7 @@ def caveats(
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
     if of.quality.birge <= rig.acceptance.birge_max:  # the gate says so else
         found += _of_the_noise(of.estimate, measured_noise=measured_noise)
-    for doubt in of.suspicions:
-        if not doubt.harmful:
-            found += doubt.findings(rejects=False, held=doubt.move is not None)
+    found += of.harmless()
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
         found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))

@@ -59,7 +59,7 @@ def test_an_uncertain_suspicion_stands_in_the_uncertainty() -> None:
     rng = np.random.default_rng(1)
     result = calibrate_moving(campaign.rig, replace(slow, force=force), DELAY, rng=rng)
     doubt = result.suspicions[0]
-    assert (doubt.kind, doubt.support, doubt.spoils_motion) == ("gain", 1, False)
+    assert (doubt.kind, doubt.support, doubt.spoils(moving=True)) == ("gain", 1, False)
     assert doubt.shift > 2.0
     error, turns = turn_error(campaign, result.fit.state.still.rotation), result.uncertainty
     silent = np.sqrt(np.diagonal(estimate(result.fit).uncertainty.covariance))
