@@ -295,12 +295,13 @@ def prospect(
     return Prospect(change, amount, of.uncertainty.rpy_std * then / now)
 
 
-def noise_pull(at: Balance, state: State, weight: FloatArray) -> FloatArray:
+def noise_pull(at: Balance, state: State, W: FloatArray) -> FloatArray:
     """Score (q,) of the features that noise makes by standing in their own columns.
 
-    Σ_k w_k Σ_ν (∂Φ/∂ν)ᵀ W cov(ν) (∂e/∂ν), ν : readings, and the turn of the registered pose.
+    Σ_k Σ_ν (∂Φ/∂ν)ᵀ W cov(ν) (∂e/∂ν), ν : readings, and the turn of the registered pose.
+    W : (K, 6, 6), how much the balances count.
     """
-    n, W, A = state.n, at.information * weight[:, None, None], at.noise_turn[:, 3:]
+    n, A = state.n, at.noise_turn[:, 3:]
     both = at.seen.measured[:, :, None] & at.seen.measured[:, None, :]
     F = forces(state, at.seen.force - (zeros(state, at.seen) - state.zero))
     pull = np.zeros(at.design.shape[2])

@@ -151,15 +151,18 @@ def fit_moving(
     blocks: tuple[Block, ...],
     start: MovingState,
     model: NoiseModel | None = None,
+    settled: float = _SETTLED,
 ) -> MovingFit:
     """Maximum-likelihood estimate of state and spectrum from one start.
 
     A long log is first fitted on a few of its blocks, then linearised there once as a whole.
+    settled : change, in standard deviations, that ends the looks.
     """
     state, iterations, converged = start, 0, False
     few = blocks[:: -(-len(blocks) // _FEW)]
     if len(few) < len(blocks):
-        first = fit_moving(priors, few, start, model)
+        settled = _NEAR
+        first = fit_moving(priors, few, start, model, settled)
         state, model, iterations = first.state, first.noise, first.iterations
     for look in range(_LOOKS if priors.rig.axes.all() else _LOOKS_ACROSS):
         fit = estimate_noise(at_state(priors, blocks, state, model))
@@ -170,7 +173,6 @@ def fit_moving(
         step = np.linalg.norm(gram_root(j.T @ j, len(j)).T @ (j.T @ r))
         state = solution.state
         fit = moved_to(fit, state)
-        settled = _NEAR if len(few) < len(blocks) else _SETTLED
         converged = bool(step < settled * np.sqrt(j.shape[1]))
         if converged or (look > 0 and not solution.converged):
             break

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.estimation.fit import Fitted, Priors
+from tdfscal.estimation.observability import noise_pull
 from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
@@ -178,9 +179,8 @@ class MovingFit(Fitted):
     def noise_pull(self) -> FloatArray:
         """Expected scores (P + 9,) of all parameters by the noise of the readings alone.
 
-        Noise of density S_F in reading a at one instant moves a column by ∂c/∂f_a and the balance
-        by B M e_a: Σ S_F (∂c/∂f_a)ᵀ S⁻¹ (B M e_a), over all frequencies, and instants by the
-        taper's weight.
+        As of postures, noise of density S_F weighted by S⁻¹ over all frequencies, and instants by
+        the taper's weight.
         """
         slope = self.slope_at(self.state)
         each = (pull_of_readings(self, item) for item in self.designs)
@@ -302,21 +302,11 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
 
 def pull_of_readings(fit: MovingFit, item: BlockDesign) -> FloatArray:
     """Score (q,) of the static features that noise of the readings makes, by one block."""
-    rig, state = fit.rig, fit.still
-    support, axis = np.nonzero(rig.axes)
-    some = slice(item.block.index.start, item.block.index.stop, _EVERY)
+    rig, index = fit.rig, item.block.index
     weight = item.block.taper[0, ::_EVERY] ** 2
-    place = shifted(fit.slow, item.block.index, fit.shift)[::_EVERY]
-    seen = instants(rig, fit.slow, place, some)
-    # The instants as they are, and again for every reading, that one moved by a newton.
-    K, reading = len(seen), np.arange(len(support))
-    seen = seen.subset(np.tile(np.arange(K), 1 + len(support)))
-    force = seen.force.reshape(1 + len(support), K, rig.n, 3).copy()
-    force[1 + reading, :, support, axis] += 1.0
-    seen = replace(seen, force=force.reshape(-1, rig.n, 3))
-    at = balance(seen, state, fit.origin.centre, rig.gravity)
-    design = at.design.reshape(1 + len(support), K, 6, -1)
-    # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a.
-    felt = item.reading_gain(fit.noise) @ at.noise_force[:K] * weight[:, None, None, None]
-    along = np.tensordot(felt[:, support, :, axis], design[1:] - design[0], axes=3)
-    return np.asarray(along / weight.sum())
+    place = shifted(fit.slow, index, fit.shift)[::_EVERY]
+    seen = instants(rig, fit.slow, place, slice(index.start, index.stop, _EVERY))
+    at = balance(seen, fit.still, fit.origin.centre, rig.gravity)
+    at = replace(at, turn_cov=np.zeros_like(at.turn_cov))
+    counts = item.reading_gain(fit.noise) * (weight / weight.sum())[:, None, None]
+    return noise_pull(at, fit.still, counts)

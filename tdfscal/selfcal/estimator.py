@@ -83,7 +83,8 @@ class Fit(Fitted):
     @cached_property
     def feature_pull(self) -> FloatArray:
         """Score (q,) of the features that noise makes by standing in their own columns."""
-        return noise_pull(self.at, self.state, self.weight)
+        W = self.at.information * self.weight[:, None, None]
+        return noise_pull(self.at, self.state, W)
 
     @property
     def noise_pull(self) -> FloatArray:
@@ -245,7 +246,7 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     state, iterations, converged = with_motions(start, postures.motions), 0, False
     for _ in range(_PASSES):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
-        pull = noise_pull(at, state, weight)
+        pull = noise_pull(at, state, at.information * weight[:, None, None])
         solution = solve_statistic(rig, at, statistic(at, weight), state, priors, pull=pull)
         iterations += solution.iterations
         step = deviation(solution.state, state)[priors.active]

@@ -35,8 +35,6 @@ _STEPS, _DAMPED = 8, 100
 _SOLVED = 1e-3
 #: Noise is drawn in single precision, at half the cost: it is a thousandth of what it is added to.
 _NOISE = np.float32
-#: Noise of a sensor's axes that differs by less than this share counts as the same in all.
-_ALIKE = 0.02
 #: Turns up to which what the noise makes of the balance is linear in them, rad.
 _NEAR = 0.05
 #: A direction with turns less certain than this is that of a sensor which lacks an axis, rad.
@@ -86,24 +84,24 @@ class Sampler:
         cov = self.inflate**2 * unmix @ at.seen.force_cov[used] @ np.swapaxes(unmix, -1, -2)
         axes = np.linalg.eigh(cov.mean(axis=0))[1]  # (n, 3, 3), columns
         variance = np.einsum("knas,nas->kns", cov @ axes, axes)
-        self.mixing, self.axes, self.effects, rest = [], axes, [], []
+        self.mixing, self.effects, rest = [], [], []
         for i in range(n):
             VB = whitener @ at.wrench[used][:, i]  # (K, 6, 3)
             own = (np.swapaxes(Q, 1, 2) @ VB).reshape(len(VB), -1)  # (K, 3r)
             loose = np.swapaxes(VB, 1, 2) @ VB
             seen = np.swapaxes(spanned, 1, 2) @ VB
             loose -= np.swapaxes(seen, 1, 2) @ seen
-            # (m, r, 3 of the force) for each axis of the noise.
+            # What a unit of each number does to QᵀD, (m, r, 9), axis after axis of the noise.
             roots = [_root(own * np.sqrt(variance[:, i, s])[:, None]) for s in range(3)]
-            self.mixing.append([root.T.reshape(root.shape[1], -1, 3) for root in roots])
-            # Forces of a unit reading on each axis, and how turns by x, y, z change them.
-            force = (fit.state.rotation[i] @ axes[i]).T
-            change = np.stack([force, *np.swapaxes(so3.hat(np.eye(3)) @ force.T, 1, 2)], axis=1)
-            each = zip(self.mixing[i], change, strict=True)
-            effect = np.concatenate([np.swapaxes(root @ by.T, 1, 2) for root, by in each])
+            along = [np.multiply.outer(root.T, axes[i, :, s]) for s, root in enumerate(roots)]
+            self.mixing.append(np.concatenate(along).reshape(-1, Q.shape[2], 9))
+            # To the balance at the estimate, and to its slopes by turns about x, y, z.
+            X = fit.state.rotation[i]
+            turned = np.stack([X, *(so3.hat(np.eye(3)) @ X)]).reshape(4, 9)
+            effect = np.swapaxes(self.mixing[i] @ turned.T, 1, 2)
             self.effects.append(effect.reshape(len(effect), -1).astype(_NOISE))
-            rows = _loose(loose, variance[:, i], axes[i])
-            rest.append(np.pad(rows, ((0, 0), (9 * i, 9 * (n - i) - 8))))
+            lost = np.einsum("kab,kcd->acbd", loose, cov[:, i]).reshape(9, 9)
+            rest.append(np.pad(_root_of(lost).T, ((0, 0), (9 * i, 9 * (n - i) - 8))))
         self.rest = np.concatenate(rest)
         turning = at.noise_turn[used] @ at.turn_cov[used] @ np.swapaxes(at.noise_turn[used], 1, 2)
         turning[:, 3:, 3:] += fit.postures.moment_var * np.eye(3)
@@ -126,11 +124,8 @@ class Sampler:
         T, (rank, width) = len(which), self.root.shape
         noise = np.zeros((T, rank, width))
         noise[:, :, -1] = drawn.common[which]
-        for i, (mixes, numbers) in enumerate(zip(self.mixing, drawn.numbers, strict=True)):
-            ends = np.cumsum([len(mix) for mix in mixes])[:-1]
-            parts = zip(np.split(numbers[which], ends, axis=1), mixes, strict=True)
-            felt = np.stack([np.tensordot(own, mix, 1) for own, mix in parts], axis=-1)
-            noise[:, :, 9 * i : 9 * i + 9] = (felt @ self.axes[i].T).reshape(T, rank, 9)
+        for i, (mixing, numbers) in enumerate(zip(self.mixing, drawn.numbers, strict=True)):
+            noise[:, :, 9 * i : 9 * i + 9] = np.tensordot(numbers[which], mixing, 1)
         rest = np.broadcast_to(self.rest, (T, *self.rest.shape))
         return np.concatenate([self.root + noise, rest], axis=1)
 
@@ -190,19 +185,6 @@ def _root_of(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     keep = values > values[-1] * 1e-12
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
-
-
-def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatArray:
-    """Rows (m, 9) of Σ_k matrix_k ⊗ noise_k beyond what is the same for every rotation.
-
-    matrix : (K, 3, 3), over the components of the force. variance : (K, 3), noise along `axes`.
-    """
-    least = variance.min(axis=1, keepdims=True)
-    if np.sum(variance - least) <= _ALIKE * np.sum(variance):
-        return np.zeros((0, 9))
-    blocks = np.einsum("kab,ks->sab", matrix, variance - least)
-    whole = np.einsum("sab,cs,ds->acbd", blocks, axes, axes).reshape(9, 9)
-    return _root_of(whole).T
 
 
 def simulate(

@@ -67,7 +67,7 @@ def test_the_pull_of_noise_is_what_small_changes_of_readings_and_positions_make(
                 designs.append(balance(other, state, at.centre, rig.gravity).design)
             slope = (designs[0] - designs[1]) / (2 * step)
             expected = expected + np.einsum("kaq,kab,kb->q", slope, W, gain[:, i, :, a])
-    found = noise_pull(at, state, weight)
+    found = noise_pull(at, state, W)
     scale = np.linalg.norm(at.whitener @ at.design, axis=(0, 1))
     assert np.allclose(
         found / scale, expected / scale, rtol=0, atol=1e-7 * np.abs(found / scale).max()
