@@ -154,6 +154,10 @@ class ExactMoves:
         """All of them (P, c + c'), independent of each other."""
         return np.concatenate([self.common, self.apart], axis=1)
 
+    def turns(self, n: int) -> FloatArray:
+        """Turns (3n, c + c'), rad, BCS, of the sensors: the first of the parameters."""
+        return self.columns[: 3 * n]
+
     def by(self, matrix: FloatArray) -> ExactMoves:
         """Return what follows from it by a matrix (Q, P)."""
         sides = matrix @ self.common, matrix @ self.apart

@@ -10,7 +10,7 @@ the distances between hinges alone, does to the angles is such a move.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,40 +19,13 @@ from tdfscal.estimation.fit import Fitted
 from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import replace
 from tdfscal.model.dynamics import DELAY
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ExactMoves, FloatArray, Rig
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
-
-
-@record(kw_only=True)
-class ExactQuantity(ExactMoves):
-    """A quantity taken as exact, and how an error of it moves an estimate's parameters (P,).
-
-    n : number of sensors. shows : (c + c',), χ² that such an error leaves in the residuals.
-    """
-
-    n: int
-    shows: FloatArray | None = None
-
-    @property
-    def moves(self) -> FloatArray:
-        """Turns (3n, c + c'), rad, of all sensors in the BCS."""
-        return self.columns[: 3 * self.n]
-
-    @property
-    def zeros(self) -> FloatArray:
-        """Moves (3n, c + c'), N, of the zeros."""
-        return self.columns[layout(self.n)["zero"]]
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance (3n, 3n), rad², of the turns by independent errors of the components."""
-        return np.asarray(self.moves @ self.moves.T)
-
 
 #: Group of parameters, what it is called, a typical error of a component, its unit; what careful
 #: work with everyday means leaves: a machinist's level, CAD, a workshop drawing, a data sheet.
@@ -112,49 +85,32 @@ def exact_rows(of: Fitted) -> tuple[ExactMoves, ...]:
     return tuple(found)
 
 
-def exact_quantities(of: Fitted, parts: Spectrum) -> tuple[ExactQuantity, ...]:
-    """Each quantity of a calibration that has no uncertainty of its own.
+def exact_quantities(of: Fitted, parts: Spectrum) -> tuple[ExactMoves, ...]:
+    """Moves (P, …) of the parameters with each quantity that has no uncertainty of its own.
 
-    What earlier campaigns say moves as well: with an error that they have in common with this one,
-    and with those that each had anew. parts : of the fit's Jacobian.
+    parts : of the fit's Jacobian.
     """
-    free, n = np.flatnonzero(of.active), of.rig.n
-    taken = {one.name: one for one in exact_rows(of)}
-    earlier = {one.name: one for one in _earlier_rows(of)}
-
-    def moved(missed: FloatArray) -> FloatArray:
-        """Moves (P, c) of the parameters with errors that miss rows (m, c)."""
-        out = np.zeros((len(of.active), missed.shape[1]))
-        out[free] = (parts.root @ (parts.left.T @ missed))[: len(free)]
-        return out[: parameter_count(n)]
-
-    found = []
-    for name in dict.fromkeys((*taken, *earlier)):
-        both = [one for one in (taken.get(name), earlier.get(name)) if one is not None]
-        missed = both[0] if len(both) == 1 else _together(*both)
-        rows = missed.columns
-        shows = np.sum(rows**2, axis=0) - np.sum((parts.left.T @ rows) ** 2, axis=0)
-        sides = moved(missed.common), moved(missed.apart)
-        own = (name, missed.error, missed.unit, *sides)
-        found.append(ExactQuantity(*own, n=n, shows=shows))
-    return tuple(found)
+    free, size = np.flatnonzero(of.active), parameter_count(of.rig.n)
+    gain = np.zeros((len(of.active), len(parts.values)))
+    gain[free] = parts.root[: len(free)]
+    return tuple(one.by(parts.left.T).by(gain[:size]) for one in _all_rows(of).values())
 
 
-def _earlier_rows(of: Fitted) -> Iterator[ExactMoves]:
-    """Whitened rows (m, c) of earlier campaigns' estimate, by errors of what these had as exact."""
-    earlier = of.rig.earlier
-    if earlier is None:
-        return
-    root, data = earlier.root, len(of.all_slopes())
-    rows, first = data + len(of.prior_jacobian), data + of.stated.count - len(root)
+def _all_rows(of: Fitted) -> dict[str, ExactMoves]:
+    """Rows that errors miss, those of earlier campaigns as well.
 
-    def missed(moves: FloatArray) -> FloatArray:
-        out = np.zeros((rows, moves.shape[1]))
-        out[first : first + len(root)] = root @ moves
-        return out
-
-    for one in earlier.exact:
-        yield replace(one, common=missed(one.common), apart=missed(one.apart))
+    What these say moves with an error that they have in common with this one, and with those that
+    each had anew.
+    """
+    found = {one.name: one for one in exact_rows(of)}
+    if (earlier := of.rig.earlier) is not None:
+        m = len(of.white)
+        end = m - len(of.prior_jacobian) + of.stated.count
+        rows = np.pad(earlier.root, ((end - len(earlier.root), m - end), (0, 0)))
+        for one in earlier.exact:
+            own = found.get(one.name)
+            found[one.name] = one.by(rows) if own is None else _together(own, one.by(rows))
+    return found
 
 
 def _together(one: ExactMoves, other: ExactMoves) -> ExactMoves:
@@ -178,13 +134,16 @@ def exact_caveats(known: Estimate[F]) -> list[Finding]:
     if all(fit.active[place[group]].all() for group in OF_THE_TERMINAL):
         return []
     certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))
-    std, found = known.uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
+    std, found = known.uncertainty.parameter_std[place["zero"]], []
+    rows = _all_rows(fit)
     for quantity in exact_quantities(fit, known.parts):
         if quantity.name not in OF_THE_TERMINAL:
             continue
-        estimated = (std > 0) & np.isfinite(std)
-        size = np.abs(quantity.zeros) / np.where(estimated, std, np.inf)[:, None]
-        shown = np.sqrt(np.maximum(np.asarray(quantity.shows), certain**2)) / certain
+        estimated, zeros = (std > 0) & np.isfinite(std), quantity.columns[place["zero"]]
+        size = np.abs(zeros) / np.where(estimated, std, np.inf)[:, None]
+        missed = rows[quantity.name].columns  # and what of it is left in the residuals, χ²
+        left = np.sum(missed**2, axis=0) - np.sum((known.parts.left.T @ missed) ** 2, axis=0)
+        shown = np.sqrt(np.maximum(left, certain**2)) / certain
         i, j = np.unravel_index(int((size / shown).argmax()), size.shape)
         if size[i, j] / shown[j] > HARMFUL_SHIFT * certain:
             found.append(
@@ -194,7 +153,7 @@ def exact_caveats(known: Estimate[F]) -> list[Finding]:
                     unit=quantity.unit,
                     values={
                         "zero": f"{'xyz'[i % 3]} of {fit.rig.supports[i // 3]}",
-                        "moved": abs(float(quantity.zeros[i, j])),
+                        "moved": abs(float(zeros[i, j])),
                         "shift": float(size[i, j]),
                     },
                 )

@@ -206,62 +206,40 @@ def gather(parts: Iterable[tuple[Rows, int]], low: float, model: NoiseModel | No
     of the first band, Hz. model : the spectrum as last seen, by which the rows of a band are
     brought to one scale.
     """
-    bands: dict[int, _Band] = {}
+    bands: dict[int, list[Rows]] = {}
+
+    def join_if_more(number: int, most: int) -> None:
+        if sum(len(part.design) for part in bands[number]) > most:
+            bands[number] = [_joined(bands[number], model)]
+
     for part, r in parts:
         band = np.floor(np.log(part.bins.frequency / low) / np.log(_BAND) + 1e-9).astype(int)
-        number = r * band + np.arange(len(band)) % r
-        for k in np.unique(number).tolist():
-            own = number == k
-            band_rows = Rows(part.design[own], part.bins.some(own))
-            bands.setdefault(k, _Band(model)).add(band_rows)
-    return Rows.stacked([band.rows() for _, band in sorted(bands.items())])
+        numbers = r * band + np.arange(len(band)) % r
+        columns = part.design.shape[1]
+        for number in np.unique(numbers).tolist():
+            own = numbers == number
+            rows = Rows(part.design[own], part.bins.some(own))
+            bands.setdefault(number, []).append(rows)
+            join_if_more(number, max(_GATHERED, 2 * columns))
+    for number in bands:
+        join_if_more(number, columns)
+    return Rows.stacked([part for _, own in sorted(bands.items()) for part in own])
 
 
-class _Band:
-    """Rows of one band and one component, as they come."""
+def _joined(parts: Sequence[Rows], model: NoiseModel | None) -> Rows:
+    """Rows of one band and one component as one triangular factor of a common variance."""
 
-    def __init__(self, model: NoiseModel | None) -> None:
-        self._model = model
-        self._parts: list[Rows] = []
-        #: Triangular factor of what was joined, per unit of the reference's variance.
-        self._factor: FloatArray | None = None
-        #: Sums over what was joined: of the counts, and of these times log f and times λ.
-        self._sums = np.zeros(3)
+    def variance(bins: Bins) -> FloatArray:
+        return np.ones(len(bins.count)) if model is None else model.variance(bins)
 
-    def add(self, part: Rows) -> None:
-        """Add rows of a block."""
-        self._parts.append(part)
-        if self._waiting > max(_GATHERED, 2 * part.design.shape[1]):
-            self._join()
-
-    @property
-    def _waiting(self) -> int:
-        return sum(len(part.design) for part in self._parts)
-
-    def rows(self) -> Rows:
-        """Rows as they came, or one triangular factor where they are more than columns."""
-        if self._factor is None and self._waiting <= self._parts[0].design.shape[1]:
-            return Rows.stacked(self._parts)
-        if self._parts:
-            self._join()
-        assert self._factor is not None
-        count, log_frequency, ratio = self._sums
-        size = len(self._factor)
-        each = np.exp(log_frequency / count), ratio / count, count / size
-        bins = Bins(*(np.full(size, value) for value in each))
-        return Rows(self._factor * np.sqrt(self._variance(bins) / bins.count)[:, None], bins)
-
-    def _join(self) -> None:
-        part = Rows.stacked(self._parts)
-        own = [part.weighted(part.design, self._variance(part.bins))]
-        if self._factor is not None:
-            own.append(self._factor)
-        self._factor, self._parts, bins = triangular(np.concatenate(own)), [], part.bins
-        each = [np.ones(len(bins.count)), np.log(bins.frequency), bins.ratio]
-        self._sums = self._sums + np.stack(each) @ bins.count
-
-    def _variance(self, bins: Bins) -> FloatArray:
-        return np.ones(len(bins.count)) if self._model is None else self._model.variance(bins)
+    whole = Rows.stacked(parts)
+    bins, factor = whole.bins, triangular(whole.weighted(whole.design, variance(whole.bins)))
+    each = np.stack([np.ones(len(bins.count)), np.log(bins.frequency), bins.ratio])
+    count, log_frequency, ratio = each @ bins.count
+    size = len(factor)
+    means = np.exp(log_frequency / count), ratio / count, count / size
+    together = Bins(*(np.full(size, value) for value in means))
+    return Rows(factor * np.sqrt(variance(together) / together.count)[:, None], together)
 
 
 class NormalEquations:

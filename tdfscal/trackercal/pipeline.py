@@ -13,12 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.estimation.exact_quantities import ExactQuantity
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
-from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
+from tdfscal.records import ExactMoves, FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
 from tdfscal.trackercal.judged_registration import (
     RejectedPoint,
@@ -72,7 +71,7 @@ class TrackerCalibration:
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
     findings: tuple[Finding, ...]
-    exact: tuple[ExactQuantity, ...]
+    exact: tuple[ExactMoves, ...]
 
     @property
     def surveys(self) -> tuple[SurveyFit, ...]:
@@ -237,7 +236,7 @@ def _shares(
 
 def _exact_quantities(
     supports: tuple[str, ...], rotation: FloatArray, session: TrackerSession, misalignment: float
-) -> tuple[ExactQuantity, ...]:
+) -> tuple[ExactMoves, ...]:
     """Drawing and misalignment of body and axes, where nothing is stated of them.
 
     rotation : (n, 3, 3), of the sensors.
@@ -246,7 +245,7 @@ def _exact_quantities(
     found, none = [], np.zeros((3 * n, 0))
     if misalignment == 0:
         turns = _MISALIGNMENT * np.eye(3 * n)
-        found.append(ExactQuantity("body against axes", _MISALIGNMENT, "rad", turns, none, n=n))
+        found.append(ExactMoves("body against axes", _MISALIGNMENT, "rad", turns, none))
     if session.drawing == 0 and session.nominal.std is None:
         moves = np.zeros((3 * n, 3 * n))
         for i, name in enumerate(supports):
@@ -257,7 +256,7 @@ def _exact_quantities(
             values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
             rows = slice(3 * i, 3 * i + 3)
             moves[rows, rows] = rotation[i] @ (_DRAWING * vectors / np.sqrt(values))
-        found.append(ExactQuantity("target drawing", _DRAWING, "m", moves, none, n=n))
+        found.append(ExactMoves("target drawing", _DRAWING, "m", moves, none))
     return tuple(found)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import pool
-from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
+from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.estimation.fit import information
 from tdfscal.numerics import so3
-from tdfscal.records import DeclaredUncertainty, Drift, FloatArray, Rig
+from tdfscal.records import DeclaredUncertainty, Drift, ExactMoves, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, fit
 from tdfscal.simulation import make_rig
 from tests.comparison.histories import history
@@ -39,7 +39,7 @@ def moved(wrong: Fit, right: Fit) -> FloatArray:
     return np.asarray(so3.log(wrong.state.rotation @ back).ravel())
 
 
-def quantity(of: Fit, name: str) -> ExactQuantity:
+def quantity(of: Fit, name: str) -> ExactMoves:
     (found,) = (one for one in exact_quantities(of, information(of)) if one.name == name)
     return found
 
@@ -51,7 +51,7 @@ def test_a_level_that_all_campaigns_have_wrong_moves_the_pool() -> None:
     tilt = np.array([1e-3, -5e-4])
     wrong = pooled(months(rig, (1e-3, -5e-4)), index)
     by_level = quantity(right, "base level")
-    predicted = by_level.moves @ tilt / by_level.error
+    predicted = by_level.turns(3) @ tilt / by_level.error
     assert np.abs(predicted).max() > 1e-4
     np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
 
@@ -62,7 +62,7 @@ def test_a_tare_is_each_campaigns_own() -> None:
     campaigns, off = months(rig), np.array([1.0, -0.5, 0.0])
     right = pooled(campaigns, 3)
     found = quantity(right, "zeros")
-    assert found.moves.shape == (9, 9 * len(SIZES))
+    assert found.turns(3).shape == (9, 9 * len(SIZES))
     for month, item in enumerate(campaigns):
         assert item.postures is not None
         force = item.postures.force.copy()
@@ -71,6 +71,6 @@ def test_a_tare_is_each_campaigns_own() -> None:
         wrong = moved(pooled([*campaigns[:month], there, *campaigns[month + 1 :]], 3), right)
         # Its own come first, then those of the other months.
         first = 9 * ((month + 1) % len(SIZES)) + 3
-        predicted = found.moves[:, first : first + 3] @ off
+        predicted = found.turns(3)[:, first : first + 3] @ off
         assert np.abs(predicted).max() > 1e-6
         np.testing.assert_allclose(wrong, predicted, atol=0.05 * np.abs(predicted).max())

@@ -48,7 +48,7 @@ def test_a_wrong_exact_value_turns_the_sensors_as_foretold(name: str) -> None:
         delay = exactly(0.005 - error)
         wrong = replace(state, moving=replace(state.moving, delay=0.005 - error))
     seen = turned(wrong, delay)
-    expected = quantity.moves[:, 1 if name == "barycentre" else 0]
+    expected = quantity.turns(3)[:, 1 if name == "barycentre" else 0]
     # The error is true less stated; the turn is that of what is found. A wrong delay raises the
     # spectrum as well, which the prediction does not.
     assert np.linalg.norm(seen - expected) < 0.25 * np.linalg.norm(expected)

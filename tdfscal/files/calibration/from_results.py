@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.acceptance import assess_stated, locked_sensors
 from tdfscal.catalogue import documents
-from tdfscal.estimation.exact_quantities import ExactQuantity, exact_quantities
+from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import LONGER, prospect
 from tdfscal.estimation.uncertainty import with_sources_of_earlier
@@ -35,7 +35,15 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
-from tdfscal.records import BoolArray, FloatArray, InputFile, Measured, RecorderClock, Rig
+from tdfscal.records import (
+    BoolArray,
+    ExactMoves,
+    FloatArray,
+    InputFile,
+    Measured,
+    RecorderClock,
+    Rig,
+)
 from tdfscal.selfcal.result import SelfCalibration, prospects
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -173,7 +181,7 @@ def from_joint(
     )
 
 
-def _followed(one: ExactQuantity, weight: FloatArray, follow: FloatArray) -> ExactQuantity:
+def _followed(one: ExactMoves, weight: FloatArray, follow: FloatArray) -> ExactMoves:
     """Moves of all parameters (P,) where the turns are weighted with those of another method.
 
     weight : (3n, 3n), of this method. follow : (P, 3n), moves of all by turns.
@@ -252,7 +260,7 @@ def _file(
     angles: Angles,
     findings: Sequence[Finding],
     budget: Mapping[str, FloatArray],
-    exact: Sequence[ExactQuantity],
+    exact: Sequence[ExactMoves],
     parts: dict[str, Any],
 ) -> Calibration:
     """Return the file of what every method has; parts : further keys, and those of each support."""
@@ -330,8 +338,9 @@ def _stated(angles: Angles, covariance: FloatArray) -> dict[str, FloatArray]:
     return known | {"rpy_std": std}
 
 
-def _effect(angles: Angles, quantity: ExactQuantity) -> FloatArray:
+def _effect(angles: Angles, quantity: ExactMoves) -> FloatArray:
     """Effect (k, 3), rad, of a quantity's typical error on the sensors that are determined."""
-    known = _stated(angles, quantity.covariance)
+    turns = quantity.turns(len(angles.rotation))
+    known = _stated(angles, turns @ turns.T)
     effect = np.where(np.isinf(known["rpy_std"]), known["turn_std"], known["rpy_std"])
     return effect[angles.determined]
