@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
-
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
 from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import left_out, measured
-from tdfscal.commands.result import Calibration, CommandResult
+from tdfscal.commands.result import Calibration, CommandResult, by_column
 from tdfscal.comparison.shared_data import Recorded, readings, repeated_in
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import Dwells, FloatArray, InputFile
+from tdfscal.records import Dwells
 from tdfscal.reporting.changes import changes
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.traceability import Making, overdue
@@ -50,11 +48,6 @@ class ValidateResult(CommandResult):
         return (*changes(self.validation), *self.remarks)
 
     @property
-    def inputs(self) -> tuple[InputFile, ...]:
-        """The logs."""
-        return self.origin.making.inputs
-
-    @property
     def holds(self) -> bool:
         """The residual wrenches are what the stated uncertainties explain."""
         return self.validation.holds
@@ -73,7 +66,7 @@ class ValidateResult(CommandResult):
         """Return the verdict and all residual wrenches as plain JSON values."""
         return validation_document(self.validation, self.remarks, self.origin)
 
-    def table(self) -> dict[str, FloatArray]:
+    def table(self) -> dict[str, list[Any]]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.
 
         In motion one row per second: lengths of the residual force and moment, before and after.
@@ -81,27 +74,15 @@ class ValidateResult(CommandResult):
         v = self.validation
         if isinstance(v, MovingValidation):
             r = v.residual
-            return {
-                "time": r.time,
-                "force_uncalibrated": r.before[:, 0],
-                "force_calibrated": r.after[:, 0],
-                "moment_uncalibrated": r.before[:, 1],
-                "moment_calibrated": r.after[:, 1],
-            }
-        count, parts = v.calibrated.shape
-
-        def each(values: FloatArray) -> FloatArray:
-            return np.repeat(values[v.used], parts)
-
-        return {
-            "dwell": np.repeat(v.used, parts),
-            "start": each(v.dwells.start),
-            "end": each(v.dwells.end),
-            "component": np.tile(np.array(COMPONENTS), count),
-            "uncalibrated": v.nominal.ravel(),
-            "calibrated": v.calibrated.ravel(),
-            "std": v.std.ravel(),
-        }
+            names = "time force_uncalibrated moment_uncalibrated force_calibrated moment_calibrated"
+            return by_column(names, zip(r.time, *r.before.T, *r.after.T, strict=True))
+        each = zip(v.used, v.nominal, v.calibrated, v.std, strict=True)
+        rows = (
+            (k, v.dwells.start[k], v.dwells.end[k], *one)
+            for k, *parts in each
+            for one in zip(COMPONENTS, *parts, strict=True)
+        )
+        return by_column("dwell start end component uncalibrated calibrated std", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residual wrench, before and after."""
