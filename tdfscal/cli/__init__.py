@@ -8,19 +8,13 @@ def main() -> None:
     """Run the command line and leave with the contract's exit status."""
     gc.set_threshold(50_000)  # what modules and models are made of stays: few cycles to search for
     try:
-        from tdfscal.cli.process import status_of
+        from tdfscal.cli.process import status
 
-        status = status_of(_run)
+        found = status()
     except KeyboardInterrupt:  # among the first imports
         sys.exit(130)
     gc.freeze()  # what is left ends with the process: no last search of all of it
-    sys.exit(status)
-
-
-def _run() -> int:
-    from tdfscal.cli.app import run
-
-    return run()
+    sys.exit(found)
 
 
 __all__ = ["main"]

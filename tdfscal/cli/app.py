@@ -133,7 +133,9 @@ def made(name: str) -> Any:
     alone.command(name, epilog=epilog, context_settings=_HELP)(call)
     result: Any = typer.main.get_command(alone)
     result.name = name
-    _plainly_typed(result)
+    for param in result.params:
+        if param.param_type_name == "argument":  # no `<list[Path]>`
+            param.display_type_rich = lambda ctx: None
     return result
 
 
@@ -148,21 +150,12 @@ def _parameter(one: Described) -> Parameter:
         told = typer.Option(
             default,
             *one.names,
-            metavar=one.metavar,
+            metavar=one.metavar or (None if one.words or kind is bool else "N"),
             help=one.sentence,
             case_sensitive=not one.words,
             show_default=not isinstance(default, Path),
         )
     return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=kind, default=told)
-
-
-def _plainly_typed(command: Any) -> None:
-    """Let the help of a command show no types of Python: `<list[Path]>`."""
-    for param in command.params:
-        if param.param_type_name == "argument":
-            param.display_type_rich = lambda ctx: None
-        elif param.metavar is None and not param.is_flag and not param.type_descriptor.is_choice:
-            param.display_type_rich = lambda ctx: "N"
 
 
 def run() -> int:

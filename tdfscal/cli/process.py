@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -33,8 +33,8 @@ class Interrupted(BaseException):
     """A signal ends the run."""
 
 
-def status_of(work: Callable[[], int]) -> int:
-    """Do the work of a run; whatever ends it becomes a status and one line on standard error."""
+def status() -> int:
+    """Run the command line; whatever ends it becomes a status and one line on standard error."""
     came = list[int]()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -44,9 +44,11 @@ def status_of(work: Callable[[], int]) -> int:
     before = _listen(interrupt)
     _prepare_streams()
     try:
-        status = work()
+        from tdfscal.cli.app import run
+
+        found = run()
         report("")
-        return status
+        return found
     except BaseException as fault:
         _listen(signal.SIG_IGN)
         # Some code between makes another exception of a signal's.
@@ -183,13 +185,18 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose, quiet = asked.pop("json"), asked.pop("verbose"), asked.pop("quiet")
     carried, places = _destinations(command, asked, json=json)
+    began = time.monotonic()
+
+    def stage(name: str) -> None:
+        say(f"[{time.monotonic() - began:5.1f} s] {name} …")
+
     several = [path for p in command.parameters if p.several for path in asked.pop(p.name)]
     line = " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():
         # Files stand one after the other there, as in `compare(a, b)`.
-        result = command.call(line, *several, progress=None if quiet else _timed(), **asked)
+        result = command.call(line, *several, progress=None if quiet else stage, **asked)
         written = result.exit_status == 0 or asked.get("allow_rejected", True)
         for note in result.notes:  # before the numbers that they concern, wherever these go
             say(f"tdfscal: warning: {note}")
@@ -201,9 +208,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             text = result.shown(whole=verbose)
             there = [visible(path) for path, holds in places if written or holds == "html"]
             if text and there:
-                text += (
-                    f"\nwrote {' and '.join(filter(None, (', '.join(there[:-1]), there[-1])))}\n"
-                )
+                text += f"\nwrote {' and '.join(there)}\n"
     _listen(signal.SIG_IGN)  # all is done
     report(text)
     if result.exit_status and "allow_rejected" in asked:
@@ -232,9 +237,3 @@ def _destinations(
         del asked[file.name]
         carried = file.holds
     return carried, places
-
-
-def _timed() -> Callable[[str], None]:
-    """Return what shows progress to a user; each line is headed by the seconds since now."""
-    started = time.monotonic()
-    return lambda stage: say(f"[{time.monotonic() - started:5.1f} s] {stage} …")

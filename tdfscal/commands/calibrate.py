@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -14,7 +15,7 @@ from tdfscal.acceptance import assess_stated, judge
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, campaign_folders, listed, resolve
-from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of, neither, with_delay
+from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few, with_delay
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import measured, misdated, surveyed
 from tdfscal.commands.result import Calibration
@@ -169,18 +170,19 @@ def calibrate_samples(
     """
     if samples == "all":
         return _all(log, estimator, rng)
-
-    def still(dwells: Dwells, slow: Slow | None) -> Own:
-        own = _static(log, dwells, estimator, rng)
-        if slow is None or own.reasons or estimator == "linear":
-            return own
-        expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
-        return replace(own, with_moves=expected)
-
-    def moving(slow: Slow, dwells: int) -> Own:
-        return _moving(log, slow, instead_of=dwells, rng=rng)
-
-    return by_samples(log, samples, ENOUGH, still, moving, NotIdentifiableError)
+    if samples == "moving":
+        return _moving(log, log.moving(), rng=rng)
+    dwells, slow = log.samples(samples)
+    if slow is not None and len(dwells) < ENOUGH:
+        moving = partial(_moving, log, slow, rng=rng, instead_of=len(dwells))
+        if (found := where_few(dwells, ENOUGH, moving, NotIdentifiableError)) is not None:
+            return found
+        slow = None
+    own = _static(log, dwells, estimator, rng)
+    if slow is None or own.reasons or estimator == "linear":
+        return own
+    expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
+    return replace(own, with_moves=expected)
 
 
 def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibration | None:
@@ -189,15 +191,12 @@ def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibratio
     dwells : of the log, which is read once more where they are too few to calibrate from.
     Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
     """
-    if len(dwells) >= ENOUGH:
-        return None
     again = LogPass(log.campaign, log.settings)
-    try:
+
+    def moving() -> MotionCalibration:
         return _moving(again, again.moving(), rig=rig, instead_of=len(dwells))
-    except TdfscalError as error:
-        if len(dwells):
-            return None
-        raise neither(dwells, ENOUGH, error) from error
+
+    return where_few(dwells, ENOUGH, moving)
 
 
 def _static(

@@ -127,8 +127,13 @@ class LogPass:
         self.progress("reading the log and finding the dwells")
         return self.noted(find_dwells(self.pieces()))
 
-    def samples(self) -> tuple[Dwells, Slow | None]:
-        """Read the logs once, for dwells and for slow streams, None where there are none."""
+    def samples(self, asked: str | None = None) -> tuple[Dwells, Slow | None]:
+        """Read the logs once, for dwells and slow streams; for these alone if `static` is asked.
+
+        The streams are None where there are none.
+        """
+        if asked == "static":
+            return self.dwells(), None
         streams = _Streams(self)
         dwells = self.noted(find_dwells(streams.pieces()))
         with suppress(DataError):
@@ -256,41 +261,27 @@ class _Streams:
         return replace(slow, temperature=warm)
 
 
-def by_samples(
-    log: LogPass,
-    samples: str | None,
+def where_few(
+    dwells: Dwells,
     enough: int,
-    still: Callable[[Dwells, Slow | None], Found],
-    moving: Callable[[Slow, int], Found],
+    moving: Callable[[], Found],
     final: type[TdfscalError] | tuple[()] = (),
-) -> Found:
-    """Work on the `static` dwells or the `moving` samples; unless told on dwells that are enough.
+) -> Found | None:
+    """What the motion gives where the dwells are too few; None where these must do.
 
-    still, moving : make the result, of the dwells, with the motion between them if that was read,
-    or of a motion that stands for so many dwells. final : faults of a motion that few dwells cannot
-    mend. Raises TdfscalError by cause.
+    final : faults of a motion that few dwells cannot mend. Raises TdfscalError by cause.
     """
-    if samples == "static":
-        return still(log.dwells(), None)
-    if samples == "moving":
-        return moving(log.moving(), 0)
-    dwells, slow = log.samples()
-    if slow is None or len(dwells) >= enough:
-        return still(dwells, slow)
+    if len(dwells) >= enough:
+        return None
     try:
-        return moving(slow, len(dwells))
+        return moving()
     except TdfscalError as error:
-        if len(dwells) and not isinstance(error, final):
-            return still(dwells, None)
-        raise neither(dwells, enough, error) from error
-
-
-def neither(dwells: Dwells, enough: int, error: TdfscalError) -> TdfscalError:
-    """The error of a log that serves neither at rest nor in motion."""
-    few = "there is no dwell"
-    if len(dwells):
-        few = f"{len(dwells)} static dwells are too few: {enough} are the least"
-    return error.restated(what=f"{few}, and in motion: {error.what}")
+        few = "there is no dwell"
+        if len(dwells):
+            if not isinstance(error, final):
+                return None
+            few = f"{len(dwells)} static dwells are too few: {enough} are the least"
+        raise error.restated(what=f"{few}, and in motion: {error.what}") from error
 
 
 def delay_of(rig: LoadedRig) -> UncertainValue:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
-from tdfscal.commands.log_pass import LogPass, Settings, by_samples, delay_of
+from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import left_out, measured
 from tdfscal.commands.result import Calibration, CommandResult, by_column
@@ -135,11 +136,13 @@ def validate(
 
 def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:
     """Test by the dwells where there are enough, else by the motion."""
-
-    def still(dwells: Dwells, _: Slow | None) -> Validation | MovingValidation:
-        return _by_postures(use, log, dwells)
-
-    return by_samples(log, samples, ENOUGH, still, lambda slow, _: _by_motion(use, log, slow))
+    if samples == "moving":
+        return _by_motion(use, log, log.moving())
+    dwells, slow = log.samples(samples)
+    found = None
+    if slow is not None:
+        found = where_few(dwells, ENOUGH, partial(_by_motion, use, log, slow))
+    return _by_postures(use, log, dwells) if found is None else found
 
 
 def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
