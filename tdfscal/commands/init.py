@@ -96,11 +96,7 @@ def init(
     info = describe_logs(logs)
     first = info.contents[0]
     if info.mapping is None:
-        raise DataError(
-            _why_not(info),
-            where=str(first.path),
-            hint="write the `log:` block by hand: `tdfscal info` lists the fields",
-        )
+        raise _no_draft(info, "write the `log:` block by hand: `tdfscal info` lists the fields")
     position, force = _postures(info)
     sketch = sketch_rig(position, force, _GRAVITY)
     text = draft(
@@ -114,10 +110,11 @@ def init(
     return InitResult(text, info, sketch, unconfirmed(text))
 
 
-def _why_not(info: LogInfo) -> str:
-    """Why no mapping was guessed, each reason once."""
-    said = (*info.problems, *info.guess.notes)
-    return "; ".join(dict.fromkeys(text.rstrip(".") for text in said)) or "no mapping is guessed"
+def _no_draft(info: LogInfo, hint: str | None = None) -> DataError:
+    """The error for logs that do not show enough, with all that is known of why."""
+    said = info.problems or info.guess.notes or ("no mapping is guessed",)
+    what, path = "; ".join(text.rstrip(".") for text in said), str(info.contents[0].path)
+    return DataError(what, where=None if path in what else path, hint=hint)
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
@@ -126,12 +123,7 @@ def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
         return info.dwells.position, info.dwells.force
     there = info.samples
     if there is None:
-        absence = no_dwell(info.dwells) if info.dwells is not None else None
-        raise DataError(
-            absence.what if absence else _why_not(info),
-            where=str(info.contents[0].path),
-            hint=absence.hint if absence else None,
-        )
+        raise no_dwell(info.dwells) if info.dwells is not None else _no_draft(info)
     return there
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.saving import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.logs.formats import expand, files_of, open_log
+from tdfscal.logs.formats import Bag, expand, files_of, open_log
 from tdfscal.logs.log_file import Request, ahead, make_request, placed
 from tdfscal.logs.streams import Streams, as_log, files_by_recorder, on_one_clock
 from tdfscal.records import BoolArray, Log, LogMapping, Series, by_wall_clock
@@ -179,24 +179,31 @@ def concatenate(pieces: Iterable[Log]) -> Log:
 
 def _campaign(given: Sequence[Path], request: Request) -> Iterator[Log]:
     """Read the files of one recorder, one after the other."""
+    bags = files_of(given)
+    try:
+        yield from _in_turn(bags, request)
+    except DataError as error:
+        raise _with_cure(error, request, alone=len(bags) == 1) from None
+
+
+def _in_turn(bags: Mapping[Path, Bag | None], request: Request) -> Iterator[Log]:
     reached = np.full(len(request.signals), -np.inf)
     row = 0
-    bags = files_of(given)
     for path in _in_sequence([*bags], request) if len(bags) > 1 else bags:
         streams = Streams(request, reached, row)
         file = open_log(path, bags[path])
         pending = as_log((), request)
-        with fingerprint(path) as described, closing(ahead(file.pieces(request))) as pieces:
-            try:
-                for number, piece in enumerate(pieces):
-                    ascending = streams.passed(piece)
-                    if number:
-                        yield pending
-                    pending = as_log(ascending, request)
-                said = streams.findings(file)
-            except DataError as error:
-                with placed(path):
-                    raise _with_cure(error, request) from None
+        with (
+            placed(path),
+            fingerprint(path) as described,
+            closing(ahead(file.pieces(request))) as pieces,
+        ):
+            for number, piece in enumerate(pieces):
+                ascending = streams.passed(piece)
+                if number:
+                    yield pending
+                pending = as_log(ascending, request)
+            said = streams.findings(file)
             entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])
@@ -243,15 +250,21 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     return sorted(paths, key=lambda path: starts[path])
 
 
-def _with_cure(error: DataError, request: Request) -> DataError:
-    """The error, where it names fields, with what to do where no sensor measures them."""
+def _with_cure(error: DataError, request: Request, *, alone: bool) -> DataError:
+    """The error with what to do where fields are none of the log's; alone : its only file."""
+    cures = [error.hint] if error.hint else []
+    if error.fields and not alone:
+        cures.append(
+            "where they stand in another of the files, `log` is a list, a block for each recorder, "
+            "as `tdfscal init` writes it of all files together"
+        )
     for signal in request.signals:
         whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
         gone = {name for name in signal.own if whole or name in error.fields}
-        if gone and signal.quantity == "force":
+        if gone and signal.quantity == "force" and alone:
             each = zip("xyz", signal.components, signal.measured, strict=True)
             left = [axis for axis, name, there in each if there and name not in gone]
             line = f"`axes: [{', '.join(left)}]` for {signal.support} in rig.yaml"
-            cure = f"where the sensor does not measure it, write {line}"
-            return error.restated(hint=f"{error.hint}; {cure}" if error.hint else cure)
-    return error
+            cures.append(f"where the sensor does not measure it, write {line}")
+            break
+    return error.restated(hint="; ".join(cures) or None)
