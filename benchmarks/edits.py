@@ -32,6 +32,7 @@ from tdfscal.errors import TdfscalError
 from tdfscal.exports import csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.files.writers.logs import COLUMNS
 from tdfscal.simulation import Recorder
 from tests.files.edits import Place, at, places
 
@@ -114,7 +115,7 @@ def used(c: Calibration, log: Path) -> Numbers:
     # Not when it was judged, by which file.
     told = validate(c, [log]).to_dict()
     judged = {key: told.get(key) for key in ("chi2", "dof", "p_value", "force", "moment", "zeros")}
-    wrench = np.array([[float(cell or "nan") for cell in cells] for cells in rows])
+    wrench = np.array([[float(cell or "nan") for cell in cells[: len(COLUMNS)]] for cells in rows])
     return {
         "export": [float(word) for word in NUMBER.findall(exported)],
         "apply, wrench": wrench[:, :7].ravel().tolist(),
