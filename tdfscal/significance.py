@@ -65,6 +65,8 @@ UNDECLARED_GRAVITY_SHARE: Final = 0.7
 UNDECLARED_FRICTION_SHARE: Final = 0.15
 #: Standard uncertainties of an angle: an undeclared error that moves it farther spoils the result.
 HARMFUL_SHIFT: Final = 2.0
+#: One that moves neither an angle nor a zero by so many is a note: it widens none by 3 %.
+HARMLESS_SHIFT: Final = 0.25
 #: Where chance gives as much with less than this probability, one that moves it by so many already:
 #: what is certainly undeclared passes for noise too, and widens the uncertainties themselves.
 CERTAINLY_UNDECLARED: Final = 1e-6

@@ -15,6 +15,7 @@ from tdfscal.catalogue.in_use import IN_USE
 from tdfscal.catalogue.inputs import LOGS, SURVEY
 from tdfscal.catalogue.refusals import REFUSALS
 from tdfscal.findings import Finding, Severity, Value
+from tdfscal.significance import HARMLESS_SHIFT
 
 #: Of errors that are stated in words: a code per class.
 _STATED = {
@@ -26,8 +27,13 @@ CATALOGUE: dict[str, Entry] = _STATED | SUSPECTS | CAMPAIGN | LOGS | SURVEY | IN
 
 
 def severity(finding: Finding) -> Severity:
-    """Return how grave a finding is."""
-    return "rejects" if finding.rejects else CATALOGUE[finding.code].severity
+    """Return how grave a finding is; what is suspected and moves nothing is a note."""
+    if finding.rejects:
+        return "rejects"
+    shift, usual = finding.values.get("shift"), CATALOGUE[finding.code].severity
+    harmless = isinstance(shift, float) and shift < HARMLESS_SHIFT
+    harmless &= "zero_shift" not in finding.values
+    return "notes" if harmless and usual == "warns" else usual
 
 
 def sentence(finding: Finding) -> str:

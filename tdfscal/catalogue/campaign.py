@@ -17,7 +17,7 @@ _BESIDES = """
 SUSPECTS: dict[str, Entry] = entries(
     """
 zero-suspected warns
-  {subject:the zero of ~ is|the zeros of all sensors are} not what is stated
+  {subject:the zero of ~{axis:, axis ~,|} is|the zeros of all sensors are} not what is stated
   -> tare again, or write `zero.std: {stated}` for {subject:~|every support} in rig.yaml (N)
 sensitivity-suspected warns
   gain or crosstalk of {subject} is not what is stated
@@ -44,6 +44,9 @@ hinge-suspected warns
 datum-suspected warns
   the servo coordinates of {subject} are offset
   -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml (m)
+axis-scale-suspected warns
+  the Z axis of the positioner of {subject} is out of scale by {size}
+  -> measure its travel (dial gauge, tracker), and correct its scale factor
 tilt-suspected warns
   gravity is not along -Z of the BCS
   -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)

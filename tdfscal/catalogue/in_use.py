@@ -51,7 +51,7 @@ change-sensors-turned rejects
     sensor, then calibrate again
 change-zero-drifted rejects
   the zero of {subject} {stated:is off what the rig file states|has drifted} by
-  {change:N} along x, y, z of the sensor, ± {change_95:N} (95 %)
+  {change:N} along {axes} of the sensor, ± {change_95:N} (95 %)
   -> tare, and validate again; if it returns, calibrate again
 change-gain rejects
   the gain of {subject} has changed by {change:+} ± {change_95:-} % (95 %)

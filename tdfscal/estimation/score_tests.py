@@ -38,6 +38,9 @@ from tdfscal.significance import (
 #: is of one support.
 CODES = {
     "zero": ("zero-suspected", "N", True),
+    "x zero": ("zero-suspected", "N", True),
+    "y zero": ("zero-suspected", "N", True),
+    "z zero": ("zero-suspected", "N", True),
     "all zero": ("zero-suspected", "N", False),
     "sensitivity": ("sensitivity-suspected", "", True),
     "gain": ("gain-suspected", "", True),
@@ -46,6 +49,7 @@ CODES = {
     "barycentre": ("barycentre-suspected", "m", False),
     "hinge": ("hinge-suspected", "m", True),
     "datum": ("datum-suspected", "m", True),
+    "vertical scale": ("axis-scale-suspected", "", True),
     "tilt": ("tilt-suspected", "rad", False),
     "compliance": ("compliance-suspected", "m/N", False),
     "friction": ("hysteresis-suspected", "N·m", False),
@@ -62,6 +66,8 @@ CODES = {
     "walk": ("zero-walk", "N/√h", True),
     "all walk": ("zero-walk", "N/√h", False),
 }
+#: The zero of one axis, by whose letter it begins.
+_ZEROS = ("x zero", "y zero", "z zero")
 #: Zeros that drift other than along a line, of one sensor or of all.
 PARABOLAS = ("parabola", "all parabola")
 
@@ -150,7 +156,8 @@ def suspicion(
     for, in the rig file's unit. move : (p,), of the free parameters with it, rotations first.
     """
     code, unit, of_one = CODES[kind]
-    cause = Finding(code, (rig.supports[index],) if of_one else (), size, unit)
+    axis: dict[str, Value] = {"axis": kind[0]} if kind in _ZEROS else {}
+    cause = Finding(code, (rig.supports[index],) if of_one else (), size, unit, values=axis)
     support = index if of_one else None
     worst = worst_angle(rig, known, move)
     return Suspicion((cause,), p_value, *worst, kind=kind, support=support, weight=weight)
@@ -203,9 +210,14 @@ def _weight(doubt: Suspicion) -> float:
     return doubt.weight
 
 
+def _of_axes(doubt: Suspicion) -> float:
+    return doubt.weight + CAUSES_APART * (doubt.kind in _ZEROS)
+
+
 def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     """The likeliest suspicion, and those that are about as likely."""
-    best = {(doubt.kind, doubt.support): doubt for doubt in sorted(found, key=_weight)}
+    # What one axis explains about as well as all three is of that axis.
+    best = {(doubt.causes[0].code, doubt.support): doubt for doubt in sorted(found, key=_of_axes)}
     ranked = sorted(best.values(), key=_weight, reverse=True)
     near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
     return tuple(replace(doubt, tied=doubt.tied or k > 0) for k, doubt in enumerate(near))
@@ -300,6 +312,10 @@ def stated_suspects(of: Fitted) -> Iterator[Suspect]:
             if np.isfinite(std[part]).any():
                 unit = np.where(held[part], std[part], 1.0)
                 yield group, index, columns[:, part], unit, pull[part]
+                if group == "zero":
+                    for j in np.flatnonzero(np.isfinite(std[part]) & rig.axes[index]):
+                        own = pull[[start + j]]
+                        yield _ZEROS[j], index, columns[:, [start + j]], unit[[j]], own
                 if group == "sensitivity":
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
                     own = pull[start : start + 3].sum(keepdims=True)

@@ -63,7 +63,10 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
             size, unit, values["whose"] = float(turns.max()), "rad", list(v.rig.supports)
             values |= {"change": turns.tolist(), "change_95": (INTERVAL_FACTOR * widest).tolist()}
         case "zero drifted":
-            values["stated"] = v.zeros.moved
+            moved = np.flatnonzero(cause.std > 0)
+            values |= {"stated": v.zeros.moved, "axes": ["xyz"[k] for k in moved]}
+            values |= {"change": cause.value[moved].tolist()}
+            values |= {"change_95": (INTERVAL_FACTOR * cause.std[moved]).tolist()}
         case "sensor slipped" | "zero jumped":
             size = float(np.linalg.norm(cause.value))
             unit = "rad" if cause.kind == "sensor slipped" else "N"

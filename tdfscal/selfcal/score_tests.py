@@ -64,7 +64,7 @@ def suspicions(
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
     fit, parts = of.fit, of.parts
-    suspects = [*stated_suspects(fit), *_moving_zeros(fit, time, temperature)]
+    suspects = [*stated_suspects(fit), *_scales(fit), *_moving_zeros(fit, time, temperature)]
     found = speaking(of, suspects, other=UNDECLARED_FRICTION_SHARE)
     if (
         chance(fit.root[:, :, 3:], parts, fit.white) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
@@ -86,6 +86,21 @@ def _moving_zeros(fit: Fit, time: FloatArray, temperature: FloatArray | None) ->
         size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
         each = np.pad(np.repeat(shape, ROWS, axis=0), ((0, priors), (0, 0)))
         yield from moving_zeros(group, zeros * each[..., None], size)
+
+
+def _scales(fit: Fit) -> Iterator[Suspect]:
+    """Vertical axes of positioners that truly travel 1 + s times what is logged.
+
+    The distances between hinges tell of the others. A hinge stands at position − datum, so that s
+    is a datum of −s times the travel; what is constant of it is a datum's.
+    """
+    used, height = fit.weight > 0, fit.postures.position[..., 2]
+    travel = np.repeat(height - height[used].mean(axis=0), ROWS, axis=0)
+    by_datum = fit.all_slopes()[:, layout(fit.rig.n)["datum"]]
+    columns = np.pad(-by_datum[:, 2::3] * travel, ((0, len(fit.prior_residual)), (0, 0)))
+    for i in range(fit.rig.n):
+        # Noise of the readings stands in it alike in all postures: over the travel it cancels.
+        yield "vertical scale", i, columns[:, [i]], 1.0, 0.0
 
 
 def _shapes(

@@ -112,7 +112,10 @@ def _models(given: Whitened) -> list[Model]:
     ]
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
-            found.append(Model(kind, i, (), given.columns[:, first : first + 3]))
+            columns = given.columns[:, first : first + 3]
+            found.append(Model(kind, i, (), columns))
+            if group == "zero":
+                found += [Model(kind, i, (), columns[:, [a]], np.eye(3)[:, [a]]) for a in range(3)]
     found.append(Model("sensors turned", None, (), given.columns[:, place["rotation"]]))
     if not len(given.at.own):  # in motion the residual is known along these alone
         return found

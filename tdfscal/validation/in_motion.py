@@ -13,7 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.errors import NotConvergedError
 from tdfscal.estimation.fit import factored_information
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_own_load
@@ -69,6 +71,8 @@ def validate_moving(
     DataError
         The log cannot serve, its positions do not fit the hinges, or its forces are not what their
         fields are called, or in another unit.
+    NotConvergedError
+        Something changed on the way, and the fit by which it is told does not settle.
     """
     rig = rig or given.rig
     log_against_rig.check_unit(rig, slow.force)
@@ -110,13 +114,17 @@ def validate_moving(
 def _changed_on_the_way(fit: MovingFit, given: Calibrated) -> tuple[Step, ...]:
     """The likeliest steps; of a fit that has settled, since a large turn of the whole log bends it.
 
-    Raises DataError where the delay changed.
+    Raises DataError where the delay changed, NotConvergedError where that fit does not settle.
     """
     turns = layout(given.rig.n)["rotation"]
     determined = np.all(~given.open[turns].reshape(-1, 3), axis=1)
     steps = likeliest_steps(fit, determined)
     if steps:
         settled = fit_moving(fit.priors, fit.blocks, fit.state, fit.noise)
+        if not settled.converged:
+            facts: dict[str, Value] = {"moving": True}
+            found = Finding("estimate-unsettled", size=settled.iterations, values=facts)
+            raise NotConvergedError(found)
         steps = likeliest_steps(settled, determined)
     refuse_changed_delay(steps)
     return steps

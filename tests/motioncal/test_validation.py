@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, NotConvergedError
+from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
@@ -17,6 +19,7 @@ from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.truth import Truth
+from tdfscal.validation import in_motion
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tests.motioncal.campaigns import DELAY, played
 from tests.words import in_words
@@ -114,6 +117,23 @@ def test_a_sensor_that_turns_on_the_way_is_told_with_its_time_and_turn(share: fl
     assert cause.between[0] - 0.05 <= slow.time[first] <= cause.between[1] + 0.05
     assert np.all(np.abs(cause.value + campaign.truth.rotation[1] @ turn) < 4 * cause.std)
     assert "ncp2 turned by" in in_words(changes(v))[0]
+
+
+def test_a_change_on_the_way_whose_fit_does_not_settle_is_no_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    campaign, result = before()
+    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
+    later = simulate_moving(campaign.rig, options, np.random.default_rng(12), campaign.truth)
+    slow = slow_streams([later.log], campaign.rig.capacity)
+    slow.force[len(slow.time) // 2 :, 1] += 5.0
+
+    def unsettled(*given: Any) -> Any:
+        return replace(fit_moving(*given), converged=False)
+
+    monkeypatch.setattr(in_motion, "fit_moving", unsettled)
+    with pytest.raises(NotConvergedError):
+        validate_moving(result.calibrated, slow, DELAY)
 
 
 def turned(truth: Truth) -> Truth:

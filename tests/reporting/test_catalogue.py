@@ -2,13 +2,14 @@
 
 import ast
 import re
+from dataclasses import replace
 from pathlib import Path
 from string import Formatter
 from typing import get_args
 
 import pytest
 
-from tdfscal.catalogue import CATALOGUE, document, told
+from tdfscal.catalogue import CATALOGUE, document, severity, told
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Severity, Value
 
@@ -45,6 +46,15 @@ def test_every_entry_can_be_said() -> None:
         assert said["severity"] == entry.severity
         rejecting = document(Finding(code, ("ncp1",), 1.0, "m", 0.5, 1e-3, {"mrad": 1.0}, True))
         assert rejecting["severity"] == "rejects"
+
+
+def test_what_is_suspected_and_moves_next_to_nothing_is_a_note() -> None:
+    for shift, grave in ((0.1, "notes"), (0.6, "warns")):
+        doubt = Finding("force-noise-suspected", (), 0.1, "N", 1e-9, 1e-6, {"shift": shift})
+        assert severity(doubt) == grave
+        assert severity(replace(doubt, rejects=True)) == "rejects"
+        beside = replace(doubt, values={**doubt.values, "zero": "x of ncp1", "zero_shift": 1.5})
+        assert severity(beside) == "warns"
 
 
 def fields(words: str) -> dict[str, str]:

@@ -10,7 +10,7 @@ from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Contact, Crosstalk, Drift, Faults, Gain, Jolt, Options
-from tdfscal.simulation.faults import Walk
+from tdfscal.simulation.faults import Frame, Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, distance, fitted, study
 from tests.words import in_words
 
@@ -80,6 +80,31 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
     found = suspects(real, RIG, with_faults(faults), seed=4)
     assert found
     assert re.search(words, found[0])
+
+
+@pytest.mark.parametrize(("sensor", "scale"), [(0, -5e-3), (2, 8e-3)])
+def test_a_vertical_axis_off_in_scale_is_named_with_its_size(sensor: int, scale: float) -> None:
+    """Heights change no distance to first order: forces alone tell."""
+    frame = Frame(sensor, scale=(0.0, 0.0, scale))
+    options = with_faults(Faults(frames=(frame,)), replace(SQUEEZED, squeeze=200.0))
+    (result,) = study(RIG, options, seed=3, trials=1).results
+    cause = result.suspicions[0].causes[0]
+    assert (cause.code, cause.subject) == ("axis-scale-suspected", (RIG.supports[sensor],))
+    assert cause.size == pytest.approx(abs(scale), rel=0.1)
+    assert "axis-scale-suspected" in [reason.code for reason in result.reasons]
+
+
+@pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
+def test_a_stale_tare_is_named_with_its_axis_where_it_is_of_one(axes: tuple[int, ...]) -> None:
+    dwells = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(5), 1).dwells(0)
+    force = dwells.force.copy()
+    force[:, 1, axes] += 8.0
+    causes = [
+        c for doubt in fitted(RIG, replace(dwells, force=force)).suspicions for c in doubt.causes
+    ]
+    assert [(c.code, c.subject) for c in causes] == [("zero-suspected", (RIG.supports[1],))]
+    assert causes[0].values.get("axis") == ("xy"[axes[0]] if len(axes) == 1 else None)
+    assert causes[0].size == pytest.approx(8.0, abs=2.5)  # the stated 0.5 N, and what is mass
 
 
 def test_friction_of_postures_that_only_tilt_is_named_with_what_looks_alike() -> None:

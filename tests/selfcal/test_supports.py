@@ -19,6 +19,7 @@ from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import misplaced_hinges
+from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
 from tests.selfcal.campaigns import fitted
@@ -62,6 +63,7 @@ def test_the_rest_of_the_sensors_stand(
     d2 = d[known] @ np.linalg.solve(found.covariance[np.ix_(known, known)], d[known])
     assert d2 < chi2_quantile(1 - 1e-6, int(known.sum()))
     assert chi2_quantile(1e-6, stats.dof) < stats.chi2 < chi2_quantile(1 - 1e-6, stats.dof)
+    assert not suspicions(judged, np.arange(len(result.weight), dtype=np.float64))
 
 
 def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
