@@ -20,7 +20,8 @@ from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, p
 from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import constants_known, free_constants, with_rotations
+from tdfscal.model.calibrated import with_rotations
+from tdfscal.model.parameters import parameter_count
 from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
 
 
@@ -73,9 +74,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     return Earlier(
         name=name,
         file=file,
-        rig=known.rig,
-        state=known.state,
-        information=constants_known(known.rig, covariance),
+        known=replace(known, covariance=covariance),
         determined=file.determined,
         measured=file.measured.record(),
         sha256=sha256(content).hexdigest(),
@@ -97,11 +96,9 @@ def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
 
 
 def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
-    """How the constants (C,) move with errors of what the calibration took as exact."""
-    free = free_constants(rig)
+    """How the parameters (P,) move with errors of what the calibration took as exact."""
     rows = parameter_rows((file.parameters or file.covariance).parameters, rig.supports)
-    moves = exact_moves_from(file.taken_as_exact, rows, len(free))
-    return tuple(one.by(np.eye(len(free))[free]) for one in moves)
+    return tuple(exact_moves_from(file.taken_as_exact, rows, parameter_count(rig.n)))
 
 
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:

@@ -16,12 +16,18 @@ from tdfscal.estimation.observation import (
     Observation,
     eliminate,
     of_estimate,
-    of_information,
     of_survey,
     stated,
 )
 from tdfscal.frozen import field, record, replace
-from tdfscal.model.calibrated import Calibrated, free_constants, of_load, same_load, turned
+from tdfscal.model.calibrated import (
+    Calibrated,
+    constants_known,
+    free_constants,
+    of_load,
+    same_load,
+    turned,
+)
 from tdfscal.model.parameters import CONSTANTS, State, deviation, retract
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
@@ -42,18 +48,15 @@ from tdfscal.selfcal.estimator import Fit, at_state
 class EarlierCalibration:
     """A calibration with its full covariance, before any scaling by a Birge ratio.
 
-    information : on the free constants (C,) of its rig, counted from `state`. determined : (n,),
-    sensors whose turns it gives. chi2, dof : of all the fits behind it. sha256 : of its file.
-    stands_on : digest and date of the calibration that it updates; base : that one, where it is
-    in the same pool.
-    exact : how its constants (C,) move with errors of what it took as exact. sources : (n, 3),
-    share of each source in the variance of its roll, pitch, yaw; none where that is not told.
+    known : with that covariance. determined : (n,), sensors whose turns it gives. chi2, dof : of
+    all the fits behind it. sha256 : of its file. stands_on : digest and date of the calibration
+    that it updates; base : that one, where it is in the same pool. exact : how its parameters (P,)
+    move with errors of what it took as exact. sources : (n, 3), share of each source in the
+    variance of its roll, pitch, yaw; none where that is not told.
     """
 
     name: str
-    rig: Rig
-    state: State
-    information: Information
+    known: Calibrated
     determined: BoolArray
     measured: Measured
     sha256: str
@@ -65,14 +68,21 @@ class EarlierCalibration:
     sources: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
+    def rig(self) -> Rig:
+        """As it states it."""
+        return self.known.rig
+
+    @property
     def recorded(self) -> Recorded:
         """What it gives to a pool."""
         size = 3 * self.rig.n
-        variance = so3.rpy_variance(self.state.rotation, self.information.covariance[:size, :size])
+        turns = self.known.covariance[:size, :size]
+        variance = so3.rpy_variance(self.known.state.rotation, turns)
         return Recorded(
             self.name,
             self.measured.month,
             self.rig,
+            estimate=self.known,
             earlier=self,
             exact=self.exact,
             contributions={name: share * variance for name, share in self.sources.items()},
@@ -80,9 +90,9 @@ class EarlierCalibration:
 
     def about(self, reference: State) -> Information:
         """Information (c,) on its own constants, counted from a reference."""
-        free = free_constants(self.rig)
-        away = deviation(self.state, reference)[: len(free)][free]
-        return Information(self.information.matrix, self.information.matrix @ away)
+        matrix = constants_known(self.rig, self.known.covariance).matrix
+        away = deviation(self.known.state, reference)[free_constants(self.rig)]
+        return Information(matrix, matrix @ away)
 
     def added(self, reference: State) -> Information:
         """What its own data say (c,), counted from a reference."""
@@ -114,9 +124,10 @@ def added_to(rig: Rig, now: Information, before: Information, told: BoolArray) -
 class Recorded:
     """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
 
-    estimate : of a log in motion, by what its rig file states. survey : of a tracker. earlier : a
-    calibration. exact : how these move with errors of what they took as exact. contributions :
-    variances (n, 3) of roll, pitch, yaw by source, as it knows them alone; empty where it does not.
+    estimate : of a log in motion, by what its rig file states, or of a calibration: earlier.
+    survey : of a tracker. exact : how these move with errors of what they took as exact.
+    contributions : variances (n, 3) of roll, pitch, yaw by source, as it knows them alone; empty
+    where it does not.
     month : when it was measured, in months of 30.4375 days from any common instant.
     """
 
@@ -133,8 +144,7 @@ class Recorded:
     @property
     def start(self) -> State | None:
         """Constants from which others may be counted; None of postures and surveys."""
-        known = self.earlier or self.estimate
-        return None if known is None else known.state
+        return None if self.estimate is None else self.estimate.state
 
     def observed(self, at: Fit | None, reference: State) -> Observation:
         """What it says of its own constants (c,), counted from the reference.
@@ -144,9 +154,9 @@ class Recorded:
         if at is not None:
             return eliminate(at, reference)
         if self.estimate is not None:
-            return of_estimate(self.estimate, stated(Priors(self.rig), reference), reference)
-        if self.earlier is not None:
-            return of_information(self.earlier.added(reference))
+            part = of_estimate(self.estimate, stated(Priors(self.rig), reference), reference)
+            own = part.information if self.earlier is None else self.earlier.added(reference)
+            return replace(part, information=own)
         assert self.survey is not None
         return of_survey(self.survey, reference, int(free_constants(self.rig).sum()))
 
@@ -167,13 +177,10 @@ class Recorded:
             wide = len(self.survey.covariance)
             posterior, columns = inverse(self.survey.covariance), np.arange(wide)
             places = places[:wide]
-        elif self.estimate is not None:
-            posterior = inverse(self.estimate.covariance[np.ix_(free, free)])
-            wide, columns = len(free), np.flatnonzero(free)
         else:
-            assert self.earlier is not None
-            posterior = self.earlier.information.matrix
-            wide, columns = len(posterior), np.arange(len(posterior))
+            assert self.estimate is not None
+            posterior = constants_known(self.rig, self.estimate.covariance).matrix
+            wide, columns = len(free), np.flatnonzero(free)
         score = np.zeros((len(part.information.score), wide))
         score[np.ix_(places, columns)] = posterior
         return tuple(one.by(score) for one in self.exact)

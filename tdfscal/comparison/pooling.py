@@ -282,7 +282,7 @@ def _turns(
     """Rotations (n, 3, 3), each sensor's of the first calibration that gives it, or of a fit."""
     found, told = rotation.copy(), np.zeros(len(rotation), dtype=np.bool_)
     known = [(item.earlier.determined, item.start) for item in ordered if item.earlier]
-    moved = [(~told, item.start) for item in ordered if item.estimate]
+    moved = [(~told, item.start) for item in ordered if item.earlier is None]
     fitted = [(~told, at.state) for at in fits if at is not None]
     for sensors, state in (*known, *moved, *fitted):
         if state is not None:

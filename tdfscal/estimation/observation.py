@@ -16,7 +16,7 @@ import numpy as np
 
 from tdfscal.estimation.fit import Fitted, Priors
 from tdfscal.frozen import record
-from tdfscal.model.calibrated import Calibrated, free_constants
+from tdfscal.model.calibrated import Calibrated, constants_known, free_constants
 from tdfscal.model.parameters import (
     LOAD,
     State,
@@ -29,7 +29,7 @@ from tdfscal.model.parameters import (
     with_motions,
 )
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
+from tdfscal.numerics.information import Contrast, Information, nothing, without
 from tdfscal.records import BoolArray, FloatArray, Rotations
 
 #: A share of a direction that no row sees below this is rounding.
@@ -105,14 +105,7 @@ def of_survey(survey: Rotations, reference: State, size: int) -> Observation:
     matrix = np.linalg.inv(survey.covariance)
     out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
     out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
-    return of_information(out)
-
-
-def of_information(found: Information) -> Observation:
-    """What an estimate of the constants alone says, without parameters of its own."""
-    size = len(found.score)
-    none = np.zeros(0, dtype=np.bool_)
-    return _alone(found, none, np.zeros((0, size)), np.zeros((0, 0)), np.zeros(size))
+    return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
 
 
 def of_estimate(known: Calibrated, prior: Information, reference: State) -> Observation:
@@ -124,7 +117,7 @@ def of_estimate(known: Calibrated, prior: Information, reference: State) -> Obse
     free = free_constants(known.rig)
     places = ~free & (prior_std(known.rig) > 0)
     C = known.covariance
-    posterior = inverse(C[np.ix_(free, free)])
+    posterior = constants_known(known.rig, C).matrix
     away = deviation(known.state, reference)[free]
     found = without(Information(posterior, posterior @ away), prior)
     give = C[np.ix_(places, free)] @ posterior

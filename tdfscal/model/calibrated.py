@@ -209,19 +209,16 @@ def joint_prior(
     chi2: float = 0.0,
     dof: int = 0,
     *,
-    free: BoolArray | None = None,
-    but: BoolArray | None = None,
     exact: Sequence[ExactMoves] = (),
 ) -> JointPrior:
     """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit.
 
-    free : (P,), which parameters they are, by default the rig's. but : (C,), those of them that do
-    not hold for this campaign. exact : (C,) rows, how the mean moves with what is taken as exact.
+    exact : (C,) rows, how the mean moves with what is taken as exact.
 
     Estimates of a sensor that measures one axis have no common spin axis, and seem to say something
     of the spin: that is taken from them.
     """
-    free = free_constants(rig) if free is None else free.copy()
+    free = free_constants(rig)
     step, shown = np.zeros(len(free)), np.eye(int(free.sum()))
     for spin in _open_spins(rig, known, reference.rotation):
         shown -= np.outer(spin, spin)
@@ -235,9 +232,6 @@ def joint_prior(
         seen = matrix @ spin
         matrix = matrix - np.outer(seen, seen) / (spin @ seen)
         matrix += np.outer(spin, spin) / EVEN_TURN**2
-    if but is not None and but.any():
-        kept = Information(matrix, np.zeros(len(matrix))).without(but).matrix
-        matrix, free[np.flatnonzero(free)[but]] = kept[np.ix_(~but, ~but)], False
     root = np.zeros((int(free.sum()), len(free)))
     root[:, free] = np.linalg.cholesky(matrix).T
     return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof, moves)
@@ -283,12 +277,9 @@ def _with_matrix(rig: Rig, matrix: FloatArray) -> Rig:
     return replace(rig, earlier=replace(rig.earlier, root=root))
 
 
-def turned(rig: Rig, std: float, size: int | None = None) -> FloatArray:
-    """Variance (C,) of the free constants after every sensor turned by std, rad per axis.
-
-    size : C, where it is not the rig's own.
-    """
-    variance = np.zeros(int(free_constants(rig).sum()) if size is None else size)
+def turned(rig: Rig, std: float, size: int) -> FloatArray:
+    """Variance (C,) of C = size constants after every sensor turned by std, rad per axis."""
+    variance = np.zeros(size)
     variance[: 3 * rig.n] = std**2
     return variance
 
@@ -297,7 +288,8 @@ def loosened(rig: Rig) -> Rig:
     """Return the rig with an earlier knowledge that allows for sensors mounted anew."""
     if rig.earlier is None:
         return rig
-    wide = information_of(rig.earlier).walked(turned(rig, REMOUNTED))
+    known = information_of(rig.earlier)
+    wide = known.walked(turned(rig, REMOUNTED, len(known.score)))
     return _with_matrix(rig, wide.matrix)
 
 

@@ -71,12 +71,6 @@ class Information:
         out.score[kept] = (score[kept] - give @ score[lost]) * scale[kept]
         return out
 
-    def padded(self, size: int) -> Information:
-        """Return the same with further constants of which nothing is said, C = size in all."""
-        out, kept = nothing(size), len(self.score)
-        out.matrix[:kept, :kept], out.score[:kept] = self.matrix, self.score
-        return out
-
     def beside(self, stated: Information) -> Information:
         """Return what measurements say in directions of which more than what is stated is known.
 
