@@ -17,24 +17,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_numpy
 from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.saving import in_utf8
-from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import AGAIN, EMPTY, LogFile, Piece, Request
 from tdfscal.logs.table import (
-    DATES,
-    TICKS,
+    Wanted,
     columns_of,
     first_date,
     has_zone,
     holes,
-    is_number,
-    seconds_of_all,
+    no_numbers,
     table_piece,
     takes_turns,
 )
-from tdfscal.records import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
@@ -62,18 +57,12 @@ class ParquetLog(LogFile):
     def read(self, request: Request) -> Iterator[Piece]:
         """Yield the rows of the wanted columns."""
         with _opened(self.path) as file:
-            names = _wanted(file, request)
-            timed = request.mapping.time_field in names
-            row, sparse, zoned = 0, False, False
+            names, row, wanted = _names(file, request), 0, None
             for number in range(file.num_row_groups):
                 for table in _tables(file, number, names, _ROWS):
-                    if not row and timed:
-                        sparse = _takes_turns(table.slice(0, _SEARCHED_ROWS), request)
-                        date = first_date(table.column(request.mapping.time_field))
-                        zoned = date is not None and has_zone(date)
-                    time = _time(table, request, row, zoned=zoned) if timed else None
-                    vectors = _vectors(table, request, row, sparse=sparse)
-                    yield table_piece(request, vectors, time, row, sparse=sparse)
+                    wanted = wanted or _wanted(table.slice(0, _SEARCHED_ROWS), request)
+                    vectors, time = wanted.values(table, row)
+                    yield table_piece(request, vectors, time, row, sparse=wanted.sparse)
                     row += table.num_rows
             groups = map(file.metadata.row_group, range(file.num_row_groups))
             lacking = sum(group.num_rows for group in groups) - row
@@ -168,7 +157,7 @@ def _kind(leaf: Any) -> str:
     return logical if logical not in ("none", "unknown") else str(leaf.physical_type).lower()
 
 
-def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
+def _names(file: pq.ParquetFile, request: Request) -> list[str]:
     """Names of the columns to read. Raises DataError where one is missing or holds no numbers."""
     leaves = _leaves(file)
     column_of = columns_of(request, [leaf.path for leaf in leaves])
@@ -176,92 +165,17 @@ def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
         holds = _holds(leaves[k])
         dated = name == request.mapping.time_field and holds == "string"
         if holds is not None and not dated:
-            raise _no_numbers(name, holds)
+            raise no_numbers(name, holds)
     return list(column_of)
 
 
-def _takes_turns(opening: pa.Table, request: Request) -> bool:
-    """Whether a table is of streams with times of their own; see `table.takes_turns`."""
-    filled = [
-        sum(~holes(opening.column(name)) for name in signal.components)
-        for signal in request.signals
-    ]
-    return takes_turns(np.array(filled))
-
-
-def _vectors(table: pa.Table, request: Request, row: int, *, sparse: bool) -> FloatArray:
-    """The signals (signals, 3, N), SI; NaN where a row of a sparse table leaves one out."""
-    vectors = np.empty((len(request.signals), 3, table.num_rows))
-    for vector, signal in zip(vectors, request.signals, strict=True):
-        columns = [table.column(name) for name in signal.components]
-        absent = np.zeros(table.num_rows, dtype=np.bool_)
-        if sparse:
-            absent = np.logical_and.reduce([holes(column) for column in columns])
-        each = zip(vector, signal.components, columns, signal.factors, strict=True)
-        for axis, name, column, factor in each:
-            np.multiply(_numbers(column, name, row, absent), factor, out=axis)
-        if sparse:
-            vector[:, absent] = np.nan
-    return vectors
-
-
-def _time(table: pa.Table, request: Request, row: int, *, zoned: bool) -> FloatArray:
-    """The time (N,), s. A column that is a time by its type has its own unit."""
-    name = request.mapping.time_field
-    column, kind = table.column(name), table.schema.field(name).type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        return _numbers(column.cast(pa.int64()), name, row) / TICKS[kind.unit]
-    if not pa.types.is_string(kind):
-        return _numbers(column, name, row) * UNITS["time"][canonical(request.mapping.time_unit)]
-    if column.null_count:
-        raise _fault("the cell is empty", name, row + int(np.argmax(holes(column))))
-    if not row and first_date(column) is None:
-        raise _no_numbers(name, "string")
-    seconds = seconds_of_all(column, zoned=zoned)
-    if (none := np.isnan(seconds)).any():
-        k = int(np.argmax(none))
-        what = f"{shorten(column[k].as_py())!r} is no date and time as the first row has one"
-        raise _fault(what, name, row + k, hint=DATES)
-    return seconds
-
-
-def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) -> FloatArray:
-    """Return a column as (N,) float64, each value present, but for those absent, and finite."""
-    kind = column.type
-    if not is_number(kind):
-        raise _no_numbers(name, str(kind))
-    if column.null_count:
-        empty = holes(column) if absent is None else holes(column) & ~absent
-        if empty.all() and not row:
-            raise _fault("no cell of the column holds a number", name, row, fields=(name,))
-        if empty.any():
-            raise _fault("the cell is empty", name, row + int(np.argmax(empty)))
-        column = column.fill_null(0)
-    numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
-    values = as_numpy(numbers)
-    if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
-        k = int(np.argmin(np.isfinite(values)))
-        fields = (name,) if np.isnan(values).all() and not row else ()
-        raise _fault(f"{values[k]} is not a finite number", name, row + k, fields=fields)
-    return values
-
-
-def _fault(
-    what: str,
-    name: str,
-    row: int,
-    *,
-    hint: str = "correct that cell, or leave its row out",
-    fields: Sequence[str] = (),
-) -> DataError:
-    """The error for a cell; fields : the column, where none of its cells is a number."""
-    where = f"column {name}, row {row}"
-    return DataError(what, where=where, hint=f"{hint}; rows count from 0", fields=fields)
-
-
-def _no_numbers(name: str, holds: str) -> DataError:
-    return DataError(
-        f"column {name} holds {holds}, not numbers",
-        hint="name a column of numbers in the log block of rig.yaml",
-        fields=(name,),
-    )
+def _wanted(opening: pa.Table, request: Request) -> Wanted:
+    """The wanted columns, by the first rows of the table."""
+    signals = tuple((signal.components, signal.factors) for signal in request.signals)
+    name, second = request.mapping.time_field, UNITS["time"][canonical(request.mapping.time_unit)]
+    if name not in opening.column_names:
+        return Wanted(signals, None, second, None, sparse=False)
+    date = first_date(opening.column(name))
+    filled = [sum(~holes(opening.column(axis)) for axis in three) for three, _ in signals]
+    zoned = None if date is None else has_zone(date)
+    return Wanted(signals, name, second, zoned, takes_turns(np.array(filled)))

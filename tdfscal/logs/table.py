@@ -16,6 +16,8 @@ import pyarrow as pa
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.files.yaml import shorten
+from tdfscal.frozen import record
 from tdfscal.logs.log_file import Block, Piece, Request, missing_fields
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -132,6 +134,104 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     return {name: present.index(name) for name in wanted}
 
 
+@record
+class Wanted:
+    """The wanted columns of a table.
+
+    signals : of each the columns of x, y, z, and their factors to SI and tdfscal's sign.
+    time : None where rows are counted. second : s in its unit. zoned : whether it is a date and
+    time of day with a zone, or without; None where it is a number.
+    sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
+    """
+
+    signals: tuple[tuple[tuple[str, ...], tuple[float, float, float]], ...]
+    time: str | None
+    second: float
+    zoned: bool | None
+    sparse: bool
+
+    def values(self, table: pa.Table, row: int = 0) -> tuple[FloatArray, FloatArray | None]:
+        """The signals (signals, 3, N), SI, and the time (N,), s.
+
+        NaN stands where a row of a sparse table leaves a signal out. row : rows before. Raises
+        DataError where a cell holds no finite number, or no date and time.
+        """
+        vectors = np.empty((len(self.signals), 3, table.num_rows))
+        for vector, (names, factors) in zip(vectors, self.signals, strict=True):
+            columns = [table.column(name) for name in names]
+            absent = np.zeros(table.num_rows, dtype=np.bool_)
+            if self.sparse:
+                absent = np.logical_and.reduce([holes(column) for column in columns])
+            for axis, name, column, factor in zip(vector, names, columns, factors, strict=True):
+                np.multiply(_numbers(column, name, row, absent), factor, out=axis)
+            if self.sparse:
+                vector[:, absent] = np.nan
+        if self.time is None:
+            return vectors, None
+        return vectors, self._seconds(table.column(self.time), self.time, row)
+
+    def _seconds(self, column: Any, name: str, row: int) -> FloatArray:
+        """The time (N,), s. A column that is a time by its type has its own unit."""
+        kind = column.type
+        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+            return _numbers(column.cast(pa.int64()), name, row) / TICKS[kind.unit]
+        if not pa.types.is_string(kind):
+            return _numbers(column, name, row) * self.second
+        if column.null_count:
+            raise _fault("the cell is empty", name, row + int(np.argmax(holes(column))))
+        if self.zoned is None:
+            raise no_numbers(name, "string")
+        seconds = seconds_of_all(column, zoned=self.zoned)
+        if (none := np.isnan(seconds)).any():
+            k = int(np.argmax(none))
+            what = f"{shorten(column[k].as_py())!r} is no date and time as the first row has one"
+            raise _fault(what, name, row + k, hint=DATES)
+        return seconds
+
+
+def _numbers(column: Any, name: str, row: int, absent: BoolArray | None = None) -> FloatArray:
+    """Return a column as (N,) float64, each value present, but for those absent, and finite."""
+    kind = column.type
+    if not is_number(kind):
+        raise no_numbers(name, str(kind))
+    if column.null_count:
+        empty = holes(column) if absent is None else holes(column) & ~absent
+        if empty.all() and not row:
+            raise _fault("no cell of the column holds a number", name, row, fields=(name,))
+        if empty.any():
+            raise _fault("the cell is empty", name, row + int(np.argmax(empty)))
+        column = column.fill_null(0)
+    numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
+    values = as_numpy(numbers)
+    if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
+        k = int(np.argmin(np.isfinite(values)))
+        fields = (name,) if np.isnan(values).all() and not row else ()
+        raise _fault(f"{values[k]} is not a finite number", name, row + k, fields=fields)
+    return values
+
+
+def _fault(
+    what: str,
+    name: str,
+    row: int,
+    *,
+    hint: str = "correct that cell, or leave its row out",
+    fields: Sequence[str] = (),
+) -> DataError:
+    """The error for a cell; fields : the column, where none of its cells is a number."""
+    where = f"column {name}, row {row}"
+    return DataError(what, where=where, hint=f"{hint}; rows count from 0", fields=fields)
+
+
+def no_numbers(name: str, holds: str) -> DataError:
+    """The error for a column that holds something else."""
+    return DataError(
+        f"column {name} holds {holds}, not numbers",
+        hint="name a column of numbers in the log block of rig.yaml",
+        fields=(name,),
+    )
+
+
 def table_piece(
     request: Request,
     vectors: FloatArray,
@@ -140,11 +240,7 @@ def table_piece(
     *,
     sparse: bool,
 ) -> Piece:
-    """The next rows of a table.
-
-    vectors : (signals, 3, N), SI. time : (N,), s; None where rows are counted, from `row` on.
-    sparse : streams have times of their own, and NaN stands where a signal has no values.
-    """
+    """The next rows of a table; vectors, time : as `Wanted` has them. row : of the first."""
     value = {number: vector.T for number, vector in enumerate(vectors)}
     if time is None:
         return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)

@@ -18,14 +18,13 @@ import pyarrow.csv as pa_csv
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.log_file import EMPTY, LogFile, Piece, Request, mapped, placed
-from tdfscal.logs.table import DATES, seconds_of, seconds_of_all, table_piece
+from tdfscal.logs.table import DATES, Wanted, seconds_of, table_piece
 from tdfscal.logs.text_file import TextFile
 from tdfscal.logs.text_table import (
     SEARCHED,
-    Columns,
+    Table,
     find_columns,
     find_table,
     is_number,
@@ -39,6 +38,8 @@ if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
 
 Decimal = Literal[".", ","]
+Values = tuple[FloatArray, FloatArray | None]
+"""Signals (signals, 3, N), SI, and the time (N,), s."""
 
 _THREADS: Final = 2
 _GLANCE: Final = 1 << 16
@@ -61,26 +62,23 @@ class TextLog(LogFile):
         """Yield the rows of the wanted columns."""
         with self.path.open("rb") as raw:
             file = TextFile(raw)
-            columns = find_columns(file.lines, request)
-            parser = RowParser(columns, file.newline, request.mapping.decimal)
-            line, row, series = columns.table.lines + 1, 0, request.mapping.rows == "timeseries"
-            above, ended, n, timed = b"", True, len(request.signals), columns.time is not None
+            table, wanted = find_columns(file.lines, request)
+            parser = RowParser(table, wanted, file.newline, request.mapping.decimal)
+            line, row, series = table.lines + 1, 0, request.mapping.rows == "timeseries"
+            above, ended = b"", True
 
-            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, int, FloatArray | None]:
+            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, int, Values | None]:
                 count = parser.count(given[0])
                 return (*given, count, parser.fast(given[0], count))
 
-            blocks = file.blocks(columns.table.lines)
-            with closing(mapped(parsed, blocks, _THREADS)) as results:
-                for block, whole, count, value in results:
+            with closing(mapped(parsed, file.blocks(table.lines), _THREADS)) as results:
+                for block, whole, count, values in results:
                     if not (whole or parser.ends_alike(block, above, series)):
                         continue
                     above, ended = block, whole
-                    value = parser.slow(block, line) if value is None else value
-                    vectors = value[: 3 * n].reshape(n, 3, value.shape[1])
-                    time = value[-1] if timed else None
-                    yield table_piece(request, vectors, time, row, sparse=columns.sparse)
-                    row += value.shape[1]
+                    vectors, time = parser.slow(block, line) if values is None else values
+                    yield table_piece(request, vectors, time, row, sparse=wanted.sparse)
+                    row += vectors.shape[2]
                     line += count
         if row == 0 and file.cut_at is not None:
             raise DataError(
@@ -142,29 +140,29 @@ def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa
 
 
 class RowParser:
-    """Parses blocks of whole lines: values (C, N) of the wanted columns in their order, SI.
+    """Parses blocks of whole lines: the wanted signals and the time, as `Wanted` has them."""
 
-    NaN stands in the three of a signal that a row of a sparse table leaves out.
-    """
-
-    def __init__(self, columns: Columns, newline: bytes, decimal: str) -> None:
-        self._columns, self._newline, self._decimal = columns, newline, decimal
-        self._width, self._separator = columns.table.width, columns.table.separator
-        names = [str(c) for c in range(self._width)]
-        wanted = [str(c) for c in columns.wanted]
+    def __init__(self, table: Table, wanted: Wanted, newline: bytes, decimal: str) -> None:
+        self._table, self._wanted, self._newline, self._decimal = table, wanted, newline, decimal
+        self._time = None if wanted.time is None else int(wanted.time)
+        #: x, y, z of each signal, then the time.
+        self._columns = [int(name) for three, _ in wanted.signals for name in three]
+        self._columns += [] if self._time is None else [self._time]
+        names = [str(c) for c in range(table.width)]
         self._read = pa_csv.ReadOptions(
             column_names=names, block_size=_PARSER_BLOCK, use_threads=False
         )
-        self._parse = pa_csv.ParseOptions(delimiter=self._separator)
+        self._parse = pa_csv.ParseOptions(delimiter=table.separator)
         # Cells without a name are read too, as nothing but empty ones.
-        nameless = names[len(columns.table.names) :]
-        types = dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null())
-        if columns.zoned is not None:
-            types[str(columns.time)] = pa.string()
+        nameless = names[len(table.names) :]
+        types = dict.fromkeys(map(str, self._columns), pa.float64())
+        types |= dict.fromkeys(nameless, pa.null())
+        if wanted.zoned is not None:
+            types[str(wanted.time)] = pa.string()
         self._convert = pa_csv.ConvertOptions(
             column_types=types,
-            include_columns=[*wanted, *nameless],
-            null_values=[""] if nameless or columns.sparse else [],
+            include_columns=list(types),
+            null_values=[""] if nameless or wanted.sparse else [],
             decimal_point=decimal,
         )
 
@@ -172,42 +170,23 @@ class RowParser:
         """Ends of lines in a block."""
         return int(np.count_nonzero(np.frombuffer(block, np.uint8) == self._newline[0]))
 
-    def fast(self, block: bytes, lines: int) -> FloatArray | None:
+    def fast(self, block: bytes, lines: int) -> Values | None:
         """Parse a block with pyarrow; None where something might be wrong. lines : its ends."""
-        columns = self._columns
         if block.isspace():
-            return np.empty((len(columns.wanted), 0))
-        source = _single_spaces(block) if self._separator == " " else block
+            return self._scaled(np.empty((0, len(self._columns))))
+        source = _single_spaces(block) if self._table.separator == " " else block
         try:
             table = pa_csv.read_csv(pa.BufferReader(source), self._read, self._parse, self._convert)
-        except pa.ArrowInvalid:
+            values = self._wanted.values(table)
+        except (pa.ArrowInvalid, DataError):
             return None
         # A quotation mark that is never closed can swallow lines whole.
         whole = lines + (not block.endswith(self._newline))
         if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
             return None
-        value = np.empty((len(columns.wanted), table.num_rows))
-        each = zip(table.columns, columns.wanted, columns.scale, value, strict=False)
-        for column, number, scale, into in each:
-            if column.null_count and not (columns.sparse and number != columns.time):
-                return None
-            if pa.types.is_string(column.type):
-                into[:] = seconds_of_all(column, zoned=bool(columns.zoned))
-                if np.isnan(into).any():
-                    return None
-                continue
-            begin = 0
-            for chunk in column.chunks:
-                np.multiply(as_numpy(chunk), scale, out=into[begin : begin + len(chunk)])
-                begin += len(chunk)
-            # The sum is finite where all are, but for magnitudes that no log has.
-            if not np.isfinite(into.sum()) and (
-                np.isfinite(into).sum() + column.null_count != into.size
-            ):
-                return None
-        return value if not columns.sparse or _whole_signals(value) else None
+        return values
 
-    def slow(self, block: bytes, first_line: int) -> FloatArray:
+    def slow(self, block: bytes, first_line: int) -> Values:
         """Parse a block line by line.
 
         first_line : the number of its first line, from 1. Raises DataError for the first line that
@@ -215,7 +194,7 @@ class RowParser:
         """
         kept: list[list[float]] = []
         rows = [(number, self._cells(line)) for number, line in self._lines(block, first_line)]
-        begins = first_line == self._columns.table.lines + 1
+        begins = first_line == self._table.lines + 1
 
         def never(c: int) -> bool:
             return begins and all(row[c].lower() in _UNREAD for _, row in rows if c < len(row))
@@ -223,8 +202,14 @@ class RowParser:
         for number, cells in rows:
             with placed(f"line {number}"):
                 kept.append(self._row(cells, never))
-        table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._columns.wanted))
-        return np.asarray(table.T * np.array(self._columns.scale)[:, None])
+        return self._scaled(np.array(kept, dtype=np.float64).reshape(-1, len(self._columns)))
+
+    def _scaled(self, numbers: FloatArray) -> Values:
+        """The values of rows (N, columns)."""
+        time = None if self._time is None else numbers[:, -1] * self._wanted.second
+        factors = np.array([factors for _, factors in self._wanted.signals])
+        vectors = numbers[:, : factors.size].T.reshape(*factors.shape, -1)
+        return vectors * factors[:, :, None], time
 
     def ends_alike(self, line: bytes, above: bytes, series: bool) -> bool:
         """Whether a last line without an end is whole: in decimals its last number lacks none.
@@ -234,7 +219,7 @@ class RowParser:
         before = above.rstrip().split(self._newline)[-1 if series else 0 :]
         cells = [self._cells(one.strip()) for one in (line, *before) if one.strip()]
         last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
-        if len(cells[0]) != self._width or cells[0][-1].endswith(self._decimal):
+        if len(cells[0]) != self._table.width or cells[0][-1].endswith(self._decimal):
             return False
         return [last] == others > [0] if series else last >= min(others, default=0)
 
@@ -245,26 +230,26 @@ class RowParser:
                 yield first_line + k, bare
 
     def _cells(self, line: bytes) -> list[str]:
-        return split_cells(line.decode("utf-8", errors="replace"), self._separator)
+        return split_cells(line.decode("utf-8", errors="replace"), self._table.separator)
 
     def _row(self, cells: list[str], never: Callable[[int], bool]) -> list[float]:
         """The wanted numbers of a row; never : whether no row has one in a column."""
-        columns, names = self._columns, self._columns.table.names
-        if len(cells) != self._width:
-            above = "the header" if self._width == len(names) else "the first row"
-            raise ragged(len(cells), self._width, above)
+        names, width, wanted = self._table.names, self._table.width, self._wanted
+        if len(cells) != width:
+            above = "the header" if width == len(names) else "the first row"
+            raise ragged(len(cells), width, above)
         if any(cells[len(names) :]):
             raise DataError(
                 f"{shorten(cells[-1])!r} stands in a column that has no name in the header",
                 hint="the other rows end with a separator; record or export the file again",
             )
-        numbers = [np.nan] * len(columns.wanted)
-        for c, k in sorted((c, k) for k, c in enumerate(columns.wanted)):
-            three = columns.wanted[k - k % 3 : k - k % 3 + 3]
-            if columns.sparse and c != columns.time and not any(cells[own] for own in three):
+        numbers = [np.nan] * len(self._columns)
+        for c, k in sorted((c, k) for k, c in enumerate(self._columns)):
+            three = self._columns[k - k % 3 : k - k % 3 + 3]
+            if wanted.sparse and c != self._time and not any(cells[own] for own in three):
                 continue
-            if columns.zoned is not None and c == columns.time:
-                value = seconds_of(cells[c], zoned=columns.zoned)
+            if wanted.zoned is not None and c == self._time:
+                value = seconds_of(cells[c], zoned=wanted.zoned)
             else:
                 value = _number(cells[c], self._decimal)
             if value is None:
@@ -274,13 +259,13 @@ class RowParser:
 
     def _fault(self, cell: str, column: int, *, never: bool) -> DataError:
         """The error for a cell that holds no number; never : nor does one of that column."""
-        name = self._columns.table.names[column]
+        name = self._table.names[column]
         bare, _ = split_label(name)
         what, hint = f"{shorten(cell)!r} is not a finite number", _advice(cell, self._decimal)
         if bare and cell.strip() in (name, bare):
             what = "the header stands there again: the recorder was started anew"
             hint = "split the file there; where its clock began anew, that is another campaign"
-        elif self._columns.zoned is not None and column == self._columns.time:
+        elif self._wanted.zoned is not None and column == self._time:
             what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
         elif never:  # it may be an axis that nobody measures
             what, hint = "no cell of the column holds a number", "record it, or name another"
@@ -306,12 +291,6 @@ def _advice(cell: str, decimal: str) -> str:
     if decimal == "," and _NUMBER.fullmatch(cell):
         return 'the mapping says `decimal: ","`; take it out if the point is the decimal'
     return "each cell must be a finite number: correct it, or leave its row out"
-
-
-def _whole_signals(value: FloatArray) -> bool:
-    """Whether each row has all three cells of a signal, or none of them."""
-    missing = np.isnan(value[:-1]).reshape(-1, 3, value.shape[1])
-    return bool(np.all(missing[:, 0] == missing[:, 1]) and np.all(missing[:, 0] == missing[:, 2]))
 
 
 def _single_spaces(block: bytes) -> bytes:

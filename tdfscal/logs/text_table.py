@@ -19,7 +19,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.rig.recorders import UNITS, Dimension, by_scale, canonical, is_unit, unit_factor
 from tdfscal.frozen import record
 from tdfscal.logs.log_file import Request, Signal, placed
-from tdfscal.logs.table import columns_of, has_zone, is_date_time, takes_turns
+from tdfscal.logs.table import Wanted, columns_of, has_zone, is_date_time, takes_turns
 
 SEARCHED: Final = 64
 """Lines among which a header is looked for."""
@@ -203,26 +203,8 @@ def ragged(cells: int, expected: int, above: str = "the header") -> DataError:
     )
 
 
-@record
-class Columns:
-    """The wanted columns of a table.
-
-    wanted : x, y, z of each signal in turn, then the time; a table of postures may have none.
-    scale : of each of them, to SI and tdfscal's sign. time : its column, if any. zoned : whether
-    the time is a date and time of day with a zone, or without; None where it is a number.
-    sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
-    """
-
-    table: Table
-    wanted: tuple[int, ...]
-    scale: tuple[float, ...]
-    time: int | None
-    zoned: bool | None
-    sparse: bool
-
-
-def find_columns(lines: Sequence[str], request: Request) -> Columns:
-    """Find the table among the file's first lines, and in it the wanted fields.
+def find_columns(lines: Sequence[str], request: Request) -> tuple[Table, Wanted]:
+    """Find the table among the file's first lines, and in it the wanted fields, by their places.
 
     Raises DataError where columns are missing or repeated, or a unit contradicts the mapping.
     """
@@ -231,27 +213,28 @@ def find_columns(lines: Sequence[str], request: Request) -> Columns:
     table = find_table(lines, names | {mapping.time_field})
     rows = [line for line in lines[table.lines :] if line.strip()][:_SEARCHED_ROWS]
     cells = [split_cells(row, table.separator) for row in rows]
-    zoned, wanted, scale = None, list[int](), list[float]()
+    zoned, second, signals = None, 1.0, list[tuple[tuple[str, ...], tuple[float, float, float]]]()
     with placed(f"line {max(table.lines - bool(table.below), 1)}"):
         labels = table.labels(names | {mapping.time_field})
         column_of = columns_of(request, [name for name, _ in labels])
         for signal in request.signals:
             three = [column_of[name] for name in signal.components]
-            wanted += three
-            scale += _factors(signal, [(labels[c][1], table.names[c]) for c in three], request)
+            factors = _factors(signal, [(labels[c][1], table.names[c]) for c in three], request)
+            signals.append((tuple(map(str, three)), factors))
         time = column_of.get(mapping.time_field)
         if time is not None:
-            wanted.append(time)
             first = cells[0][time] if cells and time < len(cells[0]) else ""
-            zoned = has_zone(first) if is_date_time(first) else None
-            stated = None if is_date_time(first) else labels[time][1]
+            dated = is_date_time(first)
+            zoned, stated = (has_zone(first), None) if dated else (None, labels[time][1])
             unit = _unit("time", mapping.time_unit, stated, request, table.names[time])
-            scale.append(1.0 if is_date_time(first) else unit)
+            second = 1.0 if dated else unit
     turns = False
     if time is not None and table.separator != " " and cells:
-        there = [[c < len(row) and row[c] != "" for c in wanted[:-1]] for row in cells]
+        wanted = [int(c) for three, _ in signals for c in three]
+        there = [[c < len(row) and row[c] != "" for c in wanted] for row in cells]
         turns = takes_turns(np.array(there).reshape(len(cells), -1, 3).sum(axis=2).T)
-    return Columns(table, tuple(wanted), tuple(scale), time, zoned, turns)
+    name = None if time is None else str(time)
+    return table, Wanted(tuple(signals), name, second, zoned, turns)
 
 
 def _factors(
