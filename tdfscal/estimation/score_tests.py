@@ -309,7 +309,8 @@ def stated_suspects(of: Fitted) -> Iterator[Suspect]:
         )
         for index, start in enumerate(range(where.start, where.stop, width)):
             part = slice(start, start + width)
-            if np.isfinite(std[part]).any():
+            dumb = group in ("zero", "sensitivity") and not rig.axes[index].any()
+            if np.isfinite(std[part]).any() and not dumb:
                 unit = np.where(held[part], std[part], 1.0)
                 yield group, index, columns[:, part], unit, pull[part]
                 if group == "zero":
