@@ -18,7 +18,7 @@ from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.formats import NOWHERE, check_regular, entries_of, owns, refuse_unfinished
+from tdfscal.logs.formats import NOWHERE, entries_of, owns, refuse_unfinished
 from tdfscal.records import LogMapping
 
 PathLike = str | os.PathLike[str]
@@ -151,8 +151,8 @@ def find_logs(
 
     recorders : whose files are logs, where their blocks say; others in a folder are left alone.
 
-    Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
-    holds recordings without the metadata that lists them, or may not be looked into.
+    Raises UsageError where a path is missing, a file is no log, or a subfolder holds recordings
+    without the metadata that lists them, or may not be looked into.
     """
     paths, known = _there(where), {_real(path) for path in apart}
     patterns = [one for one in recorders if one.files is not None]
@@ -173,9 +173,6 @@ def find_logs(
     for folder in others:
         refuse_unfinished(folder, found.keys())
     logs = tuple(found.values())
-    for path in logs:
-        if not path.is_dir():
-            check_regular(path)
     protect(paths)
     protect((path if _is_folder(path) else path.parent) / RIG_NAME for path in (*paths, *logs))
     protect(file for path in logs for file in (path, *path.rglob("*")))

@@ -41,7 +41,7 @@ def looks_recorded(path: Path) -> bool:
 
     By its suffix; where that is shared with notes and messages, by a row of numbers near its start.
     """
-    if path.is_dir() or path.suffix.lower() not in _SHARED:
+    if not path.is_file() or path.suffix.lower() not in _SHARED:
         return is_log(path)
     from tdfscal.logs.text_file import lines_of
     from tdfscal.logs.text_table import table_of_numbers
