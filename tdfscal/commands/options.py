@@ -128,68 +128,75 @@ class Described(Option):
                 raise UsageError(f"{value} is too {what}", where=where, hint=hint)
 
 
+#: A function's parameter that gets the line that asks for it, and that no user sees.
+_LINE = "command"
+
+
 @record
 class Command:
     """A function that is a command.
 
-    call : the function, behind the line that asks for it. example : a command line. parameters :
-    those that the command line has, in their order.
+    example : a command line, which begins with the command's name. every : its parameters, in
+    their order.
     """
 
-    call: Callable[..., Result]
+    function: Callable[..., Result]
     example: str
-    parameters: tuple[Described, ...]
+    every: tuple[Described, ...]
+
+    @property
+    def parameters(self) -> tuple[Described, ...]:
+        """Those that the command line has."""
+        return tuple(each for each in self.every if each.kind)
+
+    def call(self, line: str, *positional: Any, **options: Any) -> Result:
+        """Call the function; its outputs appear together or not at all.
+
+        line : what asks for it. What the system does not let be read or written is a UsageError.
+        """
+        given = signature(self.function).bind(*positional, **options)
+        given.apply_defaults()
+        values = given.arguments
+        for parameter in self.every:
+            parameter.check(values[parameter.name])
+        values["progress"] = values["progress"] or silent
+        expect("progress", values["progress"], Callable, "a function that takes a stage's name")
+        if _LINE in values:
+            values[_LINE] = line
+        files = [(p, one(values[p.name])) for p in self.every if p.writes is not None]
+        asked = [(p, path) for p, path in files if path is not None]
+        try:
+            with together():
+                check_outputs((p.names[0], path, p.writes or ()) for p, path in asked)
+                result = self.function(*given.args, **given.kwargs)
+                if isinstance(result, CommandResult):
+                    result = replace(result, command=line)
+                # What the gate rejects on request alone; a page whatever the verdict.
+                accepted = result.exit_status == 0 or values.get("allow_rejected", True)
+                for p, path in asked:
+                    if p.holds == "html":
+                        values["progress"]("drawing the report")
+                    if p.holds and (accepted or p.holds == "html"):
+                        result.write(path, p.holds)
+                return result
+        except OSError as fault:
+            if is_short(fault):
+                raise
+            raise inaccessible(fault) from fault
 
 
-#: A function's parameter that gets the line that asks for it, and that no user sees.
-_LINE = "command"
 #: Commands whose modules were loaded, by name.
 COMMANDS: dict[str, Command] = {}
 
 
 def command(example: str) -> Callable[[_Function], _Function]:
-    """Make a function a command: outputs together or not at all, parameters in its docstring.
-
-    What the system does not let be read or written is an error of this library too.
-
-    example : a command line, which begins with the command's name.
-    """
+    """Make a function a command, with its parameters in its docstring."""
 
     def make(function: _Function) -> _Function:
         hints, whole = get_type_hints(function, include_extras=True), signature(function)
         name, named = function.__name__, {n: p for n, p in whole.parameters.items() if n != _LINE}
         each = tuple(Described.of(p, hints[n]) for n, p in named.items())
-
-        def call(line: str, *positional: Any, **options: Any) -> Result:
-            given = whole.bind(*positional, **options)
-            given.apply_defaults()
-            values = given.arguments
-            for parameter in each:
-                parameter.check(values[parameter.name])
-            values["progress"] = values["progress"] or silent
-            expect("progress", values["progress"], Callable, "a function that takes a stage's name")
-            if _LINE in values:
-                values[_LINE] = line
-            files = [(p, one(values[p.name])) for p in each if p.writes is not None]
-            asked = [(p, path) for p, path in files if path is not None]
-            try:
-                with together():
-                    check_outputs((p.names[0], path, p.writes or ()) for p, path in asked)
-                    result: Result = function(*given.args, **given.kwargs)
-                    if isinstance(result, CommandResult):
-                        result = replace(result, command=line)
-                    # What the gate rejects on request alone; a page whatever the verdict.
-                    accepted = result.exit_status == 0 or values.get("allow_rejected", True)
-                    for p, path in asked:
-                        if p.holds == "html":
-                            values["progress"]("drawing the report")
-                        if p.holds and (accepted or p.holds == "html"):
-                            result.write(path, p.holds)
-                    return result
-            except OSError as fault:
-                if is_short(fault):
-                    raise
-                raise inaccessible(fault) from fault
+        COMMANDS[name] = made = Command(function, example, each)
 
         @wraps(function)
         def run(*positional: Any, **options: Any) -> Result:
@@ -197,7 +204,7 @@ def command(example: str) -> Callable[[_Function], _Function]:
 
             # More threads of linear algebra wait for each other; numbers would follow the machine.
             with threadpool_limits(1, "blas"):
-                return call(f"tdfscal.{name}", *positional, **options)
+                return made.call(f"tdfscal.{name}", *positional, **options)
 
         told = "\n".join(f"    {p.name} : {p.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
@@ -208,7 +215,6 @@ def command(example: str) -> Callable[[_Function], _Function]:
         run.__signature__ = whole.replace(  # type: ignore[attr-defined]
             parameters=bare, return_annotation=hints["return"]
         )
-        COMMANDS[name] = Command(call, example, tuple(p for p in each if p.kind))
         return run  # type: ignore[return-value]
 
     return make
