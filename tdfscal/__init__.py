@@ -37,7 +37,6 @@ __all__ = [
     "calibrate",
     "capability",
     "compare",
-    "dwells_frame",
     "export",
     "find_dwells",
     "info",

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-
 from tdfscal import logs
 from tdfscal.commands.apply import apply as apply
 from tdfscal.commands.calibrate import calibrate as calibrate
@@ -32,16 +28,12 @@ from tdfscal.errors import RejectedError as RejectedError
 from tdfscal.errors import RigError as RigError
 from tdfscal.errors import TdfscalError as TdfscalError
 from tdfscal.errors import UsageError as UsageError
-from tdfscal.errors import expect
 from tdfscal.files.calibration.document import save_calibration as save_calibration
 from tdfscal.files.rig.reading import LoadedRig as LoadedRig
 from tdfscal.files.rig.reading import load_rig as load_rig
 from tdfscal.files.yaml import as_path
 from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def read_log(paths: PathLikes, rig: LoadedRig | PathLike) -> Log:
@@ -58,25 +50,3 @@ def read_log(paths: PathLikes, rig: LoadedRig | PathLike) -> Log:
     """
     loaded = rig if isinstance(rig, LoadedRig) else load_rig(as_path(rig))
     return logs.read_log(listed(paths), loaded.log, loaded.rig.supports, axes=loaded.rig.axes)
-
-
-def dwells_frame(dwells: Dwells) -> pd.DataFrame:
-    """One row per dwell and support: times in s, mean position in m, force and its std in N."""
-    import pandas as pd
-
-    expect("dwells", dwells, Dwells, "what find_dwells returns")
-    K, n = dwells.force.shape[:2]
-    std = np.sqrt(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
-    columns = {
-        "dwell": np.repeat(np.arange(K), n),
-        "support": np.tile(np.array(dwells.supports), K),
-        "start": np.repeat(dwells.start, n),
-        "end": np.repeat(dwells.end, n),
-        "samples": dwells.count.ravel(),
-    }
-    for j, axis in enumerate("xyz"):
-        columns[axis] = dwells.position[..., j].ravel()
-    for j, axis in enumerate("xyz"):
-        columns[f"f{axis}"] = dwells.force[..., j].ravel()
-        columns[f"f{axis}_std"] = std[..., j].ravel()
-    return pd.DataFrame(columns)

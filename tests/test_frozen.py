@@ -7,7 +7,6 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 
 from tdfscal.findings import Finding
-from tests.simulation.rigs import exact_rig
 
 
 def test_a_record_is_a_frozen_value() -> None:
@@ -24,10 +23,3 @@ def test_a_record_is_a_frozen_value() -> None:
     assert len({one, same, other}) == 2
     with pytest.raises(TypeError):
         Finding()  # type: ignore[call-arg]
-
-
-def test_records_of_arrays_are_equal_by_content_and_have_one_hash() -> None:
-    one, same = exact_rig(), copy.deepcopy(exact_rig())
-    assert one == same
-    assert hash(one) == hash(same)
-    assert one != replace(one, hinge=one.hinge + 1e-9)
