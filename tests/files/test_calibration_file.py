@@ -67,6 +67,14 @@ def indefinite(rows: list[list[float]]) -> list[list[float]]:
     return symmetric
 
 
+def smaller(rows: list[list[float]]) -> list[list[float]]:
+    return [[value / 100 for value in row] for row in rows]
+
+
+def shorter(values: list[Any]) -> list[Any]:
+    return values[:-1]
+
+
 def exact_for(count: int, **moves: Any) -> list[dict[str, Any]]:
     """A quantity taken as exact, with its effect on so many supports, and moves of parameters."""
     effect = [[1e-3, 0.0, 0.0]] * count
@@ -111,6 +119,21 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("covariance.matrix.0.1", nudged(1e-15), "symmetric", "covariance.matrix"),
     ("covariance.matrix", [[1.0]], "9 rows", "covariance.matrix"),
     ("covariance.matrix", indefinite, "semidefinite", "covariance.matrix"),
+    # What stands twice, beyond rounding; of uncertainties that were made smaller both are named.
+    ("covariance.matrix", smaller, "disagrees with covariance.matrix", "parameters.matrix"),
+    ("supports.2.turn_std.0", nudged(1e-8), "covariance.matrix", "supports[2].turn_std"),
+    ("supports.2.zero.1", nudged(-1e-8), "parameters.value", "supports[2].zero"),
+    ("supports.1.zero_std.2", nudged(1e-5), "parameters.matrix", "supports[1].zero_std"),
+    ("supports.1.sensitivity.0.0", nudged(-1e-7), "parameters.value", "supports[1].sensitivity"),
+    ("supports.2.sensitivity.1.2", nudged(1e-7), "parameters.value", "supports[2].sensitivity"),
+    ("terminal.mass.value", nudged(-1e-5), "parameters.value", "terminal.mass.value"),
+    ("terminal.mass.std", nudged(-1e-5), "parameters.matrix", "terminal.mass.std"),
+    ("terminal.barycenter.value.1", nudged(1e-7), "parameters.value", "barycenter.value"),
+    ("terminal.barycenter.std.2", nudged(1e-6), "parameters.matrix", "barycenter.std"),
+    ("parameters.value.9", nudged(1e-2), "parameters.value", "supports[0].zero"),
+    ("postures.after", shorter, "rows", "postures.after"),
+    ("dwells.end", shorter, "rows", "dwells.end"),
+    ("dwells.force.1", shorter, "rows", "dwells.force[1]"),
     ("fit.p_value", 1.5, "less than or equal to 1", "fit.p_value"),
     ("monte_carlo.linear_interval_validated", 1, "boolean", "monte_carlo"),
     ("budget.sources", ["noise"], "must name noise,", "budget.angles[0].variance"),
@@ -138,6 +161,29 @@ def test_altered_file_is_refused(
     assert place in refused.value.where
     assert word in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("number", "by"),
+    [
+        ("supports.2.zero.1", 1e-10),
+        ("supports.1.rpy.1", 1e-10),
+        ("supports.1.quaternion_xyzw.3", 1e-10),
+        ("supports.0.zero_std.2", 1e-8),
+        ("supports.1.sensitivity.0.0", 1e-10),
+        ("terminal.mass.value", 1e-8),
+    ],
+)
+def test_rounding_is_no_edit(content: dict[str, Any], number: str, by: float) -> None:
+    Calibration.model_validate(edited(content, (number, nudged(by))))
+
+
+@pytest.mark.parametrize("place", ["supports.0.zero_std.1", "supports.1.zero.1"])
+def test_what_is_null_is_compared_with_nothing(content: dict[str, Any], place: str) -> None:
+    """A standard uncertainty that is open; the zero of an axis that is not measured."""
+    Calibration.model_validate(edited(content, (place, None)))
+    with pytest.raises(ValueError, match="disagrees with parameters"):
+        Calibration.model_validate(edited(content, (place, 0.7)))
 
 
 def test_nothing_infinite_gets_in(content: dict[str, Any]) -> None:
