@@ -21,23 +21,23 @@ zero-suspected warns
   -> tare again, or write `zero.std: {stated}` for {subject:~|every support} in rig.yaml (N)
 sensitivity-suspected warns
   gain or crosstalk of {subject} is not what is stated
-  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
-    {stated}` in rig.yaml (relative)
+  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity: {stated}` in
+    rig.yaml (relative)
 gain-suspected warns
   the gain of {subject} is not what is stated
-  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity:
-    {stated}` in rig.yaml (relative)
+  -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity: {stated}` in
+    rig.yaml (relative)
 mounting-suspected warns
   the sensor of {subject} is not mounted as stated
-  -> see how {subject} sits, and correct `nominal_rpy`, or write `rpy_std: {stated}`
-    for {subject} in rig.yaml (rad)
+  -> see how {subject} sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for {subject}
+    in rig.yaml (rad)
 mass-suspected warns
   the mass is not what is stated
   -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
 barycentre-suspected warns
   the barycentre is not where it is stated
-  -> correct the barycentre (a drawing's needs the drawing's hinges: those of a draft lie in
-    another LCS), or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
+  -> correct the barycentre (a drawing's needs the drawing's hinges: those of a draft lie in another
+    LCS), or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
 hinge-suspected warns
   the hinge of {subject} is not where it is stated
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml (m)
@@ -52,25 +52,23 @@ tilt-suspected warns
   -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)
 compliance-suspected warns
   the NCPs give between encoder and hinge
-  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
-    vertical: {stated}}}` in rig.yaml (m/N)
+  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated}, vertical: {stated}}}`
+    in rig.yaml (m/N)
 hysteresis-suspected warns
   the hinges hold back against the turn by which a posture is reached
-  -> see whether the hinges move freely, or write `uncertainty.hinge_moment:
-    {stated}` in rig.yaml (N·m)
+  -> see whether the hinges move freely, or write `uncertainty.hinge_moment: {stated}` in rig.yaml
+    (N·m)
 hinge-friction-suspected warns
   the moments scatter as friction of {stated} N·m in the hinges would make them
   -> see whether the hinges move freely and the NCPs repeat as stated, or write
     `uncertainty.hinge_moment: {stated}` in rig.yaml (N·m)
 force-noise-suspected warns
   the forces scatter by {stated} N per axis and posture beyond what is stated
-  -> see what shakes or hums, or write `uncertainty.force_noise: {stated}` in
-    rig.yaml (N)
+  -> see what shakes or hums, or write `uncertainty.force_noise: {stated}` in rig.yaml (N)
 sensor-noise-suspected warns
-  the forces of {subject} scatter by {stated} N per axis and posture beyond what is
-  stated
-  -> look at the sensor of {subject}, its cable and amplifier, or write
-    `uncertainty.force_noise: {stated}` in rig.yaml (N)
+  the forces of {subject} scatter by {stated} N per axis and posture beyond what is stated
+  -> look at the sensor of {subject}, its cable and amplifier, or write `uncertainty.force_noise:
+    {stated}` in rig.yaml (N)
 positioner-noise-suspected warns
   the NCPs repeat {stated} m per axis worse than stated
   -> see what is loose, or write `uncertainty.positioner: {stated}` in rig.yaml (m)
@@ -82,28 +80,27 @@ zero-temperature warns
   -> write `drift.temperature: .inf` in rig.yaml
 zero-walk warns
   {subject:the zero of ~ wanders|the zeros of all sensors wander} at random
-  -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in
-    rig.yaml (N/√h)
+  -> let the sensors warm up, tare more often, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 zero-parabola warns
   {subject:the zero of ~ drifts|the zeros of all sensors drift} other than along a line
   -> record faster, or write `drift.walk: {stated}` in rig.yaml (N/√h)
 sensor-slipped warns
-  the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z
-  of the BCS{posture: before posture ~|}{between:time}
-  -> fasten the sensor of {subject}, look at its cable, let it settle, and record
-    {campaign:~|the campaign} again{cut:; as it sits now, the part --from ~ calibrates it|}
+  the sensor of {subject} turned by {change:rad} ± {change_95:rad} (95 %) about x, y, z of the
+  BCS{posture: before posture ~|}{between:time}
+  -> fasten the sensor of {subject}, look at its cable, let it settle, and record {campaign:~|the
+    campaign} again{cut:; as it sits now, the part --from ~ calibrates it|}
 zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
   sensor{posture: before posture ~|}{between:time}
-  -> look at the cable and amplifier of {subject}, let it settle, and record
-    {campaign:~|the campaign} again{cut:, or write `zero.std: unknown` for {subject} in rig.yaml,
-    calibrate with --to ~ -o before.yaml, and update before.yaml with --from ~|}
+  -> look at the cable and amplifier of {subject}, let it settle, and record {campaign:~|the
+    campaign} again{cut:, or write `zero.std: unknown` for {subject} in rig.yaml, calibrate with
+    --to ~ -o before.yaml, and update before.yaml with --from ~|}
 contact-stays warns
-  something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of
-  the {frame} from posture {posture} to {last}{between:time}
-  -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it,
-    and record these postures again. The readings alone cannot tell it from an opposite push
-    in all other postures: if it was those that were touched, record them again instead
+  something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of the {frame}
+  from posture {posture} to {last}{between:time}
+  -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it, and record
+    these postures again. The readings alone cannot tell it from an opposite push in all other
+    postures: if it was those that were touched, record them again instead
 """,
     f"the residuals{{campaign: of ~|}} {{tied:may as well mean|say}} that %s {_SHIFT}",
     _BESIDES,
@@ -120,21 +117,20 @@ scale-differs warns
   -> check the scale of the positioners and of the hinges' survey
 supports-give warns
   the NCPs give between encoder and hinge, by {size}
-  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated},
-    vertical: {stated}}}` in rig.yaml
+  -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated}, vertical: {stated}}}`
+    in rig.yaml
 frame-turned warns
   the frame of the positioner of {subject} is turned by {amount:rad} about x, y, z
-  -> align or calibrate the positioner of {subject}; hinge distances show no error
-    that all positioners share
+  -> align or calibrate the positioner of {subject}; hinge distances show no error that all
+    positioners share
 frame-scaled warns
   the frame of the positioner of {subject} is scaled by {amount:1} along x, y, z
-  -> align or calibrate the positioner of {subject}; hinge distances show no error
-    that all positioners share
+  -> align or calibrate the positioner of {subject}; hinge distances show no error that all
+    positioners share
 frame-not-square warns
-  the frame of the positioner of {subject} is not square, by {amount:rad} of yz, xz,
-  xy
-  -> align or calibrate the positioner of {subject}; hinge distances show no error
-    that all positioners share
+  the frame of the positioner of {subject} is not square, by {amount:rad} of yz, xz, xy
+  -> align or calibrate the positioner of {subject}; hinge distances show no error that all
+    positioners share
 """,
     f"the distances between hinges {{tied:may as well mean|say}} that %s {_SHIFT}",
     f"{_BESIDES}  ? elsewhere ; other distances disagree too",
@@ -142,62 +138,56 @@ frame-not-square warns
 
 CAMPAIGN: dict[str, Entry] = entries("""
 angle-uncertain rejects
-  {angle} of {subject} has a standard uncertainty of {size}, above the limit of
-  {limit:rad}
+  {angle} of {subject} has a standard uncertainty of {size}, above the limit of {limit:rad}
 residuals-large rejects
-  the residuals are {number:.2g} times what the stated uncertainties explain, above
-  the limit of {limit:.2g}
+  the residuals are {number:.2g} times what the stated uncertainties explain, above the limit of
+  {limit:.2g}
 postures-rejected rejects
-  {number:.0f} of {postures} postures had to be rejected, above the limit of
-  {limit:.0%}
+  {number:.0f} of {postures} postures had to be rejected, above the limit of {limit:.0%}
 contact-uncertain rejects
-  the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty
-  of {size} (k = 2, 95.45 %), above the limit of {limit:g}; its error exceeds the limit
-  with a probability of {exceeding:p}
+  the contact {subject} at roll, pitch, yaw = {rpy} rad has an expanded uncertainty of {size} (k =
+  2, 95.45 %), above the limit of {limit:g}; its error exceeds the limit with a probability of
+  {exceeding:p}
 motion-left-out rejects
   {number:.0f} of {seconds:.0f} s had to be left out, above the limit of {limit:.0%}
 moments-unlike-noise rejects
-  the moments left over are no noise: positions would have to scatter by {size}, where
-  {declared:m} is stated and the distances of the hinges show {shown:m}
-  -> look for what the motion has and the model lacks: inertia about another point,
-    hinges elsewhere, contact, cables; calibrate from dwells until then
+  the moments left over are no noise: positions would have to scatter by {size}, where {declared:m}
+  is stated and the distances of the hinges show {shown:m}
+  -> look for what the motion has and the model lacks: inertia about another point, hinges
+    elsewhere, contact, cables; calibrate from dwells until then
 methods-disagree rejects
-  self-calibration and tracker differ beyond their uncertainties (joint {p}), in
-  {above} of {of} angles by themselves (worst: {angle} of {support}:
-  {difference:+.3g} mrad, E_n = {en:.2f})
-  -> calibrate by each method alone and compare: the tracker sees a sensor's body,
-    self-calibration its sensing axes (tracker.misalignment states what may lie
-    between)
+  self-calibration and tracker differ beyond their uncertainties (joint {p}), in {above} of {of}
+  angles by themselves (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f})
+  -> calibrate by each method alone and compare: the tracker sees a sensor's body, self-calibration
+    its sensing axes (tracker.misalignment states what may lie between)
 posture-over-capacity warns
   the {axis} axis of the sensor of {subject} reaches its capacity of {size}
 posture-saturated warns
   the {axis} axis of the sensor of {subject} is saturated at {size}
-  -> squeeze less, carry less, or widen the range of sensor and amplifier; how much is
-    cut off is not known
+  -> squeeze less, carry less, or widen the range of sensor and amplifier; how much is cut off is
+    not known
 range-exceeded warns
   by the other readings the {axis} axis of the sensor of {subject} would read up to {size} where it
   is cut off, {excess:N} beyond its range
-  -> {share:squeeze with at most ~ of these forces|lean or carry less, since the load alone
-    exceeds it}, or widen the range of sensor and amplifier to {range:N} (or state the true
-    `capacity` in rig.yaml)
+  -> {share:squeeze with at most ~ of these forces|lean or carry less, since the load alone exceeds
+    it}, or widen the range of sensor and amplifier to {range:N} (or state the true `capacity` in
+    rig.yaml)
 posture-frozen warns
   the {axis} axis of the sensor of {subject} is frozen at {size}
   ? since since {since:when}
-  -> look at the sensor's cable and amplifier; where it stays so, leave the axis out of
-    the sensor's `axes` in rig.yaml, with none in place of its field in `force` of the
-    log block, or end before it with --to
+  -> look at the sensor's cable and amplifier; where it stays so, leave the axis out of the sensor's
+    `axes` in rig.yaml, with none in place of its field in `force` of the log block, or end before
+    it with --to
 posture-misfits warns
-  unexplained force {size} and moment {moment:N·m} about the LCS origin, {ratio:.0f}
-  times what is expected: contact, a hand, or a jolt
-  -> find what touched the terminal (cables, a hand, a stop), free it, and record
-    again
+  unexplained force {size} and moment {moment:N·m} about the LCS origin, {ratio:.0f} times what is
+  expected: contact, a hand, or a jolt
+  -> find what touched the terminal (cables, a hand, a stop), free it, and record again
 stretch-frozen warns
   the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> look at the sensor's cable and amplifier, and record again; what is recorded
-    calibrates {before:by the part before, with --to ~, or |}with `axes: [{others}]` for
-    {subject} in rig.yaml, and none in place of its {axis} {axes:fields|field} in `force`
-    of the log block
+  -> look at the sensor's cable and amplifier, and record again; what is recorded calibrates
+    {before:by the part before, with --to ~, or |}with `axes: [{others}]` for {subject} in rig.yaml,
+    and none in place of its {axis} {axes:fields|field} in `force` of the log block
 stretch-standing warns
   the position of {subject} is frozen while others move
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
@@ -207,47 +197,45 @@ stretch-over-capacity warns
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> squeeze less, or carry less; how much is cut off is not known
 stretch-touched warns
-  a wrench of {size} and {moment:N·m} about the barycentre that the model does not
-  know: contact, or a motion too fast for it
+  a wrench of {size} and {moment:N·m} about the barycentre that the model does not know: contact, or
+  a motion too fast for it
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> find what touched the terminal, or move more slowly
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out
 terminal-turned warns
-  the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in
-  {always:every posture|most postures}{upright:; all fits as well, upright, with positions and
-  forces of ~|}
-  -> check that the supports' names in the log are right{upright:; if they are, turn the
-    LCS of rig.yaml, hinges and barycentre, so that the terminal stands upright|}
+  the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in {always:every
+  posture|most postures}{upright:; all fits as well, upright, with positions and forces of ~|}
+  -> check that the supports' names in the log are right{upright:; if they are, turn the LCS of
+    rig.yaml, hinges and barycentre, so that the terminal stands upright|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
-  -> look whether {subject} is turned{half:, or two of its axes of opposite sign|}, and
-    state nominal_rpy in rig.yaml
+  -> look whether {subject} is turned{half:, or two of its axes of opposite sign|}, and state
+    nominal_rpy in rig.yaml
 angles-locked notes
-  {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its
-  uncertainties are those of the turns about X, Y and Z of the BCS
+  {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its uncertainties are
+  those of the turns about X, Y and Z of the BCS
 mounting-open warns
-  {subject}: the axes that are measured leave the mounting of the sensor
-  undetermined, so that it has no angles; the others stand
+  {subject}: the axes that are measured leave the mounting of the sensor undetermined, so that it
+  has no angles; the others stand
 mounting-ambiguous warns
-  another mounting explains the motion about as well, {other}; the nominal one
-  decided
+  another mounting explains the motion about as well, {other}; the nominal one decided
 sensitivity-in-situ notes
-  gain and crosstalk of the sensors were decoupled in situ, from a prior of
-  {number:.2%}: a reading needs rotation · sensitivity⁻¹
+  gain and crosstalk of the sensors were decoupled in situ, from a prior of {number:.2%}: a reading
+  needs rotation · sensitivity⁻¹
 noise-from-residuals warns
-  neither the log nor rig.yaml states a force noise; it was taken from the
-  residuals, so χ² cannot warn of contact or a wrong rig file
+  neither the log nor rig.yaml states a force noise; it was taken from the residuals, so χ² cannot
+  warn of contact or a wrong rig file
   -> state uncertainty.force_noise in rig.yaml
 noise-understated warns
-  the residuals are {number:.2g} times what the stated uncertainties explain ({p});
-  all noise was scaled up by that factor
+  the residuals are {number:.2g} times what the stated uncertainties explain ({p}); all noise was
+  scaled up by that factor
 noise-overstated warns
-  the residuals are only {number:.2g} times what the stated uncertainties explain:
-  those may be overstated, and so the angles' own
-  -> see whether the rig file states more noise or drift than there is, and write less
-    once a second campaign says so too
+  the residuals are only {number:.2g} times what the stated uncertainties explain: those may be
+  overstated, and so the angles' own
+  -> see whether the rig file states more noise or drift than there is, and write less once a second
+    campaign says so too
 mass-exact warns
   the mass is stated as exact: an error of 0.1 % would move the zero {zero} by {moved:N}
   ({shift:.2g} times its standard uncertainty) and hardly show in a residual
@@ -257,44 +245,42 @@ barycentre-exact warns
   ({shift:.2g} times its standard uncertainty) and hardly show in a residual
   -> write its own as `terminal.barycenter.std`, or tare
 parabola-estimated notes
-  the residuals ask for more than a slope of the zeros in time: a parabola was
-  estimated beside it
+  the residuals ask for more than a slope of the zeros in time: a parabola was estimated beside it
 trials-unsettled warns
-  {number:.0f} of {trials} Monte Carlo trials did not settle; they count where they
-  ended: the angles are known so poorly that noise can turn a sensor away
+  {number:.0f} of {trials} Monte Carlo trials did not settle; they count where they ended: the
+  angles are known so poorly that noise can turn a sensor away
 intervals-by-trials notes
-  Monte Carlo does not confirm the linear 95 % intervals; the intervals given are
-  those of the trials
+  Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those of the
+  trials
 trials-left-out notes
-  the linear intervals of {number:.0f} sensors stand without a Monte Carlo, which
-  takes minutes
+  the linear intervals of {number:.0f} sensors stand without a Monte Carlo, which takes minutes
   -> ask for it by --trials
 recording-paused warns
-  no stream has a sample from {begin:.2f} to {end:.2f} s: the recording paused; the
-  motion is cut there
+  no stream has a sample from {begin:.2f} to {end:.2f} s: the recording paused; the motion is cut
+  there
 clock-jumped warns
-  no stream has a sample from {begin:.2f} to {end:.2f} s: the NCPs go on from where
-  they stood: the clock of all streams jumped ahead; the motion is cut there
+  no stream has a sample from {begin:.2f} to {end:.2f} s: the NCPs go on from where they stood: the
+  clock of all streams jumped ahead; the motion is cut there
 holes-more warns
   {number:.0f} more holes in all streams, cut likewise
 dwells-few notes
-  {number:.0f} static dwells are too few, {enough:.0f} are the least: the motion between them
-  was used
+  {number:.0f} static dwells are too few, {enough:.0f} are the least: the motion between them was
+  used
   -> hold {enough:.0f} postures or more, each for 3 s ({number:.0f} are too few)
 postures-few warns
   {number:.0f} {several:postures are|posture is} too few, {enough:.0f} are the least: they hardly
   show what touched the terminal or is stated wrongly
   -> record {enough:.0f} postures or more, tilted and squeezed
 dwells-unjudged notes
-  {number:.0f} static {several:dwells do|dwell does} not suffice to be judged alone: what
-  touched the terminal there only the other campaigns can tell
+  {number:.0f} static {several:dwells do|dwell does} not suffice to be judged alone: what touched
+  the terminal there only the other campaigns can tell
 moves-add-nothing notes
   the moves add nothing to the dwells: {why}
 stops-left-out warns
   {number:.0f} of {stops} stops were left out (mostly: {reason})
   -> hold postures for longer, and see that forces and positions share one clock
 stops-over-capacity warns
-  {number:.0f} of {stops} stops were left out (mostly: {reason}), and F{axis} of
-  {subject} reaches its capacity of {capacity:N}
+  {number:.0f} of {stops} stops were left out (mostly: {reason}), and F{axis} of {subject} reaches
+  its capacity of {capacity:N}
   -> squeeze less, or widen the range of sensor and amplifier
 """)

@@ -32,8 +32,7 @@ misfit-unexplained rejects
     """
 campaigns-changed rejects
   {said}
-  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the
-    rig's own|}
+  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the rig's own|}
 """
 )
 
@@ -41,21 +40,21 @@ campaigns-changed rejects
 _CHANGED = entries(
     """
 change-sensor-turned rejects
-  the sensor of {subject} has turned by {size} ± {spread}: {change:rad} about x, y, z of the
-  BCS, ± {change_95:rad} (95 %)
+  the sensor of {subject} has turned by {size} ± {spread}: {change:rad} about x, y, z of the BCS, ±
+  {change_95:rad} (95 %)
   -> look at the mounting of this sensor, then calibrate again
 change-sensors-turned rejects
-  several sensors have turned, each by itself, or this is the calibration of another
-  rig: {whose} by {change:rad}, ± {change_95:rad} (95 %)
-  -> see that this is the rig's own calibration, look at the mounting of every
-    sensor, then calibrate again
+  several sensors have turned, each by itself, or this is the calibration of another rig: {whose} by
+  {change:rad}, ± {change_95:rad} (95 %)
+  -> see that this is the rig's own calibration, look at the mounting of every sensor, then
+    calibrate again
 change-zero-drifted rejects
-  the zero of {subject} {stated:is off what the rig file states|has drifted} by
-  {change:N} along {axes} of the sensor, ± {change_95:N} (95 %)
+  the zero of {subject} {stated:is off what the rig file states|has drifted} by {change:N} along
+  {axes} of the sensor, ± {change_95:N} (95 %)
   -> tare, and validate again; if it returns, calibrate again
 change-gain rejects
-  the gain of {subject} has changed by {change:+} ± {change_95:-} % (95 %)
-  along {axes} of the sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
+  the gain of {subject} has changed by {change:+} ± {change_95:-} % (95 %) along {axes} of the
+  sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
   -> have this sensor, its amplifier and its cable checked; calibrate again with
     uncertainty.force_sensitivity declared until then
 change-gains rejects
@@ -67,45 +66,41 @@ change-load rejects
   ? shifted , and its barycentre by {barycentre:m}, ± {barycentre_95:m}
   -> correct the load, or the rig file and calibrate again
 change-base-tilted rejects
-  the base is no longer level as it was: {change:rad} about x, y of the BCS, ±
-  {change_95:rad} (95 %)
+  the base is no longer level as it was: {change:rad} about x, y of the BCS, ± {change_95:rad} (95
+  %)
   -> level the base, or calibrate again with gravity.tilt_std declared
 change-contact rejects
-  contact in {more:postures|posture} {postures}: {size}, {torque:N·m} about the LCS
-  origin
+  contact in {more:postures|posture} {postures}: {size}, {torque:N·m} about the LCS origin
   -> free these postures and record them again before anything else
 change-hinges-stick rejects
   the moments scatter as friction of {size} in the hinges makes them
   -> see whether the hinges move freely, or state uncertainty.hinge_moment
 change-noise-grown rejects
-  the forces of {whose} scatter by {size} per axis and posture more than log and rig
-  file state
-  -> look for what shakes or hums, at cables and amplifiers, or state
-    uncertainty.force_noise, and validate again
+  the forces of {whose} scatter by {size} per axis and posture more than log and rig file state
+  -> look for what shakes or hums, at cables and amplifiers, or state uncertainty.force_noise, and
+    validate again
 change-sensor-slipped rejects
-  the sensor of {subject} turned by {change:rad} about x, y, z of the BCS, ± {change_95:rad}
-  (95 %){posture:, before posture ~|}{between:time}
+  the sensor of {subject} turned by {change:rad} about x, y, z of the BCS, ± {change_95:rad} (95
+  %){posture:, before posture ~|}{between:time}
   -> fasten this sensor, look at its cable, then calibrate again
 change-zero-jumped rejects
-  the zero of {subject} jumped by {change:N} along x, y, z of the sensor, ± {change_95:N}
-  (95 %){posture:, before posture ~|}{between:time}
+  the zero of {subject} jumped by {change:N} along x, y, z of the sensor, ± {change_95:N} (95
+  %){posture:, before posture ~|}{between:time}
   -> look at the sensor, its cable and amplifier, tare, and validate again
 change-zeros-drift rejects
   the zeros of {whose} drift over the log, by up to {size}
   -> let sensors and amplifiers warm up and validate again, or state drift.time
 change-zeros-follow-temperature rejects
   the zeros of {whose} follow the temperature, by up to {size} over the log
-  -> let sensors and amplifiers warm up and validate again, or state
-    drift.temperature
+  -> let sensors and amplifiers warm up and validate again, or state drift.temperature
 change-zeros-moved rejects
-  the zeros of all sensors have moved by about {size} per axis, farther than the rig
-  file's zero.std has it
+  the zeros of all sensors have moved by about {size} per axis, farther than the rig file's zero.std
+  has it
   -> tare, or state in zero.std by how much zeros move, and validate again
 change-zeros-wander rejects
-  the zeros of all sensors wander by {size} per axis, from posture to posture and
-  over the whole log
-  -> let sensors and amplifiers warm up, keep cables and temperature still, or state
-    drift.walk, and validate again
+  the zeros of all sensors wander by {size} per axis, from posture to posture and over the whole log
+  -> let sensors and amplifiers warm up, keep cables and temperature still, or state drift.walk, and
+    validate again
 """,
     "{tied:or |}%s",
 )
@@ -135,36 +130,35 @@ calibration-unsealed warns
   it, and it is taken on trust but where its rotations, zeros, gains, load and covariances
   contradict each other
 calibrations-compatible notes
-  metrologically compatible: {first} and {second} agree within their uncertainties ({p};
-  largest difference: {angle} of {support}, {difference:+.3g} mrad, E_n = {en:.2f})
-  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, where
-  chance makes {by_chance:.2g} on average
+  metrologically compatible: {first} and {second} agree within their uncertainties ({p}; largest
+  difference: {angle} of {support}, {difference:+.3g} mrad, E_n = {en:.2f})
+  ? above ; {above} of {of} angles alone {single:exceeds|exceed} E_n = 1, where chance makes
+    {by_chance:.2g} on average
 calibrations-incompatible rejects
   not compatible: the angles of {support} differ between {first} and {second} by more than the
-  uncertainties of both ({p}), most in {angle}: {difference} mrad,
-  E_n = {en:.2f}
+  uncertainties of both ({p}), most in {angle}: {difference} mrad, E_n = {en:.2f}
 calibrations-incompatible-together rejects
   not compatible: all angles together differ between {first} and {second} by more than the
-  uncertainties of both ({p}), though no sensor does so by itself (largest: {angle} of
-  {support}, {difference:+.3g} mrad, E_n = {en:.2f})
+  uncertainties of both ({p}), though no sensor does so by itself (largest: {angle} of {support},
+  {difference:+.3g} mrad, E_n = {en:.2f})
 compared-rejected rejects
   not verified: {names} was rejected by the quality gate
   -> mend what the gate names, calibrate again, and compare that
 compared-same-data rejects
-  {first} and {second} stand on the same recordings: they are no two results, and
-  that they agree says nothing
+  {first} and {second} stand on the same recordings: they are no two results, and that they agree
+  says nothing
   -> compare with a calibration from other recordings
 compared-overlapping rejects
-  {first} and {second} have recordings in common, and each has some of its own: they
-  are no two results, and how far they may differ is not known
+  {first} and {second} have recordings in common, and each has some of its own: they are no two
+  results, and how far they may differ is not known
   -> compare calibrations that share no recording
 compared-nothing-added rejects
-  {whole} stands on the recordings of {part}, and what it has besides adds next to
-  nothing to any angle: they are no two results
+  {whole} stands on the recordings of {part}, and what it has besides adds next to nothing to any
+  angle: they are no two results
   -> compare with a calibration from other recordings
 compared-nested notes
-  {whole} stands on all recordings of {part} and on more: U is of what the others
-  changed (the difference of both covariances){walked:, drift.angle included|}
+  {whole} stands on all recordings of {part} and on more: U is of what the others changed (the
+  difference of both covariances){walked:, drift.angle included|}
   ? undated , over a time that a file's date tells
 compared-stated-otherwise notes
   {subject} rest on other stated values of {whats}, from which a part of a difference may come
@@ -173,55 +167,52 @@ compared-other-rig rejects
   -> leave the other rig's calibration out; or, where its rig file was only corrected, calibrate
     that campaign again with the corrected file and compare anew
 calibration-open warns
-  the calibration leaves zeros, mass or barycentre open: the uncertainty of the
-  components that they touch is unknown (empty)
+  the calibration leaves zeros, mass or barycentre open: the uncertainty of the components that they
+  touch is unknown (empty)
 posture-used-before warns
   it is of {subject}, which went into this calibration
 log-used-before warns
   {subject} went into this calibration: what it shows is no proof
 log-before-calibration warns
-  this log is of {log}, and the calibration's data begin at {calibration}: what it says is
-  about the time before it
+  this log is of {log}, and the calibration's data begin at {calibration}: what it says is about the
+  time before it
 noise-of-calibration notes
-  neither the log nor the rig file states a force noise; {size} per axis and posture
-  was taken from the residuals of the calibration
+  neither the log nor the rig file states a force noise; {size} per axis and posture was taken from
+  the residuals of the calibration
 noise-as-calibrated notes
-  noise is taken as {number:.2f} times what is stated, as the calibration's
-  residuals showed it (fit.birge)
+  noise is taken as {number:.2f} times what is stated, as the calibration's residuals showed it
+  (fit.birge)
 zeros-moved notes
-  the readings fit zeros that have moved since the calibration, as by a tare, most clearly
-  that of {subject} along {axis}, by {size} ± {spread} (95 %); a sensor's turn that is too small to
-  be sure of would fit as well
+  the readings fit zeros that have moved since the calibration, as by a tare, most clearly that of
+  {subject} along {axis}, by {size} ± {spread} (95 %); a sensor's turn that is too small to be sure
+  of would fit as well
   -> if they were tared, bring the new ones in by `tdfscal update`
 zeros-beside-change notes
-  together with that change the zeros come out other than the calibration's, most clearly
-  that of {subject} along {axis}, by {size} ± {spread} (95 %)
+  together with that change the zeros come out other than the calibration's, most clearly that of
+  {subject} along {axis}, by {size} ± {spread} (95 %)
 change-unexplained rejects
-  the residual wrench is not what the stated uncertainties explain, and no single
-  cause explains it ({p})
+  the residual wrench is not what the stated uncertainties explain, and no single cause explains it
+  ({p})
   -> calibrate again
 samples-uncovered notes
-  {number:.0f} force samples lie where another stream has a gap, has not begun or
-  has ended; they are left out
+  {number:.0f} force samples lie where another stream has a gap, has not begun or has ended; they
+  are left out
 samples-unreadable notes
   {number:.0f} samples hold no number and are left out
 wrench-in-part notes
   axes that no sensor measures leave {subject} of the contact wrench unknown: no uncertainty stands
   there (empty)
 wrench-rewired warns
-  the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times
-  smaller with {other:~|log.force_on set to the other value}
+  the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times smaller with
+  {other:~|log.force_on set to the other value}
   -> check the log block in rig.yaml, and the cabling
 reading-absurd warns
-  {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~
-  N|which is a hundred times the weight and more}: no contact does that, and the
-  wrench there is none
+  {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~ N|which is a
+  hundred times the weight and more}: no contact does that, and the wrench there is none
   -> look at the sensor and its cable at that time; leave it out with --from, --to
 wrench-large warns
-  the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the
-  weight in force
-  -> unless that is contact, check log.force_unit, log.force_on, the force fields
-    and the cabling
+  the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the weight in force
+  -> unless that is contact, check log.force_unit, log.force_on, the force fields and the cabling
 postures-left-out warns
   {number:.0f} of {postures} postures were left out (mostly: {reason})
 campaign-unsound rejects
@@ -231,8 +222,8 @@ campaign-unusable rejects
   {subject} takes no part, since it cannot be used as a campaign of this rig: {why}
   -> mend {subject} or leave it out: {hint}
 campaign-postures-rejected rejects
-  {number:.0f} of {postures} postures of {subject} had to be rejected, above the
-  limit of {limit:.0%}
+  {number:.0f} of {postures} postures of {subject} had to be rejected, above the limit of
+  {limit:.0%}
 campaign-left-out warns
   {subject} takes no part, since calibrate rejects it by itself: {why}
 campaign-remark warns
@@ -245,8 +236,8 @@ checks-undated warns
 check-silent notes
   {subject} leaves {sensors} undetermined and says nothing of it
 sensor-never-determined warns
-  {subject}: no check determines the mounting of its sensor, which lacks an axis; it
-  has no angles, and its turn raises no alarm
+  {subject}: no check determines the mounting of its sensor, which lacks an axis; it has no angles,
+  and its turn raises no alarm
 sensor-overdue warns
   the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
 home-unknown warns
@@ -257,8 +248,8 @@ path-in-contact rejects
   the most without contact{zeros:|: something touched, zeros have moved, or a sensor has}
   ? zeros : zeros that moved by up to {zeros:N} explain it, and so would a contact that stays
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
-  validate; where the calibration still holds and zeros have moved, take the new ones
-  in}: tdfscal update CALIBRATION LOG -o FILE
+    validate; where the calibration still holds and zeros have moved, take the new ones in}: tdfscal
+    update CALIBRATION LOG -o FILE
 moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
@@ -272,20 +263,19 @@ covariance-in-part warns
   thresholds come out too high
   -> calibrate anew
 zeros-aged warns
-  the zeros are {days:.3g} days old: their drift makes {number:.0%} of the uncertainty of the
-  wrench
+  the zeros are {days:.3g} days old: their drift makes {number:.0%} of the uncertainty of the wrench
   -> tare, or calibrate anew
 drift-undeclared warns
-  the zeros are {number:.3g} days old and the rig file declares no drift, so that they count
-  as if they had not moved since
+  the zeros are {number:.3g} days old and the rig file declares no drift, so that they count as if
+  they had not moved since
   -> tare, or declare drift in the rig file
 path-inertia-unknown notes
-  the rig file states no inertia of the terminal: the thresholds do not count the wrench that
-  its motion adds
+  the rig file states no inertia of the terminal: the thresholds do not count the wrench that its
+  motion adds
   -> state terminal.inertia, or watch for contact at rest only
 path-without-noise warns
-  {planned:a plan has no samples|the path shows no noise of samples}, so that these sizes are
-  too low for the thresholds of a machine
+  {planned:a plan has no samples|the path shows no noise of samples}, so that these sizes are too
+  low for the thresholds of a machine
   -> take a recorded log of a free path
 contact-unseen rejects
   of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen

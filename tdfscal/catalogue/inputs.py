@@ -23,8 +23,8 @@ times-alike refuses
   most samples of a signal carry one and the same time
   -> record with times that resolve the sample interval
 samples-sparse refuses
-  by its times the log has a sample every {number:.3g} s; dwells are found where there is one
-  every {limit:g} s or oftener
+  by its times the log has a sample every {number:.3g} s; dwells are found where there is one every
+  {limit:g} s or oftener
   -> in the log block of rig.yaml state `rows: postures` where each row is the mean of a posture,
     `time.unit` as ms (or us, ns) where the times are in that
 temperature-unreadable refuses
@@ -32,17 +32,17 @@ temperature-unreadable refuses
   -> name a field in °C, or take log.temperature and drift.temperature out
   @ log.temperature
 log-truncated warns
-  {subject}: the file ends within a record at byte {byte}, as one that was cut short
-  does: it is read as far as it is whole, to {at}
+  {subject}: the file ends within a record at byte {byte}, as one that was cut short does: it is
+  read as far as it is whole, to {at}
   ? number ({number:.1f} s)
   -> copy {subject} from {subjects:their recorders|its recorder} again, or record again
 recorders-overlap-in-part warns
-  {subject} ran {own:.1f} s from {begin:+.1f} s of the first recorder's {span:.1f} s on:
-  the {number:.1f} s that both ran are used
+  {subject} ran {own:.1f} s from {begin:+.1f} s of the first recorder's {span:.1f} s on: the
+  {number:.1f} s that both ran are used
   -> see whether a file of either is missing, or was cut short
 log-missing warns
-  {subject} describes a log{files: in ~|}, and there is none: all rests on the
-  tracker's survey alone
+  {subject} describes a log{files: in ~|}, and there is none: all rests on the tracker's survey
+  alone
   -> copy the log into the campaign folder, or name it
 campaign-misdated warns
   {subject}: campaign.date is {date}, the log's clock says {clock}, which holds
@@ -50,57 +50,54 @@ campaign-misdated warns
 log-window notes
   the log is used {window} only
 recordings-unlisted warns
-  {file}: the folder also holds {files}, which {metadata} does not list and which is
-  not read; `ros2 bag reindex` lists it
+  {file}: the folder also holds {files}, which {metadata} does not list and which is not read; `ros2
+  bag reindex` lists it
 samples-not-ascending warns
-  {file}: of {count} samples of {subject}, {repeat} repeat the time of the sample
-  before and {back} step back by up to {worst:.3g} s; they are left out
+  {file}: of {count} samples of {subject}, {repeat} repeat the time of the sample before and {back}
+  step back by up to {worst:.3g} s; they are left out
 stream-gaps warns
-  {file}: {gaps} {several_gaps:gaps|gap} of more than {periods:g} periods of
-  {period:.2g} s in {subject}, the longest of {number:.3g} s at {at}
+  {file}: {gaps} {several_gaps:gaps|gap} of more than {periods:g} periods of {period:.2g} s in
+  {subject}, the longest of {number:.3g} s at {at}
 streams-late warns
-  {file}: {subject} {subjects:begin up to|begins} {number:.3g} s after the others;
-  postures without all signals are not used
+  {file}: {subject} {subjects:begin up to|begins} {number:.3g} s after the others; postures without
+  all signals are not used
 streams-early warns
-  {file}: {subject} {subjects:end up to|ends} {number:.3g} s before the others;
-  postures without all signals are not used
+  {file}: {subject} {subjects:end up to|ends} {number:.3g} s before the others; postures without all
+  signals are not used
 header-clock-off warns
   {file}: the header times of {subject} are {number:+.3g} s off the recorder's
 header-clock-departs warns
-  {file}: of {count} messages of {subject}, {departing} have a header time that
-  departs by more than {limit:g} s from its usual offset to the recorder's, by
-  {number:.3g} s at most
+  {file}: of {count} messages of {subject}, {departing} have a header time that departs by more than
+  {limit:g} s from its usual offset to the recorder's, by {number:.3g} s at most
 readings-alone warns
-  {file}: {several:~ readings stand|1 reading stands} alone in the {signal} of
-  {subject} and {several:are|is} left out, of {samples}: at {at} {lone:.4g}
-  {lone_unit} follows {before:.4g} {lone_unit}, which then returns
+  {file}: {several:~ readings stand|1 reading stands} alone in the {signal} of {subject} and
+  {several:are|is} left out, of {samples}: at {at} {lone:.4g} {lone_unit} follows {before:.4g}
+  {lone_unit}, which then returns
 readings-zero warns
-  the {signal} of {subject} drops to 0, 0, 0 and returns, at {number:.2%} of the
-  samples, as if the recorder wrote zeros where it had no reading
+  the {signal} of {subject} drops to 0, 0, 0 and returns, at {number:.2%} of the samples, as if the
+  recorder wrote zeros where it had no reading
   -> let the recorder leave such cells empty, or repeat the last reading
 readings-return warns
-  readings leave their level and return within a stop in {several:~ places|one
-  place}, first at {first:.2f} s
+  readings leave their level and return within a stop in {several:~ places|one place}, first at
+  {first:.2f} s
   -> look for wrong samples in the log
 dwell-drifts warns
-  dwell {begin:.2f} to {end:.2f} s: the position of {subject} drifts by {size} along
-  {axis}
+  dwell {begin:.2f} to {end:.2f} s: the position of {subject} drifts by {size} along {axis}
 dwell-force-drifts warns
-  dwell {begin:.2f} to {end:.2f} s: the force of {subject} drifts by {size} along
-  {axis}
+  dwell {begin:.2f} to {end:.2f} s: the force of {subject} drifts by {size} along {axis}
 clocks-run-apart warns
-  clocks: those of forces and positions run apart by {ppm:.0f} ppm (standard error
-  {ppm_std:.2g} ppm): the forces come {begin:s} after the positions at the beginning
-  and {end:s} at the end ({moves} moves)
+  clocks: those of forces and positions run apart by {ppm:.0f} ppm (standard error {ppm_std:.2g}
+  ppm): the forces come {begin:s} after the positions at the beginning and {end:s} at the end
+  ({moves} moves)
 clocks-apart warns
-  clocks: the forces follow the motion {size} {late:later|earlier} than the
-  positions (standard error {std:s}, {moves} moves)
+  clocks: the forces follow the motion {size} {late:later|earlier} than the positions (standard
+  error {std:s}, {moves} moves)
 clocks-together notes
-  clocks: no offset of the forces against the positions is seen: {size}, standard
-  error {std:s}, {moves} moves
+  clocks: no offset of the forces against the positions is seen: {size}, standard error {std:s},
+  {moves} moves
 postures-repeated warns
-  {number:.0f} of {postures} postures repeat an earlier one in every digit (first:
-  {later} is {earlier}): a recording that is there twice counts once
+  {number:.0f} of {postures} postures repeat an earlier one in every digit (first: {later} is
+  {earlier}): a recording that is there twice counts once
 stop-too-short notes
   too short: at rest for {number:.2f} s, {wanted:.2f} s needed
 stop-unsettled notes
@@ -127,8 +124,7 @@ uncertainty-expanded notes
 uncertainty-sigma notes
   {subject}: its uncertainties are of {coverage:g} sigma, as it says
 uncertainty-standard notes
-  {subject}: its uncertainties are taken as standard ones (1 sigma); no line says
-  more
+  {subject}: its uncertainties are taken as standard ones (1 sigma); no line says more
 uncertainty-rounded notes
   {subject}: uncertainties printed as 0 are taken as {rounded:g}, as rounded
 uncertainty-missing notes
@@ -136,12 +132,10 @@ uncertainty-missing notes
 uncertainty-unstated notes
   {subject}: its uncertainties are all {zero:zero|blank}, which states none
 point-left-out warns
-  {subject} is left out: residual {size}, {ratio:.3g} times what its uncertainty
-  allows
+  {subject} is left out: residual {size}, {ratio:.3g} times what its uncertainty allows
   -> measure it again
 point-apart warns
-  {subject} is left out: residual {size}, {ratio:.3g} times what the other points
-  allow
+  {subject} is left out: residual {size}, {ratio:.3g} times what the other points allow
   -> measure it again
 points-left-out warns
   {number:.0f} more points are left out
@@ -154,41 +148,36 @@ group-unknown warns
 moves-few warns
   {file}: {subject} has fewer than two moves; the other NCPs' axes stand for its own
 instrument-understated warns
-  the instrument's noise is {number:.2g} times the stated one; the result is
-  weighted by it
+  the instrument's noise is {number:.2g} times the stated one; the result is weighted by it
 positioners-understated warns
-  the NCPs' positions scatter by {size} beyond what is stated; the result is
-  weighted by it
+  the NCPs' positions scatter by {size} beyond what is stated; the result is weighted by it
 drawing-understated warns
-  the nominal points are off by {size} beyond what is stated; the result is weighted
-  by it
+  the nominal points are off by {size} beyond what is stated; the result is weighted by it
 positioner-axis-faulty warns
   {subject}: {axis}: {kind} {size} ± {spread}
   -> calibrate the positioner
 targets-coplanar warns
-  the targets of {subject} lie in one plane within their uncertainty: a mirrored
-  frame would not be noticed
+  the targets of {subject} lie in one plane within their uncertainty: a mirrored frame would not be
+  noticed
 targets-symmetric warns
-  the targets of {subject} are symmetric: as {order} they would fit too, so their
-  distances do not check their names
+  the targets of {subject} are symmetric: as {order} they would fit too, so their distances do not
+  check their names
 targets-misnamed warns
-  {subject} is turned by {size} from its nominal mounting, far more than its rpy_std
-  allows
+  {subject} is turned by {size} from its nominal mounting, far more than its rpy_std allows
   -> check the names of its targets
 targets-swapped warns
   the targets of {subject} lie nearest to the moves of {other}
   -> check the group names
 uncertainty-from-files notes
-  uncertainties that the point files state stand in place of the instrument's, the
-  drawing's and the positioners'
+  uncertainties that the point files state stand in place of the instrument's, the drawing's and the
+  positioners'
 uncertainty-from-file notes
   the uncertainties stated in the file stand in place of the instrument's
 scale-fits-better warns
   a scale of {ppm:+.0f} ± {ppm_std:.0f} ppm fits significantly better
   -> check temperature and units
 points-coplanar warns
-  the points lie in one plane within their uncertainty: a mirrored frame would not
-  be noticed
+  the points lie in one plane within their uncertainty: a mirrored frame would not be noticed
 points-symmetric warns
   the points are symmetric: they would fit under other names too
 """)

@@ -7,22 +7,19 @@ from tdfscal.catalogue.entry import Entry, entries
 #: Why the data do not determine an angle, and what to do.
 _WEAK = """
 by-prior refuses
-  its standard uncertainty, {unknown:more than ±1 rad|±{mrad:.2g} mrad}, is mostly
-  that of its prior
-  -> {moving:move for longer|record more postures} or squeeze harder, or widen
-    rpy_std to let the data speak
+  its standard uncertainty, {unknown:more than ±1 rad|±{mrad:.2g} mrad}, is mostly that of its prior
+  -> {moving:move for longer|record more postures} or squeeze harder, or widen rpy_std to let the
+    data speak
 few-postures refuses
-  standard uncertainty {unknown:more than ±1 rad|±{mrad:.2g} mrad} from {moving:too
-  short or too small a motion|{few:~ postures, which are too few|too few or too similar
-  postures}}
-  -> {moving:move for longer|record {least:~ or |}more postures} with more tilt,
-    tare the sensors, and weigh the terminal
+  standard uncertainty {unknown:more than ±1 rad|±{mrad:.2g} mrad} from {moving:too short or too
+  small a motion|{few:~ postures, which are too few|too few or too similar postures}}
+  -> {moving:move for longer|record {least:~ or |}more postures} with more tilt, tare the sensors,
+    and weigh the terminal
 along-load refuses
-  the loads on this sensor stay within {within:.2g}° of one direction, and turning a
-  sensor about its load changes nothing
-  -> squeeze the NCPs against each other so that the sensors feel sideways loads
-    (they carry {carried:{across:.2g} N across it|none}{enough:; about ~ would
-    show it|})
+  the loads on this sensor stay within {within:.2g}° of one direction, and turning a sensor about
+  its load changes nothing
+  -> squeeze the NCPs against each other so that the sensors feel sideways loads (they carry
+    {carried:{across:.2g} N across it|none}{enough:; about ~ would show it|})
 """
 
 REFUSALS: dict[str, Entry] = {
@@ -37,58 +34,57 @@ REFUSALS: dict[str, Entry] = {
     ),
     **entries("""
 angles-determined notes
-  every angle{but: of a sensor but ~|} is determined by the data; the weakest is
-  {angle} of {subject}, {unknown:more than 1 rad|{mrad:.3g} mrad} (standard
-  uncertainty about that axis of the BCS)
+  every angle{but: of a sensor but ~|} is determined by the data; the weakest is {angle} of
+  {subject}, {unknown:more than 1 rad|{mrad:.3g} mrad} (standard uncertainty about that axis of the
+  BCS)
 estimate-unsettled refuses
   the estimate did not settle in {number:.0f} iterations
-  -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a
-    longer motion|more postures}
+  -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a longer motion|more
+    postures}
 mountings-alike refuses
-  two mountings explain the log about equally well (χ² apart by {number:.2g}):
-  {mountings}
+  two mountings explain the log about equally well (χ² apart by {number:.2g}): {mountings}
   ? few ; {few:.0f} postures are too few
-  -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by
-    nominal_rpy and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and
-    record more postures, as `tdfscal plan RIG -o plan.csv` chooses them}
+  -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by nominal_rpy
+    and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and record more
+    postures, as `tdfscal plan RIG -o plan.csv` chooses them}
 axis-follows refuses
-  the {axis} axis of the sensor of {subject} is declared as not measured, but its
-  reading follows the load: it varies by {size}
-  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields; where
-    it died on the way, write none in place of its field in `force` of the log block
+  the {axis} axis of the sensor of {subject} is declared as not measured, but its reading follows
+  the load: it varies by {size}
+  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields; where it died on
+    the way, write none in place of its field in `force` of the log block
   @ log forces
 axes-blind refuses
-  the sensors together do not measure forces in all directions, so that the balance of
-  forces and moments says nothing of their angles
+  the sensors together do not measure forces in all directions, so that the balance of forces and
+  moments says nothing of their angles
   -> at least one sensor has to measure the horizontal forces too
   @ rig.yaml, supports.axes
 axis-frozen refuses
-  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen:
-  {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
-  read{left_out: (~ more were left out)|}, and the whole log reads {low:.6g} to {high:.6g} N
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen: {axes:they stand|it
+  stands} at {stuck:.6g} N in all {postures} postures that could be read{left_out: (~ more were left
+  out)|}, and the whole log reads {low:.6g} to {high:.6g} N
   ? since , frozen since {since:when}
-  -> check the sensor, its amplifier and the recorder; what is recorded calibrates with
-    `axes: [{others}]` for {subject} in rig.yaml, and none in place of its {axis}
-    {axes:fields|field} in `force` of the log block{before:, or by the ~ stops before, with --to|}
+  -> check the sensor, its amplifier and the recorder; what is recorded calibrates with `axes:
+    [{others}]` for {subject} in rig.yaml, and none in place of its {axis} {axes:fields|field} in
+    `force` of the log block{before:, or by the ~ stops before, with --to|}
   @ log forces
 axis-saturated refuses
-  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} saturated:
-  {axes:they stand|it stands} at {stuck:.6g} N in all {postures} postures that could be
-  read{left_out: (~ more were left out)|}
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} saturated: {axes:they
+  stand|it stands} at {stuck:.6g} N in all {postures} postures that could be read{left_out: (~ more
+  were left out)|}
   ? moves , and the whole log reads {low:.6g} to {high:.6g} N
-  -> check the range of the sensor and of its amplifier, and squeeze less; how much is
-    cut off is not known
+  -> check the range of the sensor and of its amplifier, and squeeze less; how much is cut off is
+    not known
   @ log forces
 hinges-off refuses
-  the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~
-  is not where it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the
-  servo coordinates of ~ are offset, or out of scale, by {by:m}{more: or more|}|}
+  the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~ is not where
+  it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the servo coordinates of ~ are
+  offset, or out of scale, by {by:m}{more: or more|}|}
   ? fits ; it would fit with {fits}
   ? whole , and so would their forces
   -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|measure
-    {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again
-    ({first} to {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml),
-    or check the position fields and that log and rig.yaml belong together}{turned:, or write
+    {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again ({first} to
+    {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml), or check the position
+    fields and that log and rig.yaml belong together}{turned:, or write
     `log.supports.~.position_scale: [{signs:.14g}]`{scaled:|, times the metres of one unit of the
     log}|}
   @ log positions
@@ -96,8 +92,8 @@ terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards
   ? fits ; it would fit with {fits}
   ? whole , and so would their forces
-  -> {fits:correct the position {whole:and force |}fields of the log block in
-    rig.yaml|check the position fields, and that log and rig.yaml belong together}
+  -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|check the
+    position fields, and that log and rig.yaml belong together}
   @ log positions
 positions-renamed refuses
   the forces fit with {fits}, and not with the positions as they are named
@@ -106,16 +102,14 @@ positions-renamed refuses
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
   ? units , as if the positions were {units}
-  -> {foreign:write the metres of one unit as `position_scale` beside each position of the
-    log block|{units:state the
-    recorder's unit as log.length_unit in rig.yaml|check log.length_unit, the position
-    fields and the hinge coordinates}}
+  -> {foreign:write the metres of one unit as `position_scale` beside each position of the log
+    block|{units:state the recorder's unit as log.length_unit in rig.yaml|check log.length_unit, the
+    position fields and the hinge coordinates}}
   @ log positions
 reaction-recorded refuses
-  the forces sum to the weight with the wrong sign, as if the sensors recorded the
-  reaction
-  -> set log.force_on in rig.yaml to the other value, or state nominal_rpy where a
-    sensor is mounted upside down
+  the forces sum to the weight with the wrong sign, as if the sensors recorded the reaction
+  -> set log.force_on in rig.yaml to the other value, or state nominal_rpy where a sensor is mounted
+    upside down
   @ log forces
 forces-rescaled refuses
   the forces sum to {number:.3g} times the weight of {mass:.6g} kg
@@ -127,17 +121,15 @@ instants-broken refuses
   -> check the cells of the log; `tdfscal info LOG` names the first that is none
   @ log
 forces-exchanged refuses
-  the forces fit with {exchange}, and not as they are named; without it the
-  residuals fall from {before:.2g} to {after:.2g} times what is stated
+  the forces fit with {exchange}, and not as they are named; without it the residuals fall from
+  {before:.2g} to {after:.2g} times what is stated
   -> correct the force fields of the log block in rig.yaml, or the cabling{turned:, or write
     `log.supports.~.force_scale: [{signs:.14g}]`{scaled:|, times the newtons of one unit of the
     log}|}
   @ log forces
 force-rescaled refuses
-  {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors
-  ask of it{unit:, as if it were in ~|}{declared:
-  where ~ is declared|};
-  without it the residuals fall from
+  {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of it{unit:,
+  as if it were in ~|}{declared: where ~ is declared|}; without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
   -> look at the recorder's scaling of that channel, and at its amplifier. Write
     `log.supports.{subject}.force_scale: [x, y, z]`, the newtons of one unit of the log on each
@@ -153,10 +145,10 @@ zero-tared refuses
     campaigns, each in a folder with a rig.yaml}}
   @ log forces
 forces-mirrored refuses
-  the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the
-  opposite sign, or sensors record the reaction
-  -> correct the force fields of the log block in rig.yaml (log.force_on for the
-    reaction), or the cabling
+  the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the opposite sign, or
+  sensors record the reaction
+  -> correct the force fields of the log block in rig.yaml (log.force_on for the reaction), or the
+    cabling
   @ log forces
 postures-unusable refuses
   no posture can be used
@@ -167,8 +159,7 @@ temperature-missing refuses
   -> name the recorder's field as log.temperature, or declare drift.time
   @ drift.temperature
 temperature-constant refuses
-  the temperature is {number:.6g} °C in every posture, so that no slope against it
-  can be known
+  the temperature is {number:.6g} °C in every posture, so that no slope against it can be known
   -> check the sensor and the field, or take drift.temperature out of rig.yaml
   @ log.temperature
 rig-supports notes
@@ -181,34 +172,30 @@ rig-constant notes
   the {what}{of: of ~|} is {other} {unit} instead of {own} {unit}
 rigs-differ refuses
   this is another rig than that of {first}: {differences}
-  -> {exchanged:another sensor is mounted in another way: calibrate anew and go on from
-    there, or correct the serial number|campaigns of one rig state the same supports,
-    hinges and uncertainties; correct the rig file, or calibrate the rigs one by one}
+  -> {exchanged:another sensor is mounted in another way: calibrate anew and go on from there, or
+    correct the serial number|campaigns of one rig state the same supports, hinges and
+    uncertainties; correct the rig file, or calibrate the rigs one by one}
 rig-uncalibrated refuses
   this rig is not the one that was calibrated: {differences}
-  -> {exchanged:another sensor is mounted in another way: calibrate anew, or correct the
-    serial number|correct the rig file (hinges and
-    load in the same LCS), or calibrate this rig}
+  -> {exchanged:another sensor is mounted in another way: calibrate anew, or correct the serial
+    number|correct the rig file (hinges and load in the same LCS), or calibrate this rig}
 linear-axis-missing refuses
-  the sensor of {subject} does not measure {axis}, and the linear method needs every
-  component
+  the sensor of {subject} does not measure {axis}, and the linear method needs every component
   -> calibrate by maximum likelihood (--estimator ml)
   @ rig.yaml, supports
 linear-postures-few refuses
-  the linear method needs {need} postures for {sensors} sensors and finds
-  {number:.0f}
+  the linear method needs {need} postures for {sensors} sensors and finds {number:.0f}
   -> record more postures, or use the default estimator
   @ log
 channel-dead refuses
-  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:read|reads} {stuck:.6g} N
-  throughout: {axes:they are|it is} dead or not connected
-  -> check the sensor, its amplifier and the force fields in rig.yaml, or write
-    `axes: [{others}]` for {subject} in rig.yaml
+  the {axis} {axes:axes|axis} of the sensor of {subject} {axes:read|reads} {stuck:.6g} N throughout:
+  {axes:they are|it is} dead or not connected
+  -> check the sensor, its amplifier and the force fields in rig.yaml, or write `axes: [{others}]`
+    for {subject} in rig.yaml
   @ log forces
 positions-coarse refuses
-  the positions are recorded in steps of {step:.3g} µm, which is an error of
-  {error:.2g} µm where the NCPs' own is {own:.2g} µm: in motion no dwell averages it
-  out
+  the positions are recorded in steps of {step:.3g} µm, which is an error of {error:.2g} µm where
+  the NCPs' own is {own:.2g} µm: in motion no dwell averages it out
   -> record the positions with all their digits, or calibrate from dwells
   @ log positions
 motion-short refuses
@@ -216,55 +203,50 @@ motion-short refuses
   -> record half a minute of motion or more, without holes in the streams
   @ log
 motion-fast refuses
-  the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of
-  {rate:.3g} Hz show faithfully here
+  the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of {rate:.3g} Hz
+  show faithfully here
   -> record faster, or move more slowly
   @ log
 recorder-not-found refuses
-  the moves that the first recorder saw are not found in the recorder {subject}: the
-  two, of {first:.1f} s and {second:.1f} s, did not run at the same time, or saw
-  different campaigns
+  the moves that the first recorder saw are not found in the recorder {subject}: the two, of
+  {first:.1f} s and {second:.1f} s, did not run at the same time, or saw different campaigns
   ? short , or too few moves are left in the shorter, as of a file that was cut short
-  -> give the recordings of one campaign; `tdfscal info` shows what each holds, and
-    when; of one campaign, state clock.offset in its log block, as well as it is known
+  -> give the recordings of one campaign; `tdfscal info` shows what each holds, and when; of one
+    campaign, state clock.offset in its log block, as well as it is known
 forces-behind refuses
-  the forces {late:lag behind|run ahead of} the positions by about {size}: with
-  that, they balance far better
-  -> give the forces stamps that are {late:earlier|later} by that time, and see why the
-    recorder writes them so
+  the forces {late:lag behind|run ahead of} the positions by about {size}: with that, they balance
+  far better
+  -> give the forces stamps that are {late:earlier|later} by that time, and see why the recorder
+    writes them so
   @ log
 recorder-clock-open refuses
-  the clock of the recorder {subject} is not determined: with offsets of
-  {likelier:.6f} s and {other:.6f} s to the first recorder's clock its moves are
-  explained alike
-  -> state clock.offset in its log block as well as it is known, such as a value of
-    {likelier:.6f} with a std of 0.5, or record moves that do not repeat
+  the clock of the recorder {subject} is not determined: with offsets of {likelier:.6f} s and
+  {other:.6f} s to the first recorder's clock its moves are explained alike
+  -> state clock.offset in its log block as well as it is known, such as a value of {likelier:.6f}
+    with a std of 0.5, or record moves that do not repeat
 recorders-overlap-nowhere refuses
-  with clock.offset as it is stated, {offset:.6f} s, the recorder {subject} ran from
-  {begin:.1f} s to {end:.1f} s, where the first ran from 0 s to {span:.1f} s: the two
-  do not overlap
+  with clock.offset as it is stated, {offset:.6f} s, the recorder {subject} ran from {begin:.1f} s
+  to {end:.1f} s, where the first ran from 0 s to {span:.1f} s: the two do not overlap
   ? found , and their moves agree with an offset of {likelier:.6f} s
   ? reversed : the sign is turned
-  -> correct clock.offset in its log block, which is its stamps minus the first's, or
-    give the recordings of one campaign
+  -> correct clock.offset in its log block, which is its stamps minus the first's, or give the
+    recordings of one campaign
 recorder-clock-misstated refuses
-  clock.offset of the recorder {subject} is stated as {offset:.6f} s with a std of
-  {std:.3g} s, and its moves are the first recorder's with an offset of
-  {likelier:.6f} s
+  clock.offset of the recorder {subject} is stated as {offset:.6f} s with a std of {std:.3g} s, and
+  its moves are the first recorder's with an offset of {likelier:.6f} s
   ? reversed : the sign is turned
-  -> correct clock.offset in its log block, which is its stamps minus the first's, or
-    state its std as unknown
+  -> correct clock.offset in its log block, which is its stamps minus the first's, or state its std
+    as unknown
 streams-short refuses
   the log is too short to tell a motion
   -> record at least a few seconds of every stream; check the unit of its time
   @ log
 axes-leave-nothing refuses
-  the components that the sensors do not measure leave nothing of the balance of
-  forces and moments
+  the components that the sensors do not measure leave nothing of the balance of forces and moments
   -> measure more axes: a rigid terminal needs some beyond six that are missing
 delay-changed refuses
-  the delay between forces and positions changes within the log, by {ms:.3g} ±
-  {ms_std:.2g} ms: a clock was set anew, or samples are missing in one stream
+  the delay between forces and positions changes within the log, by {ms:.3g} ± {ms_std:.2g} ms: a
+  clock was set anew, or samples are missing in one stream
   -> calibrate each part alone, and check the recorder's clocks
   @ log
 dwells-unusable refuses
@@ -288,14 +270,13 @@ calibration-unnamed refuses
   -> name every calibration since the first, or campaigns instead
 points-unmatched refuses
   no point has the same {by} as one of {file}: {measured} against {reference}
-  -> name the points alike in both files; `register` also pairs them by --match
-    point or order, and by --groups MEASURED=REFERENCE
+  -> name the points alike in both files; `register` also pairs them by --match point or order, and
+    by --groups MEASURED=REFERENCE
 point-group-missing refuses
   has no group {subject}
   -> its groups are: {groups}
 points-uncounted refuses
-  has {number:.0f} points where {file} has {other}: they cannot be paired by their
-  order
+  has {number:.0f} points where {file} has {other}: they cannot be paired by their order
   -> leave out what only one of the files has, or pair the points by name
 points-ungrouped refuses
   has several points {subject}, which their groups alone tell apart
@@ -310,16 +291,15 @@ registration-unsettled refuses
   the registration found no minimum
 registration-open refuses
   the points do not determine the rotation about ({axis}) in the measured frame:
-  {bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on
-  one line or in one place
+  {bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on one line or in one
+  place
   -> measure at least three points that span a plane
 points-mirrored refuses
-  the measured points are the mirror image of the reference: no rotation takes one
-  to the other, a reflection does
+  the measured points are the mirror image of the reference: no rotation takes one to the other, a
+  reflection does
   -> look for an axis with the wrong sign or a left-handed frame
 points-alike-off refuses
-  the {what} do not fit their reference points, and any of {subject} may be the one
-  that is off
+  the {what} do not fit their reference points, and any of {subject} may be the one that is off
   -> measure them again; a fifth or sixth target would tell which one it is
 points-certain refuses
   some {what} have an uncertainty of zero in some direction
@@ -334,8 +314,8 @@ groups-misnamed refuses
   the {what} of {subject} do not fit its reference points, those of {other} do
   -> correct the group names
 targets-few refuses
-  {number:.0f} target(s) of {subject} have both a nominal and a measured
-  position{alone: (~ in one of the two files only)|}; three are the least
+  {number:.0f} target(s) of {subject} have both a nominal and a measured position{alone: (~ in one
+  of the two files only)|}; three are the least
   -> measure at least three targets on each sensor, named as in the drawing
 moves-none refuses
   no support of the rig has two moves or more
