@@ -112,13 +112,14 @@ def _by_key(c: Calibration, lines: Iterable[str]) -> str:
     blocks: dict[str, tuple[dict[str, None], list[int]]] = {}
     names = "|".join(re.escape(f".{support.name}") for support in c.supports)
     for line in lines:
-        key, number = re.sub(names, "", line.split(": ")[0]), re.search(r" \(line (\d+)\)$", line)
+        said, _, number = line.removesuffix(")").rpartition(" (line ")
+        key = re.sub(names, "", (said or line).split(": ")[0])
         block, _, leaf = key.partition(".")
         keys, numbers = blocks.setdefault(block, ({}, []))
         keys |= {leaf: None} if leaf else {}
-        numbers += [int(number[1])] if number else []
-    said = ((": ".join(filter(None, (b, ", ".join(k)))), spans(n)) for b, (k, n) in blocks.items())
-    return "; ".join(f"{what} (line {where})" if where else what for what, where in said)
+        numbers += [int(number)] if number.isdecimal() else []
+    told = ((": ".join(filter(None, (b, ", ".join(k)))), spans(n)) for b, (k, n) in blocks.items())
+    return "; ".join(f"{what} (line {where})" if where else what for what, where in told)
 
 
 def _not_counted(c: Calibration) -> str:
