@@ -34,7 +34,10 @@ _LEAST, _MOST = 1e-3, 0.99
 _MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
 _PERCENT = re.compile(r"(?<=\d)%(?!\w)")
 #: Spaces at which no line ends, and what stands there.
-_UNBROKEN, FIXED = re.compile(r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)"), "\u00a0"
+_UNBROKEN = re.compile(
+    r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)|(?:(?<=\b[kp])|(?<=χ²)) (?=[=<>] )"
+)
+FIXED = "\u00a0"
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.
 _EPS = 1e-9
 

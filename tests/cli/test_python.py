@@ -8,6 +8,7 @@ from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
@@ -75,6 +76,10 @@ def test_python_and_json_are_the_same(case: Case, capsys: pytest.CaptureFixture[
     figure = result.plot()
     assert isinstance(figure, Figure)
     assert any(ax.has_data() for ax in figure.axes)
+    for ax in figure.axes:  # nothing lies outside
+        own = [line for line in ax.lines if line.get_transform() == ax.transData]
+        drawn = np.concatenate([[0.0], *(np.asarray(line.get_ydata(), float) for line in own)])
+        assert np.nanmax(drawn) <= max(ax.get_ylim())
     for name in ("command", "status", "new"):
         with pytest.raises(AttributeError, match=f"cannot assign to field '{name}'"):
             setattr(result, name, "")

@@ -128,7 +128,12 @@ def detection(found: Capability, *, timed: bool) -> Drawing:
         ax.axhline(found.threshold[c], color=colour, linewidth=0.7, linestyle=_LINES[c % 3])
         fake = COVERAGE_FACTOR * found.calibration_std[:, c]
         ax.fill_between(time, 0.0, fake, color=colour, alpha=0.15, linewidth=0)
-        ax.set_ylim(bottom=0.0)
+
+    def paint() -> Figure:
+        fig = _by_component(time, found.seen_from, label, threshold)
+        for ax in fig.axes:
+            ax.set_ylim(bottom=0.0)
+        return fig
 
     label = "time since the first sample, s" if timed else "posture"
     return Drawing(
@@ -136,7 +141,7 @@ def detection(found: Capability, *, timed: bool) -> Drawing:
         "Smallest contact along the path",
         "Thick: the smallest contact seen; thin: its threshold; shaded: what calibration, zeros "
         "and postures may fake (k = 2).",
-        partial(_by_component, time, found.seen_from, label, threshold),
+        paint,
     )
 
 
