@@ -313,6 +313,10 @@ points-misnamed refuses
 groups-misnamed refuses
   the {what} of {subject} do not fit its reference points, those of {other} do
   -> correct the group names
+groups-apart refuses
+  each of the groups {subject} may have a frame of its own
+  -> the groups {subject} may have a frame each, as nominal targets have: register one
+    at a time, or calibrate sensors with targets by --method tracker
 targets-few refuses
   {number:.0f} target(s) of {subject} have both a nominal and a measured position{alone: (~ in one
   of the two files only)|}; three are the least

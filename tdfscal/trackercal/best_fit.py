@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from tdfscal.errors import NotIdentifiableError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
@@ -79,7 +80,12 @@ def register(
     """
     matched = match_points(measured, reference, match, groups)
     noise = point_noise(matched, instrument, {})
-    survey = fit_survey(matched, noise, common_shift=True, least=3, what="points")
+    try:
+        survey = fit_survey(matched, noise, common_shift=True, least=3, what="points")
+    except NotIdentifiableError as error:
+        if len(matched.groups) < 2:
+            raise
+        raise error.restated(hint=Finding("groups-apart", matched.groups)) from error
     fit, covariance = survey.fit, survey.fit.covariance
     ratio, ratio_std = _scale_beside(fit)
     found = [*unmatched(matched), *_doubts(survey)]
