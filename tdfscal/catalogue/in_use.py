@@ -250,6 +250,10 @@ path-in-contact rejects
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
     validate; where the calibration still holds and zeros have moved, take the new ones in}: tdfscal
     update CALIBRATION LOG -o FILE
+path-zeros-moved rejects
+  {subject}: {size} in {axis} stand on the whole path, as zeros make that have moved since the
+  calibration, or a contact that stays: false stops are more than twice as many as asked for
+  -> if nothing touched it, take the new zeros in: tdfscal update CALIBRATION LOG -o FILE
 moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not

@@ -22,7 +22,14 @@ from tdfscal.commands.result import (
     by_column,
     read_source,
 )
-from tdfscal.detection.capability import UNTIMED, Capability, Request, assess, beyond_contact_free
+from tdfscal.detection.capability import (
+    UNTIMED,
+    Capability,
+    Request,
+    assess,
+    beyond_contact_free,
+    more_false_stops,
+)
 from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
 from tdfscal.detection.path import (
     ByZeros,
@@ -178,8 +185,8 @@ class FreePath:
 
     given : about the point that moments are about. noise : of the wrench behind the filter.
     duration : s. sampled : at known times. age : of the zeros. largest : of the filtered wrench; of
-    a log of stops, at rest, and moved : between them. by_zeros : what zeros that have moved explain
-    of that at rest. in_motion : the log has no stops.
+    a log of stops, at rest, and moved : between them. by_zeros : what zeros that have moved
+    explain. in_motion : the log has no stops.
     """
 
     use: InUse
@@ -327,19 +334,32 @@ def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
 def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
     """What shows that the path was in contact, or driven beyond; and thresholds without end."""
     # Without its inertia a terminal that moves shows a wrench, and no contact.
-    quasi_static = path.given.rig.inertia is None
+    quasi_static, by_zeros = path.given.rig.inertia is None, path.by_zeros
     free = "moves-beyond" if quasi_static and path.in_motion else "path-in-contact"
+    moved = by_zeros is not None and bool(by_zeros.steady.any())
+    said = False
     for code, largest in ((free, path.largest), ("moves-beyond", path.moved)):
         contact, limit = beyond_contact_free(path.errors, found, largest.size)
         if contact.any():
+            zeros = by_zeros is not None and by_zeros.suffice(largest.size, limit)
+            if code == "moves-beyond" and zeros and moved:
+                continue
             worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
             values: dict[str, Value] = {"limit": float(limit[worst]), "axis": COMPONENTS[worst]}
             values["time"] = float(largest.when[worst] - path.places.time[0])
             values["unstated"] = quasi_static
-            if code == "path-in-contact" and path.by_zeros is not None:
-                values["zeros"] = path.by_zeros.suffice(largest.size, limit)
+            if code == "path-in-contact" and by_zeros is not None:
+                values["zeros"] = by_zeros.change if zeros else 0.0
             axes, size = _axes(contact), float(largest.size[worst])
+            said = True
             yield Finding(code, axes, size, UNITS[worst], values=values, rejects=True)
+    if moved and not said and by_zeros is not None:
+        worse = more_false_stops(path.errors, found, by_zeros.steady)
+        if worse.any():
+            most = int(np.argmax(np.where(worse, by_zeros.steady / found.threshold, 0.0)))
+            size, values = float(by_zeros.steady[most]), {"axis": COMPONENTS[most]}
+            yield Finding("path-zeros-moved", _axes(worse), size, UNITS[most], values=values,
+                          rejects=True)  # fmt: skip
     if path.errors.open.any():
         yield Finding("threshold-unbounded", _axes(path.errors.open), rejects=True)
 

@@ -191,6 +191,18 @@ def beyond_contact_free(
     return np.asarray(largest > limit), limit
 
 
+def more_false_stops(errors: Errors, found: Capability, moved: FloatArray) -> BoolArray:
+    """Components (6,) that a wrench (6,) which stays takes beyond twice the false stops asked for.
+
+    A Gaussian of variance σ² crosses a level u that lies δ nearer or farther by cosh(u δ / σ²)
+    times as often.
+    """
+    variance = np.mean(np.sum(errors.factor**2, axis=2), axis=0)
+    variance = variance + [one.std**2 for one in found.noise]
+    exponent = found.threshold * moved / np.maximum(variance, np.finfo(np.float64).tiny)
+    return np.asarray(exponent > np.arccosh(2.0))
+
+
 def _shares(
     given: Calibrated, errors: Errors, components: tuple[Noise, ...]
 ) -> dict[str, FloatArray]:

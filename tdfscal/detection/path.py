@@ -6,12 +6,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import stdtr
 
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.model.postures import ZeroAge, zero_motion
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
+from tdfscal.significance import CONTACT_ON_PATH
 from tdfscal.wrench.contact_wrench import Linear, linearised, wrenches
 from tdfscal.wrench.samples_in_motion import Samples
 from tdfscal.wrench.wrench_noise import ZeroVariance
@@ -28,6 +30,8 @@ _APART = 48
 _ALIKE = 1e-2
 #: Means of blocks whose noise is alike, where it is slow.
 _SLOW = 8.0
+#: Stretches whose means tell how a path's mean wrench scatters; places, at least.
+_STRETCHES, _FEWEST = 16, 4
 
 
 @dataclass(slots=True)
@@ -134,20 +138,21 @@ class Largest:
 
 @record
 class ByZeros:
-    """What zeros that are free to have moved explain of the wrench at the places where it rests.
+    """What zeros that are free to have moved explain of the wrench along a path.
 
     change : N, how far one has moved at most. taken, left : (6,), N and N·m, the largest that they
-    explain, and that they do not.
+    explain, and that they do not. steady : (6,), size of the mean wrench; 0 where noise and what
+    the calibration leaves open make as much.
     """
 
     change: float
     taken: FloatArray
     left: FloatArray
+    steady: FloatArray
 
-    def suffice(self, largest: FloatArray, limit: FloatArray) -> float:
-        """How far they moved, N, where no more than limit (6,) is left of largest (6,); else 0."""
-        enough = np.all(self.left <= limit) and np.all(largest - self.taken <= limit)
-        return self.change if enough else 0.0
+    def suffice(self, largest: FloatArray, limit: FloatArray) -> bool:
+        """Whether no more than limit (6,) is left of largest (6,)."""
+        return bool(np.all(self.left <= limit) and np.all(largest - self.taken <= limit))
 
 
 @record
@@ -216,20 +221,32 @@ def errors(
 def explained_by_zeros(
     given: Calibrated, path: Path, resting: BoolArray, errors: Errors
 ) -> ByZeros | None:
-    """Fit zeros to the wrench where the path rests (B,), everywhere if nowhere."""
+    """Fit zeros to the wrench where the path rests (B,), everywhere if nowhere.
+
+    None where the places are too few, or a component knows no zero.
+    """
     resting = resting if resting.any() else ~resting
-    time, position, force = path.time[resting], path.position[resting], path.force[resting]
-    seen = wrenches(given, time, position, force).value
+    seen = wrenches(given, path.time, path.position, path.force).value
     zero = layout(given.rig.n)["zero"]
-    columns = errors.linear.jacobian[resting][:, :, zero] * given.rig.axes.ravel()
+    columns = errors.linear.jacobian[:, :, zero] * given.rig.axes.ravel()
     scale = np.linalg.norm(columns, axis=2).mean(axis=0)  # newton metres beside newtons
-    if not (scale > 0).all():
+    if not (scale > 0).all() or len(seen) < _FEWEST:
         return None
-    white = (columns / scale[:, None]).reshape(-1, columns.shape[2])
-    change = np.linalg.lstsq(white, (seen / scale).ravel(), rcond=_ALIKE)[0]
+    white = (columns[resting] / scale[:, None]).reshape(-1, columns.shape[2])
+    change = np.linalg.lstsq(white, (seen[resting] / scale).ravel(), rcond=_ALIKE)[0]
     taken = columns @ change
-    left = np.abs(seen - taken).max(axis=0)
-    return ByZeros(float(np.abs(change).max()), np.abs(taken).max(axis=0), left)
+    left = seen - taken
+    # What is left is correlated in time: the mean is known as means over stretches tell.
+    stretches = np.array_split(left, min(len(left), _STRETCHES))
+    means = np.array([part.mean(axis=0) for part in stretches])
+    noise = means.var(axis=0, ddof=1) * len(stretches[0]) / resting.sum() + errors.slow / len(means)
+    known = np.sum(errors.factor[resting].mean(axis=0) ** 2, axis=1)
+    mean = np.abs(seen[resting].mean(axis=0))
+    freedom = (len(means) - 1) * ((known + noise) / (noise + 1e-300)) ** 2  # Welch, Satterthwaite
+    chance = 12.0 * stdtr(freedom, -mean / np.sqrt(known + noise + 1e-300))
+    steady = np.where(chance < CONTACT_ON_PATH, mean, 0.0)
+    taken, left = (np.abs(part[resting]).max(axis=0) for part in (taken, left))
+    return ByZeros(float(np.abs(change).max()), taken, left, steady)
 
 
 def _moved(

@@ -15,10 +15,12 @@ from scipy.special import ndtri
 
 import tdfscal
 from tdfscal.acceptance import coverage_radius
+from tdfscal.catalogue import told
 from tdfscal.commands.capability import CapabilityResult
 from tdfscal.files.calibration.document import save_calibration
-from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.records import Rig
+from tdfscal.files.writers.campaign import write_campaign, write_run
+from tdfscal.frozen import replace
+from tdfscal.records import Rig, Series
 from tdfscal.simulation import (
     Campaign,
     Contact,
@@ -28,6 +30,9 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
+from tdfscal.simulation.moving_campaign import simulate_moving
+from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.scenarios import Run
 from tests.cli.running import Cli
 
 POSTURES, OFF = 12, 5
@@ -126,6 +131,29 @@ def test_a_tare_is_told_from_a_touch(places: Places, cli: Cli, tmp_path: Path) -
         _, found = asked(cli, places.calibration, folder, "--filter", "10")
         said = next(f for f in found["findings"] if f["code"] == "path-in-contact")
         assert ("tdfscal validate" not in said["cure"]) == tared
+
+
+SLOW = MovingOptions(frequency=0.03, travel=0.005)
+
+
+@pytest.mark.parametrize("drive", [SLOW, MovingOptions.approach()])
+def test_zeros_that_moved_show_in_motion(
+    places: Places, tmp_path: Path, drive: MovingOptions
+) -> None:
+    """3 N on one channel, below the thresholds: false stops grow, and `update` mends it."""
+    truth = campaign(make_rig()).truth
+    moving = simulate_moving(make_rig(), drive, np.random.default_rng(3), truth)
+    for size in (0.0, 3.0):
+        value = moving.log.force[0].value + np.array([size, 0.0, 0.0])
+        shifted = (Series(moving.log.force[0].time, value), *moving.log.force[1:])
+        folder = tmp_path / f"{size}"
+        shifted_log = replace(moving.log, force=shifted)
+        played = Run("motion", moving.rig, truth, None, None, replace(moving, log=shifted_log))
+        write_run(played, folder, format="parquet")
+        found = tdfscal.capability(places.calibration, folder)
+        said = [told(f) for f in found.findings if f.code == "path-zeros-moved"]
+        assert found.exit_status == len(said) == bool(size)
+        assert all("tdfscal update" in each for each in said)
 
 
 def test_a_stated_contact_must_be_seen(places: Places, cli: Cli, tmp_path: Path) -> None:
