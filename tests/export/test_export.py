@@ -65,15 +65,8 @@ BOTH = pytest.mark.parametrize("c", [PLAIN, SCALED], ids=["plain", "scaled"])
 
 
 def force(c: Calibration, i: int, reading: np.ndarray) -> np.ndarray:
-    """F_bcs = rotation · (I + S)⁻¹ · (F_sensor − zero), from the file's numbers.
-
-    Of a sensor without rotation: along the directions of the axes that it measures.
-    """
+    """F_bcs = rotation · (I + S)⁻¹ · (F_sensor − zero), from the file's numbers."""
     support = c.supports[i]
-    if support.directions is not None:
-        each = [("xyz".index(axis), e) for axis, e in support.directions.items()]
-        zero = np.array(support.zero, dtype=np.float64)
-        return np.asarray(sum((reading[k] - zero[k]) * np.array(e) for k, e in each))
     load = reading - np.array(support.zero)
     if support.sensitivity is not None:
         load = np.linalg.solve(np.array(support.sensitivity), load)
