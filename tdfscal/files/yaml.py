@@ -193,12 +193,16 @@ class _Builder:
             parse_float=number, parse_int=number, object_pairs_hook=self._object
         ).decode
         try:
-            return read(text)
+            content = read(text)
+            too_deep = _deeper_than(MAX_DEPTH, content)
         except json.JSONDecodeError as fault:
             what = f"is not JSON: {fault.msg}"
             self.fail(what, "correct the syntax there", fault.lineno, fault.colno)
         except RecursionError:
+            too_deep = True
+        if too_deep:
             self.fail(_TOO_DEEP, _THIS_FILE)
+        return content
 
     def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         content = dict(pairs)
@@ -208,6 +212,13 @@ class _Builder:
             what = f"the key `{shorten(twice)}` occurs twice in one object"
             self.fail(what, "keep one of them")
         return content
+
+
+def _deeper_than(limit: int, content: Any) -> bool:
+    if not isinstance(content, dict | list):
+        return False
+    inner = content.values() if isinstance(content, dict) else content
+    return limit == 0 or any(_deeper_than(limit - 1, value) for value in inner)
 
 
 def plain_scalar(text: str) -> Scalar:

@@ -94,6 +94,7 @@ def test_refused_yaml(text: str | bytes, word: str) -> None:
     [
         ('{"a": 1, "a": 2}', "`a` occurs twice"),
         ('{"a": 1,\n}', "line 2"),
+        ("[" * 40 + "]" * 40, "nested deeper"),
         ("[" * 100_000 + "]" * 100_000, "nested deeper"),
         ("", "line 1"),
     ],
