@@ -126,76 +126,50 @@ DATED: Final = "date and time"
 """What a column of texts holds that are dates with times of day."""
 
 
-class TableLook:
-    """Some rows of a table, the same of all columns, taken while it is looked through.
+def table_contents(
+    path: Path,
+    form: Literal["csv", "parquet"],
+    rows: int,
+    parts: Sequence[tuple[int, pa.Table]],
+    columns: Sequence[tuple[str, str, str | None, str | None]],
+    decimal: Literal[".", ","] = ".",
+) -> Contents:
+    """What a table of so many rows holds, by samples of some parts of it.
 
-    most : rows of each part.
+    parts : with the number of their first row. columns : of each what the parts call it, its name,
+    its kind in the format's words, if it has any, and its stated unit.
     """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._rows: dict[int, FloatArray] = {}
-        self._values: dict[str, list[FloatArray]] = {}
-        self._steps: dict[str, float] = {}
-        self._kinds: dict[str, str] = {}
-
-    def add(self, begin: int, table: pa.Table) -> None:
-        """Take in a part of the table, or of its columns, from row `begin` on."""
-        chosen = np.linspace(0, table.num_rows - 1, min(self._most, table.num_rows))
-        chosen = chosen.astype(np.int64)
-        self._rows[begin] = begin + chosen.astype(np.float64)
-        for name, cells in zip(table.column_names, table.columns, strict=True):
-            column = with_times(cells)
-            numbers = _numbers(column.take(as_arrow(chosen)))
-            if numbers is None or self._kinds.get(name) == "text":
-                self._kinds[name] = "text"
-                continue
-            self._values.setdefault(name, []).append(numbers)
-            if name not in self._kinds:
-                first = _numbers(column.drop_null().slice(0, _OPENING))
-                steps = np.diff(first if first is not None else [])
-                self._steps[name] = float(np.median(steps)) if steps.size else 0.0
-                self._kinds[name] = DATED if pa.types.is_string(cells.type) else "number"
-
-    def kind(self, key: str) -> str:
-        """What a column holds: numbers, dates or texts; or it is empty."""
-        return self._kinds.get(key, "empty")
-
-    def contents(
-        self,
-        path: Path,
-        form: Literal["csv", "parquet"],
-        rows: int,
-        columns: Sequence[tuple[str, str, str, str | None]],
-        decimal: Literal[".", ","] = ".",
-    ) -> Contents:
-        """Put together what the table holds.
-
-        columns : as it was added under, name, kind and stated unit of each.
-        """
-        row = np.concatenate([np.empty(0), *self._rows.values()])
-        twice = _repeated([name for _, name, _, _ in columns])
-        fields, times = [], []
-        numbers: dict[str, FloatArray] = {}
-        for key, name, kind, unit in columns:
-            value = np.concatenate([np.empty(0), *self._values.get(key, ())])
-            if self.kind(key) in ("text", "empty") or name in twice:
-                fields.append(Field(name, kind, unit))
-                continue
-            numbers[name] = value
-            fields.append(Field(name, kind, unit, *extremes(value)))
-            filled, step = value[~np.isnan(value)], self._steps[key]
-            if filled.size > 1 and step > 0 and (np.diff(filled) >= 0).all():
-                times.append(Column(name, unit, filled, step))
-        units = {name: unit for _, name, _, unit in columns}
-        vectors = []
-        for label, three in named_axes(list(numbers), units):
-            values = np.column_stack([numbers[name] for name in three])
-            there = ~np.isnan(values).any(axis=1)
-            vectors.append(Vector(three, label, "", units[three[0]], row[there], values[there]))
-        stream = Stream("table", "", rows, tuple(fields))
-        size = path.stat().st_size
-        return Contents(path, form, size, (stream,), tuple(vectors), tuple(times), decimal)
+    chosen = [np.linspace(0, len(t) - 1, min(SAMPLES, len(t))).astype(np.int64) for _, t in parts]
+    at = [begin + own for (begin, _), own in zip(parts, chosen, strict=True)]
+    row = np.concatenate([np.empty(0), *at])
+    twice = _repeated([name for _, name, _, _ in columns])
+    fields, times = [], []
+    numbers: dict[str, FloatArray] = {}
+    for key, name, kind, unit in columns:
+        cells = [with_times(table[key]) for _, table in parts if key in table.column_names]
+        values = [_numbers(own.take(as_arrow(k))) for own, k in zip(cells, chosen, strict=False)]
+        told = [own for own in values if own is not None]
+        if not told or len(told) < len(values) or name in twice:
+            fields.append(Field(name, kind or "text", unit))
+            continue
+        value = numbers[name] = np.concatenate(told)
+        dated = pa.types.is_string(parts[0][1][key].type)
+        fields.append(Field(name, DATED if dated else kind or "number", unit, *extremes(value)))
+        opening = _numbers(cells[0].drop_null().slice(0, _OPENING))
+        steps = np.diff(opening if opening is not None else [])
+        step = float(np.median(steps)) if steps.size else 0.0
+        filled = value[~np.isnan(value)]
+        if filled.size > 1 and step > 0 and (np.diff(filled) >= 0).all():
+            times.append(Column(name, unit, filled, step))
+    units = {name: unit for _, name, _, unit in columns}
+    vectors = []
+    for label, three in named_axes(list(numbers), units):
+        both = np.column_stack([numbers[name] for name in three])
+        there = ~np.isnan(both).any(axis=1)
+        vectors.append(Vector(three, label, "", units[three[0]], row[there], both[there]))
+    stream = Stream("table", "", rows, tuple(fields))
+    size = path.stat().st_size
+    return Contents(path, form, size, (stream,), tuple(vectors), tuple(times), decimal)
 
 
 def _numbers(column: Any) -> FloatArray | None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 import stat
-from collections import Counter
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Sequence, Set
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -55,8 +53,8 @@ def looks_recorded(path: Path) -> bool:
     return table is not None and table.width > _FEWEST
 
 
-def open_log(path: Path, bag: Bag | None = None) -> LogFile:
-    """A file for one reading, by its suffix; bag : the recording that it is part of.
+def open_log(path: Path) -> LogFile:
+    """A file for one reading, by its suffix.
 
     What reads a format is imported for it alone. Raises UsageError where it is of no kind that is
     read here.
@@ -69,15 +67,15 @@ def open_log(path: Path, bag: Bag | None = None) -> LogFile:
         case ".mcap":
             from tdfscal.logs.messages.mcap import McapFile
 
-            return McapFile(path, bag)
+            return McapFile(path)
         case ".db3":
             from tdfscal.logs.messages.bags import SqliteBag
 
-            return SqliteBag(path, bag)
+            return SqliteBag(path)
         case ".bag":
             from tdfscal.logs.messages.bags import Ros1Bag
 
-            return Ros1Bag(path, bag)
+            return Ros1Bag(path)
         case suffix if suffix in _TEXT:
             from tdfscal.logs.text import TextLog
 
@@ -97,20 +95,25 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     Raises UsageError where a path is not there, is no regular file, or is a folder that is no
     recording, DataError for a rosbag2 folder whose files are not there.
     """
-    return list(files_of(paths))
-
-
-def files_of(paths: Sequence[Path]) -> dict[Path, Bag | None]:
-    """As `expand`, each file with the rosbag2 recording that it is part of."""
-    files: dict[Path, Bag | None] = {}
+    files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            bag = read_bag(path)
-            files |= dict.fromkeys(bag.files, bag)
+            files += files_of_bag(path)
         else:
             check_regular(path)
-            files[path] = None
+            files.append(path)
     return files
+
+
+def unlisted(paths: Sequence[Path]) -> list[Finding]:
+    """Name recordings that lie in rosbag2 folders without standing in their metadata."""
+    found = []
+    for folder in filter(Path.is_dir, paths):
+        listed = files_of_bag(folder)
+        if more := [path.name for path in _stored(folder) if path not in listed]:
+            values: dict[str, Value] = {"files": _some(more), "metadata": _METADATA}
+            found.append(Finding("recordings-unlisted", values={**values, "file": str(folder)}))
+    return found
 
 
 def check_regular(path: Path) -> None:
@@ -146,43 +149,6 @@ def owns(recorder: LogMapping, path: Path) -> bool:
 
 _METADATA: Final = "metadata.yaml"
 _STORED: Final = re.compile(r"(?i).+\.(mcap|db3)(\.(zstd|zst|gz))?")
-
-
-@dataclass(slots=True)
-class Bag:
-    """A recording of one or several files.
-
-    topics : messages of each topic in all files, as the recorder has written them; empty where that
-    is not stated. unlisted : files in the folder that its metadata does not list.
-    """
-
-    files: tuple[Path, ...]
-    topics: Mapping[str, int]
-    unlisted: tuple[str, ...] = ()
-    _found: Counter[str] = field(default_factory=Counter)
-    _read: int = 0
-    _cut: bool = False
-
-    def check(self, found: Counter[str], *, cut: bool) -> list[Finding]:
-        """Note the messages of a file that is read, by topic; cut : it was cut short.
-
-        Returns doubts with the last file. Raises DataError where what is stated contradicts what is
-        there in files that are whole.
-        """
-        self._found += found
-        self._cut |= cut
-        self._read += 1
-        if self._read < len(self.files):
-            return []
-        for topic, count in self.topics.items():
-            if self._found[topic] != count and not self._cut:
-                what = f"{self._found[topic]} messages of {topic} are there where"
-                hint = "copy the recording again"
-                raise DataError(f"{what} {_METADATA} states {count}", hint=hint)
-        if not self.unlisted:
-            return []
-        values: dict[str, Value] = {"files": _some(self.unlisted), "metadata": _METADATA}
-        return [Finding("recordings-unlisted", values=values)]
 
 
 def has_metadata(folder: Path) -> bool:
@@ -229,8 +195,8 @@ def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:
         )
 
 
-def read_bag(folder: Path) -> Bag:
-    """Read the metadata of a rosbag2 folder.
+def files_of_bag(folder: Path) -> list[Path]:
+    """Files of a rosbag2 folder, by its metadata.
 
     Raises UsageError where the folder is no recording, DataError where its metadata is damaged, or
     its files are compressed or not there.
@@ -249,9 +215,6 @@ def read_bag(folder: Path) -> Bag:
             storage, mode = information["storage_identifier"], information.get("compression_mode")
             # The first recorders put the folder's name before the file's.
             names = [PurePosixPath(name).name for name in information["relative_file_paths"]]
-            topics = Counter[str]()
-            for one in information.get("topics_with_message_count") or []:
-                topics[str(one["topic_metadata"]["name"])] += int(one["message_count"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise DataError("this is no description of a rosbag2 recording") from error
         if storage not in ("mcap", "sqlite3"):
@@ -262,7 +225,7 @@ def read_bag(folder: Path) -> Bag:
                 f"the recording is compressed ({mode}, {information.get('compression_format')})",
                 hint="decompress it with `ros2 bag convert`; chunks of MCAP are read compressed",
             )
-        files = tuple(folder / name for name in names)
+        files = [folder / name for name in names]
         absent = [path.name for path in files if not path.is_file()]
         if absent or not files:
             raise DataError(
@@ -271,8 +234,7 @@ def read_bag(folder: Path) -> Bag:
             )
         if len(set(files)) < len(files):
             raise DataError("the recording names a file twice")
-    unlisted = tuple(path.name for path in _stored(folder) if path not in files)
-    return Bag(files, topics, unlisted)
+    return files
 
 
 def _stored(folder: Path) -> list[Path]:

@@ -42,10 +42,8 @@ _BUFFER: Final = 1 << 20
 _WIDEST: Final = 32  # bytes of a number
 _SEARCHED_ROWS: Final = 256
 _ROWS: Final = 1 << 16  # at a time
-_LOOKED_AT: Final = 1 << 17  # rows
-_FEWEST: Final = 4096  # rows of a group
+_LOOKED_AT: Final = 1 << 15  # rows, of so many groups at most
 _GROUPS: Final = 32
-_TOGETHER: Final = 64  # columns; a table may have thousands
 
 
 class ParquetLog(LogFile):
@@ -74,25 +72,18 @@ class ParquetLog(LogFile):
 
     def look(self) -> Contents:
         """Its schema, and rows from the beginning of some row groups."""
-        from tdfscal.logs.contents import DATED, SAMPLES, TableLook  # not needed to read it
+        from tdfscal.logs.contents import table_contents  # not needed to read it
 
         with _opened(self.path) as file:
-            leaves = _leaves(file)
-            plain = [f.path for f in leaves if _holds(f) in (None, "string")]
+            leaves, parts = _leaves(file), list[tuple[int, pa.Table]]()
+            plain = [leaf.path for leaf in leaves if _holds(leaf) in (None, "string")]
             rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
             groups = np.linspace(0, len(rows) - 1, min(len(rows), _GROUPS)).round().astype(int)
-            size = max(_FEWEST, _LOOKED_AT // max(len(groups), 1))
-            look = TableLook(-(-_GROUPS * SAMPLES // max(len(groups), 1)))
             for group in groups.tolist():
-                for begin in range(0, len(plain), _TOGETHER):
-                    names = plain[begin : begin + _TOGETHER]
-                    for table in islice(_tables(file, group, names, size), 1):
-                        look.add(sum(rows[:group]), table)
-        columns = [
-            (name, name, DATED if look.kind(name) == DATED else _kind(leaf), None)
-            for leaf, name in ((leaf, leaf.path) for leaf in leaves)
-        ]
-        return look.contents(self.path, "parquet", sum(rows), columns)
+                some = _tables(file, group, plain, _LOOKED_AT // len(groups))
+                parts += [(sum(rows[:group]), table) for table in islice(some, 1)]
+        columns = [(leaf.path, leaf.path, _kind(leaf), None) for leaf in leaves]
+        return table_contents(self.path, "parquet", sum(rows), parts, columns)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.saving import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.logs.formats import Bag, expand, files_of, open_log
+from tdfscal.logs.formats import expand, open_log, unlisted
 from tdfscal.logs.log_file import Request, ahead, make_request, placed
 from tdfscal.logs.streams import Streams, as_log, files_by_recorder, on_one_clock
 from tdfscal.records import BoolArray, Log, LogMapping, Series, by_wall_clock
@@ -179,19 +179,20 @@ def concatenate(pieces: Iterable[Log]) -> Log:
 
 def _campaign(given: Sequence[Path], request: Request) -> Iterator[Log]:
     """Read the files of one recorder, one after the other."""
-    bags = files_of(given)
+    paths = expand(given)
     try:
-        yield from _in_turn(bags, request)
+        yield from _in_turn(paths, request, unlisted(given))
     except DataError as error:
-        raise _with_cure(error, request, alone=len(bags) == 1) from None
+        raise _with_cure(error, request, alone=len(paths) == 1) from None
 
 
-def _in_turn(bags: Mapping[Path, Bag | None], request: Request) -> Iterator[Log]:
+def _in_turn(paths: Sequence[Path], request: Request, doubts: list[Finding]) -> Iterator[Log]:
+    """The logs of files in their order; doubts : said with the first."""
     reached = np.full(len(request.signals), -np.inf)
     row = 0
-    for path in _in_sequence([*bags], request) if len(bags) > 1 else bags:
+    for path in _in_sequence(paths, request) if len(paths) > 1 else paths:
         streams = Streams(request, reached, row)
-        file = open_log(path, bags[path])
+        file = open_log(path)
         pending = as_log((), request)
         with (
             placed(path),
@@ -207,8 +208,9 @@ def _in_turn(bags: Mapping[Path, Bag | None], request: Request) -> Iterator[Log]
             entry = described(file.integrity)
         reached = streams.last
         row += int(streams.count[0])
-        findings = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
-        yield replace(pending, inputs=(entry,), findings=findings)
+        found = [*doubts, *(replace(f, values={**f.values, "file": str(path)}) for f in said)]
+        yield replace(pending, inputs=(entry,), findings=tuple(found))
+        doubts = []
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:

@@ -92,7 +92,7 @@ class TextLog(LogFile):
 
     def look(self) -> Contents:
         """Its columns, and some rows of each block."""
-        from tdfscal.logs.contents import SAMPLES, TableLook  # not needed to read it
+        from tdfscal.logs.contents import table_contents  # not needed to read it
 
         with self.path.open("rb") as raw:
             file = TextFile(raw)
@@ -102,14 +102,14 @@ class TextLog(LogFile):
             cells = (c for line in lines[table.lines :] for c in split_cells(line, table.separator))
             comma = table.separator != "," and any(map(_WITH_COMMA.fullmatch, cells))
             decimal: Decimal = "," if comma else "."
-            look, count = TableLook(SAMPLES), 0
+            parts, count = list[tuple[int, pa.Table]](), 0
             for block, _ in file.blocks(table.lines):
                 end = block.find(file.newline, _GLANCE) + 1 if count else 0
                 part = block[: end or None]
-                look.add(count, _looked_at(part, table.separator, table.width, decimal))
+                parts.append((count, _looked_at(part, table.separator, table.width, decimal)))
                 count += block.count(file.newline) + (not block.endswith(file.newline))
-        columns = [(str(k), name, look.kind(str(k)), unit) for k, (name, unit) in enumerate(labels)]
-        return look.contents(self.path, "csv", count, columns, decimal)
+        columns = [(str(k), name, None, unit) for k, (name, unit) in enumerate(labels)]
+        return table_contents(self.path, "csv", count, parts, columns, decimal)
 
 
 def _looked_at(block: bytes, separator: str, width: int, decimal: Decimal) -> pa.Table:

@@ -16,7 +16,6 @@ from typing import Any, Final
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tdfscal.frozen import record
 from tdfscal.logs.messages.buffer import DATA, Messages, Named, Path, gather, path_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -35,64 +34,44 @@ _NUMBERS: Final[dict[str, str]] = {
 }  # fmt: skip
 
 
-@record
+_ANY: Final = Named("")
+
+
 class Layout:
-    """Where the wanted numbers of a message are.
+    """Where the wanted numbers of a message are, found on one way through it.
 
     places : per wanted path, offset in the message's data and numpy dtype.
     guards : offset and bytes of what must be equal for a message to have this layout.
-    size : of the message's data, bytes.
+    size : of the message's data, bytes. names : given to the elements of its lists, as JointState
+    does.
     """
-
-    places: tuple[tuple[int, str], ...]
-    guards: tuple[tuple[int, bytes], ...]
-    size: int
-
-
-def layout_of(
-    types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str
-) -> Layout:
-    """Walk one message, encoded as cdr or ros1, and note where the paths lead.
-
-    Raises ValueError or struct.error where the message is not of this type, or lacks a path.
-    """
-    walk = _Walk(types, name, paths, data, encoding)
-    if not walk.position <= len(data) <= walk.position + (3 if walk.aligned else 0):
-        raise ValueError(f"it has {len(data)} bytes where its type takes {walk.position}")
-    for k, path in enumerate(paths):
-        if k not in walk.places:
-            raise ValueError(f"it has no number at {path_text(path)}")
-    places = tuple(walk.places[k] for k in range(len(paths)))
-    return Layout(places, tuple(walk.guards), len(data))
-
-
-def element_names(types: Definitions, name: str, data: bytes, encoding: str) -> list[str]:
-    """Names that a message gives to the elements of its lists, as JointState does.
-
-    Raises ValueError or struct.error where the message is not of this type.
-    """
-    return _Walk(types, name, [(Named(""),)], data, encoding).names
-
-
-class _Walk:
-    """One way through a message, from its begin to its end."""
 
     def __init__(
         self, types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str
     ) -> None:
-        self.aligned = encoding == "cdr"
+        """Walk one message, encoded as cdr or ros1.
+
+        Raises ValueError or struct.error where it is not of this type, or lacks a path.
+        """
+        self._aligned = encoding == "cdr"
         begins = data[:2] in (b"\x00\x00", b"\x00\x01") and len(data) >= _ENCAPSULATION
-        if self.aligned and not begins:
+        if self._aligned and not begins:
             raise ValueError("its encapsulation is not plain CDR")
-        self._types, self._data = types, data
-        self._order = ">" if self.aligned and not data[1] else "<"
+        self._types, self._data, self.size = types, data, len(data)
+        self._order = ">" if self._aligned and not data[1] else "<"
         self._by_name = any(isinstance(step, Named) for path in paths for step in path)
         self._visits = 0
-        self.position = _ENCAPSULATION if self.aligned else 0
-        self.places: dict[int, tuple[int, str]] = {}
-        self.guards: list[tuple[int, bytes]] = [(0, data[:2])] if self.aligned else []
+        self._position = _ENCAPSULATION if self._aligned else 0
+        self._found: dict[int, tuple[int, str]] = {}
+        self.guards: list[tuple[int, bytes]] = [(0, data[:2])] if self._aligned else []
         self.names: list[str] = []
         self._visit((Nodetype.NAME, name), dict(enumerate(paths)), {}, 0)
+        if not self._position <= self.size <= self._position + (3 if self._aligned else 0):
+            raise ValueError(f"it has {self.size} bytes where its type takes {self._position}")
+        for k, path in enumerate(paths):
+            if k not in self._found and path != (_ANY,):
+                raise ValueError(f"it has no number at {path_text(path)}")
+        self.places = [self._found[k] for k in sorted(self._found)]
 
     def _visit(
         self, node: Any, wanted: Mapping[int, Path], siblings: Mapping[str, int], depth: int
@@ -135,7 +114,7 @@ class _Walk:
         for index, wanted in chosen.items():
             for k, rest in wanted.items():
                 if not rest:
-                    self.places[k] = (self.position + index * dtype.itemsize, dtype.str)
+                    self._found[k] = (self._position + index * dtype.itemsize, dtype.str)
         self._advance(count * dtype.itemsize)
 
     def _elements(
@@ -157,9 +136,9 @@ class _Walk:
             return
         self._check(count)
         for index in range(count):
-            before = self.position
+            before = self._position
             self._visit(element, chosen.get(index, {}), {}, depth + 1)
-            if self.position == before:
+            if self._position == before:
                 raise ValueError("a list has elements without content")
 
     def _names(self, node: Any, names: dict[str, int]) -> None:
@@ -185,26 +164,26 @@ class _Walk:
 
     def _text(self) -> tuple[int, bytes]:
         length = self._count()
-        start = self.position
+        start = self._position
         self._advance(length)
-        return start, self._data[start : self.position]
+        return start, self._data[start : self._position]
 
     def _count(self) -> int:
         self._align(4)
-        start = self.position
+        start = self._position
         self._advance(4)
-        raw = self._data[start : self.position]
+        raw = self._data[start : self._position]
         self.guards.append((start, raw))
         (value,) = struct.unpack(self._order + "I", raw)
         return int(value)
 
     def _align(self, size: int) -> None:
-        if self.aligned:
-            self.position += (_ENCAPSULATION - self.position) % size
+        if self._aligned:
+            self._position += (_ENCAPSULATION - self._position) % size
 
     def _advance(self, size: int) -> None:
-        self.position += size
-        if self.position > len(self._data):
+        self._position += size
+        if self._position > len(self._data):
             raise ValueError("it is shorter than its type")
 
 
@@ -212,6 +191,11 @@ def _is_list_of_strings(node: Any) -> bool:
     kind, detail = node
     is_list = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
     return is_list and detail[0] == (Nodetype.BASE, ("string", 0))
+
+
+def element_names(types: Definitions, name: str, data: bytes, encoding: str) -> list[str]:
+    """Names that a message gives to the elements of its lists; raises as `Layout`."""
+    return Layout(types, name, [(_ANY,)], data, encoding).names
 
 
 class Gatherer:
@@ -225,7 +209,7 @@ class Gatherer:
         self._recent: Layout | None = None
 
     def __call__(self, messages: Messages) -> FloatArray:
-        """Return (N, number of paths); raises what `layout_of` does."""
+        """Return (N, number of paths); raises as `Layout`."""
         result = np.empty((messages.offset.size, len(self._paths)))
         left = np.arange(messages.offset.size)
         for _ in range(_MAX_LAYOUTS):
@@ -244,7 +228,7 @@ class Gatherer:
 
     def _layout(self, messages: Messages, k: int) -> Layout:
         data = messages.bytes_of(k)
-        return layout_of(self._types, self._name, self._paths, data, self._encoding)
+        return Layout(self._types, self._name, self._paths, data, self._encoding)
 
     def _fits(self, messages: Messages, left: IntArray, layout: Layout) -> BoolArray:
         fits: BoolArray = messages.length[left] == layout.size

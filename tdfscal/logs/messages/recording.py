@@ -24,7 +24,6 @@ from tdfscal.logs.contents import (
     Vector,
     extremes,
 )
-from tdfscal.logs.formats import Bag
 from tdfscal.logs.log_file import Block, LogFile, Piece, Request, reason
 from tdfscal.logs.messages.buffer import Leaf, Messages, Named, Read, path_text
 from tdfscal.logs.messages.topics import UNREADABLE, Ros, Topics, encoding_of
@@ -38,19 +37,18 @@ class Recording(LogFile):
     """A file of messages; what it says of itself fills in on the way.
 
     channels, schemas : by id, as met so far. counts : messages by channel, as met.
-    checked : a checksum covers every message. bag : the rosbag2 recording that it is part of.
+    checked : a checksum covers every message.
     """
 
     form: ClassVar[Format]
     faults = (McapError,)
 
-    def __init__(self, path: Path, bag: Bag | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.counts: Counter[int] = Counter()
         self.checked = False
-        self._bag = bag
 
     @abstractmethod
     def stored(self) -> Iterator[Messages]:
@@ -94,11 +92,6 @@ class Recording(LogFile):
         if waiting:
             yield _join(waiting)
         topics.check_complete()
-        if self._bag is not None:
-            found: Counter[str] = Counter()
-            for number, count in self.counts.items():
-                found[self.channels[number].topic] += count
-            self.findings += self._bag.check(found, cut=self.cut_at is not None)
         self.findings += [f for topic, skew in topics.skews.items() for f in skew.findings(topic)]
         if self.checked and self.cut_at is None:
             self.integrity = "verified"
