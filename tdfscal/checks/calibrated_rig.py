@@ -25,14 +25,18 @@ from tdfscal.wrench.samples_in_motion import Samples, rotations
 
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9
+#: Gravity is one where it agrees to this share.
 _GRAVITY = 1.0e-4
-#: Standard uncertainties of constants, as users know them: field and unit.
+#: What two rig files of one rig may not state differently beyond their uncertainties, and what two
+#: campaigns of it have to state alike: zeros and load are each campaign's own.
+_FIXED = ("gravity", "hinge", "nominal mounting", "stated zero", "mass", "barycentre")
+_CONSTANT = ("hinge", "nominal mounting", "rpy_std", "gravity", "gravity.tilt_std")
 _CONSTANT_UNCERTAINTIES = {
-    "hinge": ("hinge", "m"),
-    "datum": ("datum", "m"),
-    "force_sensitivity": ("force_sensitivity", "(relative)"),
-    "compliance.lateral": ("compliance_lateral", "m/N"),
-    "compliance.vertical": ("compliance_vertical", "m/N"),
+    "uncertainty.hinge": ("hinge", "m"),
+    "uncertainty.datum": ("datum", "m"),
+    "uncertainty.force_sensitivity": ("force_sensitivity", "(relative)"),
+    "uncertainty.compliance.lateral": ("compliance_lateral", "m/N"),
+    "uncertainty.compliance.vertical": ("compliance_vertical", "m/N"),
 }
 #: Samples kept of a whole log at most, and the fewest that judge a piece of it.
 _KEPT = 1024
@@ -46,6 +50,44 @@ _CHANCE, _BALANCED = 0.01, 0.1
 _BETTER = 5.0
 
 
+def _stated(rig: Rig) -> dict[tuple[str, str], tuple[str, FloatArray, npt.ArrayLike]]:
+    """What a rig file states, by what and of which support: unit, value, standard uncertainty."""
+    own, near = rig.declared, _GRAVITY * rig.gravity / CONTRADICTION / np.sqrt(2.0)
+    found: dict[tuple[str, str], tuple[str, npt.ArrayLike, npt.ArrayLike]] = {
+        ("gravity", ""): ("m/s²", rig.gravity, near),
+        ("gravity.tilt_std", ""): ("rad", rig.gravity_tilt_std, 0.0),
+        ("mass", ""): ("kg", rig.mass.value, rig.mass.std),
+        ("barycentre", ""): ("m", rig.barycentre.value, rig.barycentre.std),
+    }
+    for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
+        found[key, ""] = (unit, getattr(own, field), 0.0)
+    for i, name in enumerate(rig.supports):
+        found["hinge", name] = ("m", rig.hinge[i], own.hinge)
+        found["nominal mounting", name] = ("rad", rig.nominal_rpy[i], 0.0)
+        found["rpy_std", name] = ("rad", rig.rpy_std[i], 0.0)
+        found["stated zero", name] = ("N", rig.zero.value[i], rig.zero.std[i])
+    return {key: (unit, np.asarray(value), std) for key, (unit, value, std) in found.items()}
+
+
+def _differing(
+    first: Rig, other: Rig, which: Iterable[str], *, exact: bool = False
+) -> tuple[Finding, ...]:
+    """Names, serials, and what is stated differently: beyond the uncertainties of both, or at all.
+
+    which : what is compared of what both state, where they state the same supports.
+    """
+    found = _named(first, other)
+    if first.supports != other.supports:
+        return found
+    theirs = _stated(other)
+    for (what, of), (unit, value, std) in _stated(first).items():
+        _, than, own = theirs[what, of]
+        bound = 0.0 if exact else np.hypot(std, own)
+        if what in which and not _agree(value, than, bound):
+            found += (_differs(what, of, unit, value, than),)
+    return found
+
+
 def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     """What shows that two rig files are of two rigs; nothing: of one, for all they say.
 
@@ -53,13 +95,11 @@ def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     distances between hinges within the uncertainties that both state: the angles are those of
     sensors in the BCS, whichever LCS a rig file has.
     """
-    found = _named(first, other)
-    if first.supports != other.supports:
-        return found
-    found += _gravities(first, other)
+    found = _differing(first, other, ("gravity",))
     # Of the difference of two places, along the line that joins them.
-    std = np.sqrt(2.0) * _hinge_std(first, other)
-    for i, j in combinations(range(first.n), 2):
+    std = np.sqrt(2.0) * np.hypot(first.declared.hinge, other.declared.hinge)
+    same = first.supports == other.supports
+    for i, j in combinations(range(first.n), 2) if same else ():
         own, given = (np.linalg.norm(rig.hinge[i] - rig.hinge[j]) for rig in (first, other))
         if not _agree(own, given, std):
             names = f"{first.supports[i]} to {first.supports[j]}"
@@ -67,14 +107,22 @@ def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     return found
 
 
-def _gravities(first: Rig, other: Rig) -> tuple[Finding, ...]:
-    g, own = first.gravity, other.gravity
-    return () if abs(own - g) <= _GRAVITY * g else (_differs("gravity", "", "m/s²", g, own),)
+def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
+    """What of `given` contradicts the calibrated rig; nothing: they agree.
+
+    Compared are names, serials and gravity, hinges in the LCS, nominal mounting, stated zeros, mass
+    and barycentre, each within the uncertainties that both state.
+    """
+    return _differing(calibrated, given, _FIXED)
 
 
-def _hinge_std(first: Rig, other: Rig) -> float:
-    """Standard uncertainty of a hinge's coordinate between two rig files, m."""
-    return float(np.hypot(first.declared.hinge, other.declared.hinge))
+def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
+    """What two rig files state differently of the rig's constants; nothing: one rig.
+
+    Zeros and load may differ from campaign to campaign; supports, hinges, nominal mounting and the
+    uncertainties of what stays the same may not.
+    """
+    return _differing(first, other, (*_CONSTANT, *_CONSTANT_UNCERTAINTIES), exact=True)
 
 
 def other_papers(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
@@ -93,60 +141,6 @@ def _serials(rig: Rig) -> dict[str, str]:
     sensors = zip(rig.supports, rig.sensors, strict=False)  # none: no papers
     all_of = {"the rig": rig.serial} | {f"the sensor of {name}": s.serial for name, s in sensors}
     return {what: serial for what, serial in all_of.items() if serial is not None}
-
-
-def contradictions(calibrated: Rig, given: Rig) -> tuple[Finding, ...]:
-    """What of `given` contradicts the calibrated rig; nothing: they agree.
-
-    Compared are names, serials and gravity, hinges in the LCS, nominal mounting, stated zeros, mass
-    and barycentre, each within the uncertainties that both state.
-    """
-    found = _named(calibrated, given)
-    if calibrated.supports != given.supports:
-        return found
-    found += _gravities(calibrated, given)
-    hinges = _hinge_std(calibrated, given)
-    zeros = np.hypot(calibrated.zero.std, given.zero.std)
-    pairs: list[tuple[str, str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
-    for i, name in enumerate(given.supports):
-        nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
-        pairs += [
-            ("hinge", name, "m", calibrated.hinge[i], given.hinge[i], hinges),
-            ("nominal mounting", name, "rad", *nominal, 0.0),
-            ("stated zero", name, "N", zero, given.zero.value[i], zeros[i]),
-        ]
-    for what, unit, a, b in (
-        ("mass", "kg", calibrated.mass, given.mass),
-        ("barycentre", "m", calibrated.barycentre, given.barycentre),
-    ):
-        pairs.append((what, "", unit, a.value, b.value, np.hypot(a.std, b.std)))
-    return found + tuple(_differs(*pair[:5]) for pair in pairs if not _agree(*pair[3:]))
-
-
-def different_constants(first: Rig, other: Rig) -> tuple[Finding, ...]:
-    """What two rig files state differently of the rig's constants; nothing: one rig.
-
-    Zeros and load may differ from campaign to campaign; supports, hinges, nominal mounting and the
-    uncertainties of what stays the same may not.
-    """
-    found = _named(first, other)
-    if first.supports != other.supports:
-        return found
-    pairs: list[tuple[str, str, str, npt.ArrayLike, npt.ArrayLike]] = []
-    for i, name in enumerate(other.supports):
-        pairs += [
-            ("hinge", name, "m", first.hinge[i], other.hinge[i]),
-            ("nominal mounting", name, "rad", first.nominal_rpy[i], other.nominal_rpy[i]),
-            ("rpy_std", name, "rad", first.rpy_std[i], other.rpy_std[i]),
-        ]
-    pairs += [
-        ("gravity", "", "m/s²", first.gravity, other.gravity),
-        ("gravity.tilt_std", "", "rad", first.gravity_tilt_std, other.gravity_tilt_std),
-    ]
-    for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
-        a, b = getattr(first.declared, field), getattr(other.declared, field)
-        pairs.append((f"uncertainty.{key}", "", unit, a, b))
-    return found + tuple(_differs(*pair) for pair in pairs if not _same(*pair[3:]))
 
 
 def _named(first: Rig, other: Rig) -> tuple[Finding, ...]:
@@ -170,13 +164,10 @@ def _differs(what: str, of: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) 
 
 
 def _agree(a: npt.ArrayLike, b: npt.ArrayLike, std: npt.ArrayLike) -> bool:
-    size, off = np.maximum(np.abs(a), np.abs(b)), np.abs(np.subtract(a, b))
-    return bool(np.all(off <= CONTRADICTION * np.asarray(std) + _ROUNDING * np.maximum(size, 1.0)))
-
-
-def _same(a: npt.ArrayLike, b: npt.ArrayLike) -> bool:
-    """Typed the same, to rounding; ∞ is ∞."""
-    return bool(np.allclose(a, b, rtol=_ROUNDING, atol=1e-3 * _ROUNDING))
+    """Within the std of their difference, 0: typed the same, to rounding; ∞ is ∞."""
+    near = np.isclose(a, b, rtol=_ROUNDING, atol=1e-3 * _ROUNDING)
+    with np.errstate(invalid="ignore"):
+        return bool(np.all(near | (np.abs(np.subtract(a, b)) <= CONTRADICTION * np.asarray(std))))
 
 
 def _shown(values: npt.ArrayLike) -> str:
