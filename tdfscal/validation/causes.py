@@ -17,7 +17,6 @@ from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.score_tests import best_variance
 from tdfscal.validation.residuals import (
-    COURSES,
     STEPS,
     WEIGHT,
     Cause,
@@ -31,8 +30,7 @@ from tdfscal.validation.residuals import (
     fitted,
 )
 
-#: What may happen to one sensor, and the parameters that stand for it.
-_SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
+#: What steps on the way, and the parameters that stand for it.
 _STEPPING = dict(zip(STEPS, ("rotation", "zero"), strict=True))
 #: Shapes of a gain's change in S (xx, yy, zz, yz, xz, xy): of all axes alike, one by one, each by
 #: itself with crosstalk.
@@ -53,7 +51,7 @@ _SUSPECTS = 20
 
 def causes(given: Whitened) -> Causes:
     """Hold all single causes against each other."""
-    models = _models(given)
+    models = _models(given.at)
     single = [fitted(model, given) for model in (*models, *_in_course(given))]
     contacts = _contacts(given, max(single, key=WEIGHT))
     best: dict[tuple[Kind, int | None, tuple[int, ...]], Cause] = {}
@@ -69,116 +67,73 @@ def causes(given: Whitened) -> Causes:
 
 def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
     """Derivative (m, q) of residuals by what a cause changes; none of a zero, nor of a scatter."""
-    place, load = layout(at.sensors), ("mass", "barycentre")
-    match cause.kind:
-        case "sensor turned" | "gain changed":
-            assert cause.support is not None
-            q = len(cause.std)
-            group = "rotation" if cause.kind == "sensor turned" else "sensitivity"
-            first = place[group].start + q * cause.support
-            return at.columns[:, first : first + q][:, cause.std > 0]
-        case "sensors turned":
-            return at.columns[:, place["rotation"]]
-        case "load changed":
-            return np.concatenate([at.columns[:, place[name]] for name in load], axis=1)[
-                :, cause.std > 0
-            ]
-        case "gains changed":
-            return _common_gain(at.columns, at.sensors)
-        case "base tilted":
-            return at.columns[:, place["tilt"]]
-        case "contact":
-            return _touching(at.own, cause.postures)
-    if cause.kind in STEPS:
-        assert cause.support is not None
-        return _stepping(cause.kind, cause.support, cause.postures[0], at)
-    if cause.kind in COURSES:
-        shapes = (each for kind, each in _drifts(at) if kind == cause.kind)
-        drifts = (_drifting(shape, cause.support, at) for shape in shapes)
-        # Of what a shape moves the residuals may tell less than all.
-        telling = (columns for columns in drifts if columns.shape[1] >= cause.unknowns)
-        return min(telling, key=lambda columns: columns.shape[1])
-    return at.columns[:, :0]
+    if cause.kind == "contact":
+        return _touching(at.own, cause.postures)
+    if cause.columns is None or cause.kind == "zero drifted":
+        return at.columns[:, :0]
+    return cause.columns
 
 
-def _models(given: Whitened) -> list[Model]:
-    place, sensors = layout(given.at.sensors), given.at.sensors
-    load = slice(place["mass"].start, place["barycentre"].stop)
+def _models(at: Linearised) -> list[Model]:
+    place, n = layout(at.sensors), at.sensors
+
+    def by(group: str) -> FloatArray:
+        return at.columns[:, place[group]]
+
+    load = np.concatenate([by("mass"), by("barycentre")], axis=1)
     # A gain common to all sensors looks like another mass: whoever weighs the terminal knows.
+    alike = by("sensitivity").reshape(-1, n, 6).sum(axis=1) @ _GAINS[0]
     found = [
-        Model("load changed", None, (), given.columns[:, load]),
-        Model("load changed", None, (), given.columns[:, place["mass"]], np.eye(4)[:, :1]),
-        Model("gains changed", None, (), _common_gain(given.columns, sensors), _GAINS[0]),
+        Model("load changed", None, (), load),
+        Model("load changed", None, (), by("mass"), np.eye(4)[:, :1]),
+        Model("gains changed", None, (), alike, _GAINS[0]),
+        Model("sensors turned", None, (), by("rotation")),
     ]
-    for kind, group in _SENSOR_CAUSES.items():
-        for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
-            columns = given.columns[:, first : first + 3]
-            found.append(Model(kind, i, (), columns))
-            if group == "zero":
-                found += [Model(kind, i, (), columns[:, [a]], np.eye(3)[:, [a]]) for a in range(3)]
-    found.append(Model("sensors turned", None, (), given.columns[:, place["rotation"]]))
-    if not len(given.at.own):  # in motion the residual is known along these alone
+    for i in range(n):
+        turn, zero = (by(group)[:, 3 * i : 3 * i + 3] for group in ("rotation", "zero"))
+        found += [Model("sensor turned", i, (), turn), Model("zero drifted", i, (), zero)]
+        for a in range(3):
+            found.append(Model("zero drifted", i, (), zero[:, [a]], np.eye(3)[:, [a]]))
+    if not len(at.own):  # in motion the residual is known along these alone
         return found
-    found.append(Model("base tilted", None, (), given.columns[:, place["tilt"]]))
-    for i, first in enumerate(range(place["sensitivity"].start, place["sensitivity"].stop, 6)):
-        columns = given.columns[:, first : first + 6]
-        found += [Model("gain changed", i, (), columns @ shape, shape) for shape in _GAINS]
+    found.append(Model("base tilted", None, (), by("tilt")))
+    for i in range(n):
+        gain = by("sensitivity")[:, 6 * i : 6 * i + 6]
+        found += [Model("gain changed", i, (), gain @ shape, shape) for shape in _GAINS]
     return found
-
-
-def _common_gain(columns: FloatArray, sensors: int) -> FloatArray:
-    """Derivative (m, 1) by a gain that all sensors have in common."""
-    gains = columns[:, layout(sensors)["sensitivity"]]
-    return np.asarray(gains.reshape(len(columns), sensors, 6).sum(axis=1) @ _GAINS[0])
 
 
 def _in_course(given: Whitened) -> Iterator[Model]:
     """Steps of each sensor, from its likeliest posture on, and drifts of its zero or of all."""
-    everyone = range(given.at.sensors)
-    for kind in STEPS if len(given.at.own) > 1 else ():
-        for i in everyone:
-            first = _likeliest_step(given, kind, i)
-            columns = given.white(_stepping(kind, i, first, given.at))
-            yield Model(kind, i, (first,), columns)
-    for kind, shape in _drifts(given.at):
-        since = shape - shape[np.argmin(given.at.course.time)]
-        most = since[np.argmax(np.abs(since[:, :, 0]).max(axis=1))]
-        for i in (None, *everyone):
-            columns = given.white(_drifting(shape, i, given.at))
-            largest = most if i is None else most[[i]]
-            back = np.asarray(np.kron(block_diagonal(*largest[:, None]), np.eye(3)), np.float64)
-            yield Model(kind, i, (), columns, back)
-
-
-def _drifts(at: Linearised) -> Iterator[tuple[Kind, FloatArray]]:
-    for warm, shape in at.course.drifts(at.sensors) if len(at.own) > 1 else ():
-        yield ("zeros follow temperature" if warm else "zeros drift"), shape
-
-
-def _drifting(shape: FloatArray, support: int | None, at: Linearised) -> FloatArray:
-    """Derivative (6K, 3m) by a drift of shape (K, n, g): m = n g of all zeros, g of one."""
+    at = given.at
+    if len(at.own) < 2:
+        return
+    for kind, group in _STEPPING.items():
+        for i in range(at.sensors):
+            begin = layout(at.sensors)[group].start + 3 * i
+            columns = at.columns[:, begin : begin + 3]
+            first = _likeliest_step(given, columns)
+            after = np.repeat(at.course.step(first), 6, axis=0)
+            yield Model(kind, i, (first,), columns * after)
     by_zero = at.zero_columns.reshape(len(at.own), 6, at.sensors, 3)
-    if support is not None:
-        by_zero, shape = by_zero[:, :, [support]], shape[:, [support]]
-    return np.asarray(np.einsum("kbna,kng->kbnga", by_zero, shape).reshape(len(at.columns), -1))
+    for warm, shape in at.course.drifts(at.sensors):
+        drift: Kind = "zeros follow temperature" if warm else "zeros drift"
+        since = shape - shape[np.argmin(at.course.time)]
+        most = since[np.argmax(np.abs(since[:, :, 0]).max(axis=1))]
+        for i in (None, *range(at.sensors)):
+            own = slice(None) if i is None else slice(i, i + 1)
+            columns = np.einsum("kbna,kng->kbnga", by_zero[:, :, own], shape[:, own])
+            back = np.kron(block_diagonal(*most[own, None]), np.eye(3))
+            yield Model(drift, i, (), columns.reshape(len(at.columns), -1), np.asarray(back))
 
 
-def _stepping(kind: Kind, sensor: int, first: int, at: Linearised) -> FloatArray:
-    """Derivative (6K, 3) by a sensor's turn, or its zero's jump, from one posture on."""
-    begin = layout(at.sensors)[_STEPPING[kind]].start + 3 * sensor
-    after = np.repeat(at.course.step(first), 6, axis=0)
-    return np.asarray(at.columns[:, begin : begin + 3] * after)
-
-
-def _likeliest_step(given: Whitened, kind: Kind, sensor: int) -> int:
-    """The posture from which on a step lowers χ² most.
+def _likeliest_step(given: Whitened, columns: FloatArray) -> int:
+    """The posture from which on a step of these columns (6K, 3) lowers χ² most.
 
     Score and information of every step are sums of its postures' own blocks.
     """
     K, order = len(given.at.own), np.argsort(given.at.course.time, kind="stable")
     y, M = given.unfolded
-    begin = layout(given.at.sensors)[_STEPPING[kind]].start + 3 * sensor
-    columns = given.at.columns[:, begin : begin + 3]
 
     def after(other: FloatArray) -> FloatArray:
         """Sums (K, 3, …) over the postures from each one on, in the order of time."""
@@ -276,7 +231,7 @@ def _scatter_cause(
         each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
         p.append(K * float(chi2_sf(each.max(), 6)))
     for model in models:
-        span = basis(weighted(model.columns))
+        span = basis(weighted(given.white(model.columns)))
         along = span.T @ rest
         p.append(len(models) * float(chi2_sf(along @ along, max(span.shape[1], 1))))
     size = np.sqrt(theta)

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.postures import ZeroMotion
@@ -229,7 +229,8 @@ class Cause:
     gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
     worth (Schwarz). p_value : that chance alone lets it fall so far.
     remaining_p : probability of the χ² that is left. size_std : of the length of value, along
-    itself, to first order; noise across it makes a length near none too large.
+    itself, to first order; noise across it makes a length near none too large. columns : (m, q),
+    derivative of the residuals by its unknowns.
     """
 
     kind: Kind
@@ -244,6 +245,7 @@ class Cause:
     remaining_p: float
     size_std: float = np.nan
     between: tuple[float, float] | None = None
+    columns: FloatArray | None = field(default=None, compare=False, repr=False)
 
     @property
     def explains(self) -> bool:
@@ -291,7 +293,7 @@ class Causes:
 
 @record
 class Model:
-    """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
+    """Derivative (m, q) by the unknowns, of parameters by `shape` (p, q), which gives them back."""
 
     kind: Kind
     support: int | None
@@ -305,9 +307,10 @@ def fitted(model: Model, given: Whitened) -> Cause:
 
     What changed is minus what would cancel it: e is linear about the estimate.
     """
-    size = np.linalg.norm(model.columns, axis=0)
+    columns = given.white(model.columns)
+    size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(model.columns / size, full_matrices=False)
+    U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
     seen = s > 1e-9 * s.max(initial=0.0)
     along = U[:, seen].T @ given.residual
     gain, q = float(along @ along), int(seen.sum())
@@ -317,7 +320,8 @@ def fitted(model: Model, given: Whitened) -> Cause:
     sizes = -(root @ along), np.linalg.norm(root, axis=1)
     found = explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
     along = found.value / (np.linalg.norm(found.value) or 1.0)
-    return replace(found, size_std=float(np.linalg.norm(along @ root)))
+    size_std = float(np.linalg.norm(along @ root))
+    return replace(found, size_std=size_std, columns=model.columns)
 
 
 def explained(
