@@ -85,13 +85,21 @@ class BlockDesign:
 
         Of unit power each where the coefficient is.
         """
-        F, _, c = columns.shape
-        r = len(self.mix)
+        F, c, r = len(columns), columns.shape[2], len(self.mix)
         both = self.mix @ np.ascontiguousarray(columns).view(np.float64)
         both[1:] *= np.sqrt(2.0)
         parts = both.reshape(F, r, c, 2)
         real, imaginary = parts[..., 0].reshape(F * r, c), parts[1:, ..., 1].reshape((F - 1) * r, c)
         return np.concatenate([real, imaginary])
+
+    def back_in_time(self, columns: ComplexArray, model: NoiseModel) -> FloatArray:
+        """Columns (F, 6, …) weighted by a spectrum, as they count at every instant, (N, 6, …)."""
+        block, N = self.block, len(self.block)
+        flat = columns.reshape(*columns.shape[:2], -1)
+        weighted = (self.mix.T * self.weight(model)[:, None]) @ self.mix @ flat
+        weighted[1:] /= 2  # of a real transform all coefficients but the mean count twice
+        counts = (block.scale * N * block.taper[0])[:, None, None]
+        return np.asarray(counts * np.fft.irfft(weighted, N, axis=0)).reshape(N, *columns.shape[1:])
 
     def rows(self, all_rests: int) -> Rows:
         """Its real rows; all_rests : turns at all rests of the log."""

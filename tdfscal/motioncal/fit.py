@@ -281,12 +281,8 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
     out = np.zeros((size, size))
     for item in fit.designs:
         block, N, frequency = item.block, len(item.turned), item.block.frequency
-        turned = np.swapaxes(item.turned, 1, 2) * block.taper[0][:, None, None]
-        # Score by a unit wrench at every instant, Re Σ_f gain e^{iωt}: of a real transform all
-        # coefficients but the mean count twice.
-        gain = (item.mix.T * item.weight(fit.noise)[:, None]) @ item.mix @ item.wrench(fit.slope)
-        gain[1:] /= 2
-        answer = turned @ (block.scale * N * np.fft.irfft(gain, N, axis=0))
+        gain = item.back_in_time(item.wrench(fit.slope), fit.noise)
+        answer = np.swapaxes(item.turned, 1, 2) @ gain
         few = np.linspace(0, N, min(N, _PLACES), endpoint=False).astype(int)
         answer = np.add.reduceat(answer, few, axis=0)
         place = fit.slow.position[block.index][few].reshape(len(few), -1)

@@ -84,79 +84,69 @@ class _Steps:
         self.time = np.concatenate([fit.slow.time[block.index] for block in fit.blocks])
         self.first = np.cumsum([0, *map(len, fit.blocks)])
         self.columns = [_columns(fit, item) for item in fit.designs]
+        self.size = self.columns[0].shape[2]
         both = np.concatenate([fit.psi[:, None], fit.slope], axis=1)
         wrenches = [item.wrench(both) for item in fit.designs]
-        pairs = list(zip(fit.designs, wrenches, strict=True))
-        self.white = [item.white(e, fit.noise) for item, e in pairs]
+        self.white = [
+            item.white(e, fit.noise) for item, e in zip(fit.designs, wrenches, strict=True)
+        ]
         each = [
-            np.einsum("tak,ta->tk", columns, _weighted(item, e[..., 0], fit))
-            for columns, (item, e) in zip(self.columns, pairs, strict=True)
+            np.einsum("tak,ta->tk", columns, item.back_in_time(e[..., 0], fit.noise))
+            for columns, item, e in zip(self.columns, fit.designs, wrenches, strict=True)
         ]
         #: Score (N, k) of a step from every instant on.
         self.score = np.cumsum(np.concatenate(each)[::-1], axis=0)[::-1]
-        every = np.arange(self.columns[0].shape[2])
-        whole = [self._of_block(k, 0, every) for k in range(len(fit.designs))]
+        whole = [self._of_block(k, 0) for k in range(len(fit.designs))]
         #: Sums over all blocks behind each.
         self.behind = [sum(whole[k + 1 :], 0.0 * whole[0]) for k in range(len(whole))]
 
-    def wrench(self, block: int, first: int, some: IntArray) -> ComplexArray:
-        """Coefficients (F, 6, k) of some columns of a block, from its instant `first` on."""
-        columns = self.columns[block][:, :, some].copy()
-        columns[: max(first, 0)] = 0.0
+    def wrench(self, block: int, place: int) -> ComplexArray:
+        """Coefficients (F, 6, k) of the columns of a block from a place on."""
+        columns = self.columns[block].copy()
+        columns[: max(place - int(self.first[block]), 0)] = 0.0
         return self.fit.designs[block].block.transform(columns)
 
-    def _of_block(self, block: int, first: int, some: IntArray) -> FloatArray:
-        c = self.fit.designs[block].white(self.wrench(block, first, some), self.fit.noise)
+    def _of_block(self, block: int, place: int) -> FloatArray:
+        c = self.fit.designs[block].white(self.wrench(block, place), self.fit.noise)
         return np.asarray(c.T @ np.concatenate([c, self.white[block]], axis=1))
 
-    def sums(self, places: IntArray, some: IntArray) -> FloatArray:
-        """cᵀ(c, r, J), (S, k, k + 1 + p), of some columns c from each of these places on."""
-        K, width = self.behind[0].shape
-        wanted, out = np.concatenate([some, np.arange(K, width)]), []
-        for place, block in zip(places, self._blocks(places), strict=True):
-            own = self._of_block(block, int(place - self.first[block]), some)
-            out.append(own + self.behind[block][np.ix_(some, wanted)])
-        return np.array(out)
-
-    def _blocks(self, places: IntArray) -> IntArray:
-        return np.searchsorted(self.first, places, side="right") - 1
+    def sums(self, place: int) -> FloatArray:
+        """cᵀ(c, r, J), (k, k + 1 + p), of the columns c from a place on."""
+        block = int(np.searchsorted(self.first, place, side="right")) - 1
+        return self._of_block(block, place) + self.behind[block]
 
     def beside(self, sums: FloatArray) -> FloatArray:
-        """Information (S, k, k) of columns with these sums (S, k, k + 1 + p) beside the fit."""
-        k = sums.shape[1]
-        known = sums[:, :, k + 1 :] @ self.root
-        return np.asarray(sums[:, :, :k] - known @ np.swapaxes(known, 1, 2))
+        """Information (k, k) of columns with these sums (k, k + 1 + p) beside the fit."""
+        known = sums[:, self.size + 1 :] @ self.root
+        return np.asarray(sums[:, : self.size] - known @ known.T)
 
-    def beyond(self, place: int, some: IntArray) -> float:
+    def beyond(self, place: int, own: IntArray) -> float:
         """Statistic of some columns from a place on, beside a free wrench about that place."""
-        rows, k = list[FloatArray](), len(some)
+        rows, k = list[FloatArray](), len(own)
         for number, item in enumerate(self.fit.designs):
             away = self.fit.slow.time[item.block.index][:, None] - self.time[place] - _PULSES
             shape = np.where(np.abs(away) < 1, np.cos(np.pi * away / 2) ** 2, 0.0)
             pulses = np.einsum("fw,ab->fawb", item.block.transform(shape), np.eye(6))
-            step = self.wrench(number, place - int(self.first[number]), some)
+            step = self.wrench(number, place)[..., own]
             both = np.concatenate([step, pulses.reshape(*step.shape[:2], -1)], axis=2)
             columns = item.white(both, self.fit.noise)
             rows.append(np.concatenate([columns, self.white[number]], axis=1))
-        own, r, J = np.split(np.concatenate(rows), np.array([0, 1]) + k + 6 * len(_PULSES), axis=1)
-        known, score = own.T @ J @ self.root, (own.T @ r)[:, 0]
-        left = own.T @ own - known @ known.T
+        c, r, J = np.split(np.concatenate(rows), np.array([0, 1]) + k + 6 * len(_PULSES), axis=1)
+        known, score = c.T @ J @ self.root, (c.T @ r)[:, 0]
+        left = c.T @ c - known @ known.T
         taken = left[:k, k:] @ np.linalg.pinv(left[k:, k:], rcond=_ROUNDING, hermitian=True)
-        floor = NOISE_ONLY * float(np.sum(own[:, :k] ** 2))
+        floor = NOISE_ONLY * float(np.sum(c[:, :k] ** 2))
         asked = ask(left[:k, :k] - taken @ left[k:, :k], score[:k] - taken @ score[k:], floor)
         return float(asked.statistic)
 
     def removed(
-        self, place: int, some: IntArray, amount: FloatArray, move: FloatArray
+        self, place: int, own: IntArray, amount: FloatArray, move: FloatArray
     ) -> list[ComplexArray]:
         """Wrench (F, 6) of every block by a step from a place on, and by the move with it."""
-        out = []
-        for k, item in enumerate(self.fit.designs):
-            e, first = item.wrench(self.fit.slope @ move), place - int(self.first[k])
-            if first < len(item.block):
-                e = e + self.wrench(k, first, some) @ amount
-            out.append(e)
-        return out
+        return [
+            item.wrench(self.fit.slope @ move) + self.wrench(k, place)[..., own] @ amount
+            for k, item in enumerate(self.fit.designs)
+        ]
 
 
 def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
@@ -168,16 +158,6 @@ def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
     both = np.concatenate([B @ -so3.hat(F), zeros], axis=1)
     columns = np.moveaxis(both, 1, 2).reshape(len(F), 6, -1)
     return item.across.wrench(np.concatenate([columns, delay[..., None]], axis=2))
-
-
-def _weighted(item: BlockDesign, e: ComplexArray, fit: MovingFit) -> FloatArray:
-    """The residual e (F, 6) of a block, weighted by the noise and back in time, (N, 6)."""
-    weighted = (e @ item.mix.T * item.weight(fit.noise)) @ item.mix
-    weighted[1:] /= 2  # the inverse transform counts each twice
-    size, block = len(item.block), item.block
-    return np.asarray(
-        (size * block.scale * block.taper[0])[:, None] * np.fft.irfft(weighted, size, axis=0)
-    )
 
 
 def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tuple[Step, ...]:
@@ -192,7 +172,7 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
         if determined is None or determined[i]:
             suspects.append(("rotation", i, np.arange(3 * i, 3 * i + 3)))
     places = np.linspace(0, len(steps.time), _SPLITS + 1).astype(np.int64)[1:-1]
-    information = steps.beside(steps.sums(places, np.arange(6 * n + 1)))
+    information = np.array([steps.beside(steps.sums(place)) for place in places.tolist()])
     # Neighbouring instants of a band of frequencies are no tests of their own.
     tests = 2 * BAND * len(steps.time) * len(suspects)
     asked = (
@@ -228,9 +208,9 @@ def _at_its_best(
     between += floor[:, None, None] * np.eye(size)
     curve = np.einsum("ka,kab->k", score, np.linalg.solve(between, score[..., None]))
     place = int(np.argmax(curve))
-    sums = steps.sums(np.array([place]), own)
-    exact = steps.beside(sums)[0]
-    asked = ask(exact, sums[0, :, size], NOISE_ONLY * float(np.trace(sums[0, :, :size])))
+    sums = steps.sums(place)
+    exact, columns = steps.beside(sums)[np.ix_(own, own)], np.trace(sums[np.ix_(own, own)])
+    asked = ask(exact, sums[own, steps.size], NOISE_ONLY * float(columns))
     near = np.flatnonzero(curve > curve[place] - _WITHIN)
     ends = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]]
     amount, statistic = -asked.amount, float(asked.statistic)
@@ -239,7 +219,7 @@ def _at_its_best(
         p_value = max(p_value, tests * float(chi2_sf(steps.beyond(place, own), size)))
     if p_value > CHANGED_RIG:
         return None
-    move = -steps.root @ (steps.root.T @ (sums[0, :, size + 1 :].T @ amount))
+    move = -steps.root @ (steps.root.T @ (sums[own, steps.size + 1 :].T @ amount))
     return Step(
         group=group,
         support=support,
