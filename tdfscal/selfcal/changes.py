@@ -186,18 +186,16 @@ class _Normal:
         """χ² per degree of freedom without a suspect of this χ² and size."""
         return float(max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - size, 1))
 
-    def p_value(self, change: _Change, *, noise_from_residuals: bool) -> float:
+    def p_value(self, change: _Change) -> float:
         """That noise alone gives as much, for this suspect alone."""
         rest = self._rest(change.statistic, change.size)
-        if noise_from_residuals:
+        if self.fit.postures.noise_from_residuals:
             dof = max(self.dof - change.size, 1)
             return float(fdtrc(change.size, dof, change.statistic / change.size / rest))
         return float(chi2_sf(change.statistic / max(1.0, rest), change.size))
 
 
-def find_change(
-    of: Estimate[Fit], time: FloatArray, number: IntArray, *, noise_from_residuals: bool = False
-) -> Suspicion | None:
+def find_change(of: Estimate[Fit], time: FloatArray, number: IntArray) -> Suspicion | None:
     """Look for a sensor that turned, a zero that jumped, or a contact that stayed.
 
     Parameters
@@ -205,7 +203,6 @@ def find_change(
     of : the estimate; postures that it leaves out are taken in again where a change explains them
         better than contact at each, a wrench of six unknowns.
     time, number : (K,), s, when each posture was held, and the number that it goes by.
-    noise_from_residuals : the noise level itself comes from this fit.
 
     Returns
     -------
@@ -221,7 +218,7 @@ def find_change(
             continue
         changes, level = found
         change = changes[0]
-        p_value = normal.p_value(change, noise_from_residuals=noise_from_residuals)
+        p_value = normal.p_value(change)
         if p_value > level:
             continue
         ahead, touched = change.worth, int(np.sum(counts & ~used))

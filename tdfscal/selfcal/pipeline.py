@@ -9,15 +9,13 @@ import numpy as np
 
 from tdfscal.checks.faulty_sensors import exceeded_ranges
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
-from tdfscal.estimation.fit import information
 from tdfscal.estimation.judged import holding
 from tdfscal.estimation.observability import verdict
 from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Estimate, estimate, evaluate, quality
+from tdfscal.estimation.uncertainty import Estimate, estimate
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
-from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.changes import find_change
@@ -149,6 +147,11 @@ class _Told:
     known: Estimate[Fit]
     usable: Usable
 
+    @property
+    def measured_noise(self) -> bool:
+        """Nobody states the noise."""
+        return self.usable.postures.noise_from_residuals
+
     @cached_property
     def doubts(self) -> tuple[Suspicion, ...]:
         """The likeliest suspicions."""
@@ -157,13 +160,7 @@ class _Told:
     @cached_property
     def change(self) -> Suspicion | None:
         """The likeliest change on the way."""
-        usable, noise = self.usable, self.measured_noise
-        return find_change(self.known, usable.time, usable.number, noise_from_residuals=noise)
-
-    @property
-    def measured_noise(self) -> bool:
-        """Nobody states the noise."""
-        return self.usable.postures.noise_from_residuals
+        return find_change(self.known, self.usable.time, self.usable.number)
 
     @cached_property
     def whole(self) -> _Told:
@@ -182,17 +179,19 @@ def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told]:
     """Maximum likelihood; without postures in contact that hide each other, or over which one
     stayed, where that explains more than any other cause.
     """
-    robust = _fit(rig, usable.postures, usable.start)
-    known = estimate(robust.fit)
-    told = _Told(known, usable)
+    loose, seen = loosened(rig), usable.postures
+    robust = _with_earlier(rig, seen, fit_robust(loose, seen, usable.start))
+    told = _Told(estimate(robust.fit), usable)
     if told.measured_noise:
         return robust, told
     # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
-    rivals: list[tuple[float, RobustFit]] = []
+    rivals, named = list[tuple[float, RobustFit]](), 0.0
     whole, change = told.whole, told.change
-    if (touched := _hidden_contact(rig, usable, told)) is not None:
-        rivals.append((contact_worth(touched.fit, whole.known.fit), touched))
-    named = 0.0
+    if told.known.quality.p_value < MISFIT:
+        hidden = hidden_contact(loose, seen, _by_all(loose, whole.known.fit))
+        if hidden is not None:
+            hidden = _with_earlier(rig, seen, hidden)
+            rivals.append((contact_worth(hidden.fit, whole.known.fit), hidden))
     if change is not None:
         weight = change.weight + contact_worth(robust.fit, whole.known.fit)
         if change.kind == "contact":
@@ -218,21 +217,8 @@ def _without(rig: Rig, usable: Usable, robust: RobustFit, change: Suspicion) -> 
     return RobustFit.of(settled(rig, usable.postures, fit(rig, usable.postures, state, weight)))
 
 
-def _hidden_contact(rig: Rig, usable: Usable, told: _Told) -> RobustFit | None:
-    """A fit without postures in contact that hide each other, where the one found misfits."""
-    if told.known.quality.p_value >= MISFIT:
-        return None
-    loose, seen = loosened(rig), usable.postures
-    found = hidden_contact(loose, seen, _by_all(loose, told.whole.known.fit))
-    return None if found is None else _with_earlier(rig, seen, found)
-
-
-def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
-    """Robust fit; what earlier campaigns know comes in whole once the outliers are out."""
-    return _with_earlier(rig, observed, fit_robust(loosened(rig), observed, start))
-
-
 def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
+    """What earlier campaigns know comes in whole once the outliers are out."""
     if rig.earlier is None:
         return robust
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
@@ -246,10 +232,8 @@ def _linear(
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
         raise RigError(missing)
     result = fit_linear(rig, usable.postures)
-    parts = information(result)
     spread = evaluate_linear(result, rng, trials)
-    known = replace(evaluate(result, parts, quality(result, parts)), uncertainty=spread)
-    return RobustFit(result), _Told(known, usable)
+    return RobustFit(result), _Told(replace(estimate(result), uncertainty=spread), usable)
 
 
 def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
