@@ -155,7 +155,8 @@ class Fitted(ABC):
     @property
     def cost(self) -> float:
         """χ² of rows and priors."""
-        return float(self.white @ self.white)
+        white = self.white
+        return float(white @ white)
 
 
 def information(of: Fitted) -> Spectrum:

@@ -10,10 +10,10 @@ import numpy as np
 from tdfscal.checks.faulty_sensors import exceeded_ranges
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation.judged import holding
-from tdfscal.estimation.observability import verdict
+from tdfscal.estimation.observability import ENOUGH, require_angles, verdict
 from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, estimate
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.statics import Postures
@@ -28,6 +28,7 @@ from tdfscal.selfcal.estimator import (
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.misreadings import Rests
 from tdfscal.selfcal.monte_carlo import simulate
+from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.outliers import (
     RobustFit,
     contact_worth,
@@ -42,7 +43,6 @@ from tdfscal.selfcal.result import (
     SelfCalibration,
     Undetermined,
     caveats,
-    check_determined,
 )
 from tdfscal.selfcal.score_tests import suspicions, wandering
 from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
@@ -92,7 +92,7 @@ def self_calibrate(
     rejected = dict(usable.reasons) | {
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
-    _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust)
+    _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust.rivals)
     doubts = misplaced_hinges(known)
     known = holding(known, doubts)  # till it is mended
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
@@ -123,20 +123,30 @@ def self_calibrate(
     )
     found = (
         *calibration.gate(used=len(dwells) - len(rejected), rejected=len(rejected)),
-        *caveats(calibration, measured_noise=told.measured_noise, unasked=unasked),
+        *caveats(calibration, unasked=unasked),
         *exceeded_ranges(rig, dwells, result.state),
     )
     return replace(calibration, findings=found)
 
 
-def _check(seen: Undetermined, usable: Usable, robust: RobustFit) -> None:
-    """Raise where no angles can be given; what is wrong with the log before advice on postures."""
+def _check(seen: Undetermined, usable: Usable, near: tuple[Rival, ...]) -> None:
+    """Raise where no angles can be given; what is wrong with the log before advice on postures.
+
+    near : other mountings that may explain the postures as well.
+    """
+    rig, fit = seen.rig, seen.fit
     try:
-        check_determined(seen, robust.rivals)
+        require_angles(seen.observability, fit.converged, fit.iterations, seen)
+        if near and near[0].as_likely:
+            values: dict[str, Value] = {"mountings": describe(rig, fit.state, near[0].state)}
+            if (used := int(np.count_nonzero(fit.weight))) < ENOUGH:
+                values |= {"few": used, "least": ENOUGH}
+            alike = Finding("mountings-alike", size=abs(near[0].gap), values=values)
+            raise NotIdentifiableError(alike, evidence=seen)
     except (NotIdentifiableError, NotConvergedError):
         everyone = np.ones(len(usable.index))
-        present = at_state(seen.rig, usable.postures, seen.fit.state, everyone)
-        check_readings(seen.rig, usable.postures, present, Rests(usable.number, usable.time))
+        present = at_state(rig, usable.postures, fit.state, everyone)
+        check_readings(rig, usable.postures, present, Rests(usable.number, usable.time))
         raise
 
 
@@ -146,11 +156,6 @@ class _Told:
 
     known: Estimate[Fit]
     usable: Usable
-
-    @property
-    def measured_noise(self) -> bool:
-        """Nobody states the noise."""
-        return self.usable.postures.noise_from_residuals
 
     @cached_property
     def doubts(self) -> tuple[Suspicion, ...]:
@@ -182,7 +187,7 @@ def _likeliest_rotations(rig: Rig, usable: Usable) -> tuple[RobustFit, _Told]:
     loose, seen = loosened(rig), usable.postures
     robust = _with_earlier(rig, seen, fit_robust(loose, seen, usable.start))
     told = _Told(estimate(robust.fit), usable)
-    if told.measured_noise:
+    if seen.noise_from_residuals:
         return robust, told
     # Each by how far −2 ln L falls below that of all postures, less what its unknowns are worth.
     rivals, named = list[tuple[float, RobustFit]](), 0.0
@@ -238,7 +243,7 @@ def _linear(
 
 def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
     """What the residuals say that the rig file lacks."""
-    if told.measured_noise:
+    if told.usable.postures.noise_from_residuals:
         return ()
     if told.doubts or not many_rejected:
         return told.doubts

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import NotIdentifiableError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.judged import Judged
@@ -18,7 +17,6 @@ from tdfscal.estimation.observability import (
     Observability,
     Prospect,
     prospect,
-    require_angles,
 )
 from tdfscal.estimation.uncertainty import Estimate, Quality
 from tdfscal.findings import Finding, Value
@@ -28,7 +26,6 @@ from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
-from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.significance import MISFIT, OF_CAPACITY, OVERSTATED_NOISE
 
@@ -71,32 +68,10 @@ class Undetermined:
     rejected: dict[int, Finding]
 
 
-def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
-    """Raise NotIdentifiableError or NotConvergedError where no angles can be given.
-
-    near : other mountings that may explain the postures as well.
-    """
-    rig, fit, verdict = seen.rig, seen.fit, seen.observability
-    require_angles(verdict, fit.converged, fit.iterations, seen)
-    if near and near[0].as_likely:
-        rival = near[0]
-        used = int(np.count_nonzero(fit.weight))
-        values: dict[str, Value] = {"mountings": describe(rig, fit.state, rival.state)}
-        if used < ENOUGH:
-            values |= {"few": used, "least": ENOUGH}
-        alike = Finding("mountings-alike", size=abs(rival.gap), values=values)
-        raise NotIdentifiableError(alike, evidence=seen)
-
-
-def caveats(
-    of: SelfCalibration,
-    *,
-    measured_noise: bool,
-    unasked: bool,
-) -> tuple[Finding, ...]:
+def caveats(of: SelfCalibration, *, unasked: bool) -> tuple[Finding, ...]:
     """Collect what the user must know although the result may be good.
 
-    measured_noise : nobody states one. unasked : too many sensors for trials.
+    unasked : too many sensors for trials.
     """
     rig, trials = of.rig, of.monte_carlo
     found = list(of.dwells.findings)
@@ -108,7 +83,7 @@ def caveats(
     if rig.declared.force_sensitivity > 0:
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
     if of.quality.birge <= rig.acceptance.birge_max:  # the gate says so else
-        found += _of_the_noise(of.estimate, measured_noise=measured_noise)
+        found += _of_the_noise(of.estimate)
     found += of.harmless()
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
@@ -122,10 +97,10 @@ def caveats(
     return tuple(found)
 
 
-def _of_the_noise(known: Estimate[Fit], *, measured_noise: bool) -> list[Finding]:
+def _of_the_noise(known: Estimate[Fit]) -> list[Finding]:
     """Noise that nobody stated, or that was stated too small or too large."""
     stats = known.quality
-    if measured_noise:
+    if known.fit.postures.noise_from_residuals:
         return [Finding("noise-from-residuals")]
     if stats.p_value < MISFIT:
         return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
