@@ -90,24 +90,19 @@ class NoiseModel:
         out[rows, k], out[rows, k + 1] = 1 - share, share
         return out
 
-    def variance(self, bins: Bins, log_density: FloatArray | None = None) -> FloatArray:
+    def variance(self, bins: Bins) -> FloatArray:
         """Variance (M,) of every row."""
-        force, place = self.parts(bins, log_density)
+        force, place = self.parts(bins)
         return np.asarray(force + place)
 
-    def parts(
-        self, bins: Bins, log_density: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def parts(self, bins: Bins) -> tuple[FloatArray, FloatArray]:
         """Parts (M,) of the variance: of the forces, of the poses."""
-        force, place = self.density(bins.frequency, log_density)
+        force, place = self.density(bins.frequency)
         return force, bins.ratio * place
 
-    def density(
-        self, frequency: FloatArray, log_density: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def density(self, frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
         """S_F (N²/Hz) and S_P (m²/Hz) at frequencies (M,)."""
-        value = self.log_density if log_density is None else log_density
-        force, place = np.split(value, 2)
+        force, place = np.split(self.log_density, 2)
         h = self.basis(frequency)
         return np.exp(h @ force), np.exp(h @ place)
 
@@ -270,7 +265,8 @@ class NormalEquations:
 
         log_density : (2H,), parameters of the spectrum.
         """
-        weight = self._variance / self._model.variance(self._bins, log_density)
+        model = replace(self._model, log_density=log_density)
+        weight = self._variance / model.variance(self._bins)
         single, joined = np.split(weight, [self._singles])
         part = self._white * np.sqrt(single)[:, None]
         normal = np.tensordot([*joined, 1.0], self._gram, axes=1) + part.T @ part
