@@ -94,10 +94,9 @@ def self_calibrate(
     }
     _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust.rivals)
     doubts = misplaced_hinges(known)
-    known = holding(known, doubts)  # till it is mended
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
-        placed = doubts
+        placed, known = doubts, holding(known, doubts)  # till it is mended
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
         doubts = _doubts(told, many_rejected=many)
         if any(doubt.kind in PARABOLAS for doubt in doubts):

@@ -8,6 +8,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.selfcal.linear_method import SOURCE
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
 from tests.selfcal.campaigns import distance, fitted
@@ -50,9 +51,8 @@ def test_a_warned_geometry_widens_the_angles_by_the_move_that_it_names() -> None
     dwells, truth = recorded(rig, 3)
     hinge = rig.hinge.copy()
     hinge[0] += 1e-3 * np.array([0.0, 0.6, 0.0])
-    result = self_calibrate(
-        replace(rig, hinge=hinge), dwells, rng=np.random.default_rng(0), max_trials=20_000
-    )
+    rig_file, rng = replace(rig, hinge=hinge), np.random.default_rng(0)
+    result = self_calibrate(rig_file, dwells, rng=rng, max_trials=20_000)
     (doubt,) = result.suspicions
     assert not doubt.harmful
     assert doubt.move is not None
@@ -65,3 +65,7 @@ def test_a_warned_geometry_widens_the_angles_by_the_move_that_it_names() -> None
     assert result.monte_carlo is not None
     assert result.monte_carlo.validated
     assert distance(truth, result) < 27.9
+    # The linear method has the covariance of its own trials, whatever is doubted.
+    linear = self_calibrate(rig_file, dwells, rng=rng, estimator="linear", max_trials=100)
+    assert linear.suspicions
+    assert list(linear.uncertainty.contributions) == [SOURCE]
