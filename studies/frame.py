@@ -15,6 +15,7 @@ import numpy as np
 
 from studies.statistics import SAME, UNLIKELY, Estimate, drawn_alike
 from tdfscal.errors import UsageError
+from tdfscal.files.outputs import replacing
 from tdfscal.files.saving import write_text
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Block, Drawing, Facts, Items, Report, Section
@@ -195,7 +196,6 @@ class Study:
 
         Raises UsageError where the folder holds anything but a study, or cannot be written.
         """
-        from tdfscal.reporting.figures import style
         from tdfscal.reporting.html import render
 
         try:
@@ -208,7 +208,7 @@ class Study:
         for table in self.all_tables:
             names.append(f"{table.name}.csv")
             write_text(folder / names[-1], table.csv())
-        figures = [p.name for drawing in self.drawings for p in style.save(drawing, folder)]
+        figures = [p.name for drawing in self.drawings for p in save_drawing(drawing, folder)]
         write_text(folder / PAGE, render(self.report(_PAGE)))
         text = json.dumps(self.document(), ensure_ascii=False, allow_nan=False, indent=1)
         write_text(folder / DOCUMENT, text + "\n")
@@ -255,3 +255,16 @@ def _values(cell: Cell, parts: tuple[str, ...]) -> tuple[Any, ...]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def save_drawing(drawing: Drawing, folder: Path) -> tuple[Path, ...]:
+    """Write a figure as PNG, PDF and SVG; return the paths. Raises UsageError where that fails."""
+    from tdfscal.reporting.figures.style import DPI, look, to_svg
+
+    png, pdf, svg = (folder / f"{drawing.name}.{suffix}" for suffix in ("png", "pdf", "svg"))
+    with replacing(png) as image, replacing(pdf) as page, look():
+        drawn = drawing.paint()
+        drawn.savefig(image, format="png", dpi=DPI)
+        drawn.savefig(page, format="pdf", dpi=DPI, metadata={"CreationDate": None})
+    write_text(svg, '<?xml version="1.0" encoding="utf-8"?>\n' + to_svg(drawing) + "\n")
+    return png, pdf, svg

@@ -20,7 +20,7 @@ from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
 from tdfscal.records import by_wall_clock
 from tdfscal.reporting.layout import told_clock
-from tdfscal.reporting.text import table, wrapped
+from tdfscal.reporting.text import bullets, table, wrapped
 
 _LONGEST_NAME = 200
 _MOST_FIELDS = 60
@@ -76,12 +76,15 @@ def _file(contents: Contents) -> Iterator[str]:
     total = sum(stream.count for stream in contents.streams)
     what = "messages" if contents.by_topic else "rows"
     yield from _said(visible(str(contents.path)))
-    yield f"{_KINDS[contents.format]}, {_size(contents.bytes)}, {total} {what}"
+    yield f"{_KINDS[contents.format]}, {contents.bytes:,} bytes, {total} {what}"
     for stream in contents.streams:
         yield ""
         if contents.by_topic:
             yield from _said(f"{stream.name or '(no name)'}  {stream.kind}{_rate(stream)}")
-        names = [_label(field) for field in stream.fields[:_MOST_FIELDS]]
+        names = [
+            shorten(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
+            for field in stream.fields[:_MOST_FIELDS]
+        ]
         room = max(map(len, names), default=0)
         for label, field in zip(names, stream.fields, strict=False):
             yield f"  {label:<{room}}  {field.kind.rsplit('/', 1)[-1]}{_span(field)}"
@@ -93,10 +96,6 @@ def _rate(stream: Stream) -> str:
     span = 0.0 if stream.start is None or stream.end is None else stream.end - stream.start
     rate = f" in {span:.2f} s, {rounded((stream.count - 1) / span, 4)} Hz" if span > 0 else ""
     return f", {stream.count} messages{rate}"
-
-
-def _label(field: Field) -> str:
-    return shorten(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
 
 
 def _span(field: Field) -> str:
@@ -164,8 +163,7 @@ def _dwells(info: LogInfo) -> Iterator[str]:
 
 def _problems(info: LogInfo) -> Iterator[str]:
     yield from ["Problems"] if info.problems else ()
-    for problem in info.problems:
-        yield from wrapped(f"- {problem}", "")
+    yield from bullets(info.problems)
 
 
 def _mapping(info: LogInfo) -> Iterator[str]:
@@ -176,19 +174,8 @@ def _mapping(info: LogInfo) -> Iterator[str]:
         f"Mapping guessed{read}. Check it, and paste it into rig.yaml; `tdfscal init` writes a "
         "whole rig file:"
     )
-    yield from ("", *mapping_block(info).splitlines(), "")
-    for note in info.guess.notes:
-        yield from wrapped(f"- {note}", "")
+    yield from ("", *mapping_block(info).splitlines(), "", *bullets(info.guess.notes))
 
 
 def _said(text: str) -> list[str]:
     return wrapped(text, "", "")
-
-
-def _size(count: int) -> str:
-    value = float(count)
-    for unit in ("B", "kB", "MB"):
-        if value < 1000.0:
-            return f"{rounded(value, 3)} {unit}"
-        value /= 1000.0
-    return f"{rounded(value, 4)} GB"

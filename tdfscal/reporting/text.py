@@ -52,7 +52,7 @@ def _lines(report: Report, *, whole: bool) -> list[Line]:
     lines = [(line, f"bold {colour}") for line in wrapped(title, "", "")]
     for paragraph in (report.subtitle, report.claim):
         lines += _plain(wrapped(paragraph, "", ""))
-    lines += _plain(line for line in _bullets(report.reasons))
+    lines += _plain(bullets(report.reasons))
     for block in report.blocks(whole=whole):
         lines += _captioned(*parts(block))
     short = bool(report.summary) and not whole
@@ -63,7 +63,7 @@ def _lines(report: Report, *, whole: bool) -> list[Line]:
             first = {0: "", 1: "the first of "}.get(count, f"the first {count} of ")
             caption += f" ({first}{len(items)}; -v shows all)"
         if items:
-            lines += _captioned([caption], _bullets(items[:count]))[not spaced :]
+            lines += _captioned([caption], bullets(items[:count]))[not spaced :]
             spaced = count > 0
     if report.number and not short:
         lines += _captioned([f"Report {report.number}"], [])
@@ -150,7 +150,8 @@ def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
     return [line.replace(FIXED, " ") for line in lines]
 
 
-def _bullets(items: Iterable[str]) -> list[str]:
+def bullets(items: Iterable[str]) -> list[str]:
+    """A list, each item folded to the width."""
     return [line for item in items for line in wrapped(f"- {item}")]
 
 
@@ -163,7 +164,7 @@ def parts(block: Block) -> tuple[list[str], list[str]]:
     caption = wrapped(block.caption, "", "")
     if isinstance(block, Table):
         return caption, table(block.header, block.rows, block.left)
-    return caption, _bullets(block.items)
+    return caption, bullets(block.items)
 
 
 def _facts(facts: Facts) -> list[str]:

@@ -160,4 +160,4 @@ def sketch(patch: pytest.MonkeyPatch) -> None:
         return (path,)
 
     patch.setattr("tdfscal.reporting.html.to_svg", svg)
-    patch.setattr("tdfscal.reporting.figures.style.save", save)
+    patch.setattr("studies.frame.save_drawing", save)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -21,8 +20,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from tdfscal.catalogue.numbers import typeset
-from tdfscal.files.outputs import make_folder, replacing
-from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
@@ -43,7 +40,7 @@ AXES = (("x", "o", BLUE), ("y", "s", ORANGE), ("z", "^", GREEN))
 """Name, mark and colour of each component of a vector."""
 WIDTH = 7.3
 """Inches: the text width of an A4 page."""
-_DPI, _SCREEN_DPI = 200, 130
+DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
 _DRAWN: WeakKeyDictionary[Drawing, str] = WeakKeyDictionary()
 _SETTINGS: dict[str, Any] = {
@@ -170,7 +167,7 @@ def _svg(drawing: Drawing) -> str:
     """No XML prologue, identifiers of its own, text as outlines."""
     with look():
         stream, drawn = io.StringIO(), drawing.paint()
-        drawn.dpi = _DPI
+        drawn.dpi = DPI
         # Not `savefig`, which walks over the whole figure once more before it draws.
         canvas: Any = FigureCanvasSVG(drawn)
         canvas.print_svg(stream, metadata={"Date": None})
@@ -180,18 +177,6 @@ def _svg(drawing: Drawing) -> str:
     return re.sub(
         r'(\bid="|url\(#|href="#)', lambda match: f"{match.group(1)}{drawing.name}-", body
     ).strip()
-
-
-def save(drawing: Drawing, folder: Path) -> tuple[Path, ...]:
-    """Write a figure as PNG, PDF and SVG; return the paths. Raises UsageError where that fails."""
-    make_folder(folder)
-    png, pdf, svg = (folder / f"{drawing.name}.{suffix}" for suffix in ("png", "pdf", "svg"))
-    with replacing(png) as image, replacing(pdf) as page, look():
-        drawn = drawing.paint()
-        drawn.savefig(image, format="png", dpi=_DPI)
-        drawn.savefig(page, format="pdf", dpi=_DPI, metadata={"CreationDate": None})
-    write_text(svg, '<?xml version="1.0" encoding="utf-8"?>\n' + to_svg(drawing) + "\n")
-    return png, pdf, svg
 
 
 @contextmanager
