@@ -15,7 +15,7 @@ import numpy as np
 
 from studies.statistics import SAME, UNLIKELY, Estimate, drawn_alike
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import replacing
+from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Block, Drawing, Facts, Items, Report, Section
@@ -198,12 +198,7 @@ class Study:
         """
         from tdfscal.reporting.html import render
 
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as fault:
-            raise UsageError(
-                f"no folder can be made: {fault.strerror}", where=str(folder)
-            ) from fault
+        make_folder(folder)
         names = []
         for table in self.all_tables:
             names.append(f"{table.name}.csv")

@@ -209,10 +209,8 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
                 f"find what touched the terminal at {_named(touched)} (cables, a hand, "
                 "a stop), free it, and record again"
             )
-        return
-    if c.found("motion-left-out"):
-        contact = any(stretch.code == "stretch-touched" for stretch in c.motion.rejected)
-        if contact:
+    elif c.found("motion-left-out"):
+        if any(stretch.code == "stretch-touched" for stretch in c.motion.rejected):
             yield (
                 "find what touched the terminal in the stretches left out (cables, a hand, a "
                 "stop), and free it; where nothing did, move more slowly, or hold eight or more "

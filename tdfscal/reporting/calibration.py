@@ -49,18 +49,19 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     files = [PurePath(entry.path) for entry in c.inputs]
     alike = len({file.name for file in files}) < len(files)  # of several campaigns
     names = ", ".join("/".join(file.parts[-2:]) if alike else file.name for file in files)
-    rejected = layout.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
-    left_out = layout.stretches(c.motion.rejected) if c.motion is not None else ()
-    pieces = c.postures.left_out if c.postures is not None else ()
+    when, fit, motion, rests = clock(c).stretch, c.fit, c.motion, c.postures
+    lost = fit.rejected if fit else ()
+    rejected = (f"posture {r.index + 1} ({when(r.start, r.end)}): {r.reason}" for r in lost)
+    pieces = (f"{when(s.start, s.end)}: {s.reason}" for s in (rests.left_out if rests else ()))
+    left_out = layout.listed(
+        "Stretches left out", layout.stretches(motion.rejected if motion else ())
+    )
     blocks: dict[str, tuple[Block, ...]] = {
         "angles": (_angles(c),),
-        "residuals" if c.motion is None else "residual-over-time": (
-            *_residual_wrench(c),
-            *layout.listed("Stretches left out", left_out),
-        ),
+        "residual-over-time" if motion else "residuals": (*_residual_wrench(c), *left_out),
         "timeline": (
             *layout.listed("Rejected postures", rejected),
-            *layout.listed("Stretches of rest left out", layout.rests(pieces, clock(c))),
+            *layout.listed("Stretches of rest left out", pieces),
         ),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""

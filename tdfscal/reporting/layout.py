@@ -24,11 +24,8 @@ from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.evidence import ClockResult, LeftOutStretch, ResidualWrench
-    from tdfscal.files.calibration.evidence import Stretch as StretchOfRest
-    from tdfscal.files.calibration.parts import RejectedPosture
     from tdfscal.files.rig.recorders import LogBlock
     from tdfscal.motioncal.blocks import Stretch
-    from tdfscal.reporting.figures import Clock
 
 Row = tuple[str, ...]
 #: The text of a table's column for the angle j of the sensor i.
@@ -215,21 +212,9 @@ def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
     return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {why}" for s, why in said)
 
 
-def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:
-    """Rejected postures with when and why."""
-    return tuple(
-        f"posture {r.index + 1} ({clock.stretch(r.start, r.end)}): {r.reason}" for r in rejected
-    )
-
-
 def rejected(left_out: Mapping[int, Finding]) -> tuple[str, ...]:
     """Postures that were left out, by their index, with why."""
     return tuple(f"posture {k + 1}: {sentence(why)}" for k, why in sorted(left_out.items()))
-
-
-def rests(pieces: Iterable[StretchOfRest], clock: Clock) -> tuple[str, ...]:
-    """Stretches of rest that are no posture, with why."""
-    return tuple(f"{clock.stretch(s.start, s.end)}: {s.reason}" for s in pieces)
 
 
 def listed(caption: str, items: Iterable[str]) -> tuple[Items, ...]:

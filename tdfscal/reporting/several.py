@@ -144,9 +144,10 @@ def _keep(view: Several) -> str:
 def _warnings(view: Several) -> tuple[str, ...]:
     own = {"sha256", "campaign", "stated_limits"}
     rigs = [c.rig.model_dump(exclude=own) for _, c in view.named]
-    differ = ["the rig files differ between these calibrations"] * (rigs.count(rigs[0]) < len(rigs))
-    remarks = dict.fromkeys(sentence(one) for pair in view.remarks for one in pair)
-    return (*map(sentence, view.defects), *differ, *remarks)
+    said = [sentence(one) for found in (view.defects, *view.remarks) for one in found]
+    if rigs.count(rigs[0]) < len(rigs):
+        said.append("the rig files differ between these calibrations")
+    return tuple(dict.fromkeys(said))
 
 
 def _angles(view: Several) -> Table:
