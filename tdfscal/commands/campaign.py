@@ -124,7 +124,7 @@ def resolve(
     """
     paths = _there(where)
     loaded = _rig_of(paths, fallback) if rig is None else rig_file(as_path(rig))
-    surveys = loaded.tracker.paths if loaded.tracker else ()
+    surveys = loaded.surveys
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
     if not logs:
         # A folder that holds nothing of the rig has no part in its survey.
@@ -283,5 +283,5 @@ def rig_file(path: PathLike) -> LoadedRig:
     if file.is_dir():
         file = file / RIG_NAME
     loaded = load_rig(file)
-    protect((file, *(loaded.tracker.paths if loaded.tracker else ())))
+    protect((file, *loaded.surveys))
     return loaded

@@ -67,8 +67,7 @@ def info(
     """
     part = window(from_, to)
     loaded, fault = _rig(listed(paths), one(rig))
-    apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
-    logs = find_logs(paths, apart=apart)
+    logs = find_logs(paths, apart=loaded.surveys if loaded is not None else ())
     progress("reading the log")
     found = describe_logs(logs, loaded, window=part)
     return InfoResult(replace(found, problems=(*fault, *found.problems)))

@@ -60,7 +60,7 @@ def measured(log: LogPass) -> Measured:
                 hint="write the day on which the log was recorded",
             )
         return found
-    surveyed = () if log.ends or rig.tracker is None else rig.tracker.paths[1::2]
+    surveyed = () if log.ends else rig.surveys[1::2]
     times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
     return Measured(min(times), max(times), "file")
 
@@ -101,26 +101,26 @@ def surveyed(
     from tdfscal.files.saving import input_file
     from tdfscal.trackercal import calibrate_tracker
 
-    files, rig = log.campaign.rig.tracker, log.campaign.rig.path
-    if files is None:
+    rig = log.campaign.rig
+    if rig.tracker is None:
         raise UsageError(
             "the rig file declares no tracker survey",
-            where=str(rig),
+            where=str(rig.path),
             hint="add its tracker block, or use --method self",
         )
-    missing = next((path for path in files.paths if not path.is_file()), None)
+    missing = next((path for path in rig.surveys if not path.is_file()), None)
     if missing is not None:
         raise DataError(
             "the point file is not there",
             where=str(missing),
             hint="correct the paths of the tracker block in rig.yaml",
         )
-    session, found = read_tracker_session(files)
+    session, found = read_tracker_session(rig.tracker, rig.surveys)
     options = {} if trials is None else {"trials": trials}
     result = calibrate_tracker(
-        log.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
+        log.rig, session, misalignment=rig.tracker.misalignment, rng=rng, **options
     )
-    log.inputs += [input_file(path, "unverified") for path in files.paths]
+    log.inputs += [input_file(path, "unverified") for path in rig.surveys]
     return result, found
 
 

@@ -103,10 +103,10 @@ def simulate(
 
 def survey_of(loaded: LoadedRig) -> SurveyOptions:
     """Take the survey that the rig file declares, or the paper's."""
-    if (files := loaded.tracker) is None:
+    if (stated := loaded.tracker) is None:
         return SurveyOptions()
     return SurveyOptions(
-        instrument=files.instrument,
-        drawing=files.stated.drawing,
-        body_misalignment=files.stated.misalignment,
+        instrument=stated.instrument.record(),
+        drawing=stated.drawing,
+        body_misalignment=stated.misalignment,
     )

@@ -61,11 +61,10 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert log.position == (("X1", "Y1", "Z1"), ("/ncp2/position.point",), ("X3", "Y3", "Z3"))
     assert log.force[1] == ("/tdfs2/wrench.wrench.force",)
     assert tracker is not None
-    assert tracker.instrument == Instrument(1e-5, 5.0, 2.0)
-    stated = tracker.stated
-    assert (stated.drawing, stated.misalignment, stated.length_unit) == (1e-5, 2e-4, "mm")
+    assert tracker.instrument.record() == Instrument(1e-5, 5.0, 2.0)
+    assert (tracker.drawing, tracker.misalignment, tracker.length_unit) == (1e-5, 2e-4, "mm")
     names = ("nominal.csv", "targets.csv", "servo.csv", "moves.csv")
-    assert tracker.paths == tuple(tmp_path / "tracker" / name for name in names)
+    assert loaded.surveys == tuple(tmp_path / "tracker" / name for name in names)
 
 
 def test_defaults_of_the_contract() -> None:

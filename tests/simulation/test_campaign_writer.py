@@ -78,5 +78,4 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
         np.testing.assert_array_equal(getattr(read, name).value, getattr(rig, name).value)
         np.testing.assert_array_equal(getattr(read, name).std, getattr(rig, name).std)
     assert (not loaded.log) == (format == "parquet")
-    assert loaded.tracker is not None
-    assert loaded.tracker.paths[3] == tmp_path / "c/tracker/moves.csv"
+    assert loaded.surveys[3] == tmp_path / "c/tracker/moves.csv"

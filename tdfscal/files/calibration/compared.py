@@ -133,11 +133,8 @@ def recordings_of(c: Calibration) -> frozenset[Recorded]:
 
     Nominal points and servo positions are what was wanted, and no recording.
     """
-    wanted, surveyed = set[str](), set[str]()
-    if c.rig.tracker is not None:
-        targets, moves = c.rig.tracker.targets, c.rig.tracker.moves
-        wanted = {Path(targets.nominal).name, Path(moves.servo).name}
-        surveyed = {Path(targets.measured).name, Path(moves.measured).name}
+    files = [Path(name).name for name in (c.rig.tracker.files if c.rig.tracker else ())]
+    wanted, surveyed = files[::2], files[1::2]
     span = None if c.campaigns else _span(c)
     inputs = [*c.inputs, *(entry for campaign in c.campaigns for entry in campaign.inputs)]
     named = ((Path(entry.path).name, entry.sha256) for entry in inputs)

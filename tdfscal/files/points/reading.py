@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
@@ -12,7 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.field_types import LengthUnit, NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
 from tdfscal.files.points.table import Table, read_table, read_text, refuse, to_metres
-from tdfscal.files.rig.recorders import TrackerFiles
+from tdfscal.files.rig.recorders import TrackerBlock
 from tdfscal.files.yaml import parse_document
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
@@ -63,12 +64,13 @@ class PointReading:
     findings: tuple[Finding, ...]
 
 
-def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[Finding, ...]]:
+def read_tracker_session(
+    stated: TrackerBlock, paths: Iterable[Path]
+) -> tuple[TrackerSession, tuple[Finding, ...]]:
     """Read a survey and what is found of its files; errors as `read_point_file`."""
-    read = [read_point_file(path, length_unit=files.stated.length_unit) for path in files.paths]
-    session = TrackerSession(
-        files.instrument, files.stated.drawing, *(file.points for file in read)
-    )
+    read = [read_point_file(path, length_unit=stated.length_unit) for path in paths]
+    instrument, points = stated.instrument.record(), (file.points for file in read)
+    session = TrackerSession(instrument, stated.drawing, *points)
     return session, tuple(found for file in read for found in file.findings)
 
 

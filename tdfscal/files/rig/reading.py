@@ -15,7 +15,7 @@ from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
-from tdfscal.files.rig.recorders import LogBlock, SupportFields, TrackerFiles
+from tdfscal.files.rig.recorders import LogBlock, SupportFields, TrackerBlock
 from tdfscal.files.yaml import Document, Place, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
@@ -54,7 +54,7 @@ class LoadedRig:
 
     rig: Rig
     log: tuple[LogMapping, ...]
-    tracker: TrackerFiles | None
+    tracker: TrackerBlock | None
     path: Path
     sha256: str
     document: Mapping[str, Any]
@@ -63,6 +63,12 @@ class LoadedRig:
     def averaged(self) -> bool:
         """Whether each row of a log is a posture."""
         return any(recorder.rows == "postures" for recorder in self.log)
+
+    @property
+    def surveys(self) -> tuple[Path, ...]:
+        """The tracker's point files, as `TrackerBlock.files` has them; none without a survey."""
+        names = self.tracker.files if self.tracker else ()
+        return tuple(self.path.parent / name for name in names)
 
 
 class EmbeddedRig(RigFile):
@@ -107,7 +113,7 @@ def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
     return LoadedRig(
         rig=_rig(file),
         log=tuple(_mapping(block, names) for block in file.log or ()),
-        tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
+        tracker=file.tracker,
         path=path,
         sha256=sha256,
         document=document,

@@ -4,7 +4,6 @@ recorder names things and what all must hold; a laser tracker's survey and where
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -33,7 +32,6 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
-from tdfscal.frozen import record
 from tdfscal.records import CLOCK_RATE_STD, Instrument, Rows
 
 Dimension = Literal["position", "force", "time"]
@@ -301,6 +299,10 @@ class InstrumentBlock(Strict):
             raise fault("an instrument without any uncertainty", hint="see its data sheet")
         return self
 
+    def record(self) -> Instrument:
+        """Return it as a record."""
+        return Instrument(**dict(self))
+
 
 class Targets(Strict):
     """Point files of the targets on the sensors: TDFS frames, and the tracker's frame."""
@@ -326,22 +328,8 @@ class TrackerBlock(Strict):
     targets: Targets = key("targets on the sensors")
     moves: Moves = key("one point on each NCP, moved")
 
-
-@record
-class TrackerFiles:
-    """A laser-tracker survey as the rig file in a folder declares it; not read yet."""
-
-    stated: TrackerBlock
-    folder: Path
-
     @property
-    def instrument(self) -> Instrument:
-        """Its standard uncertainties."""
-        return Instrument(**dict(self.stated.instrument))
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
+    def files(self) -> tuple[str, str, str, str]:
         """The four point files: targets nominal and measured, moves by servo and measured."""
-        targets, moves = self.stated.targets, self.stated.moves
-        names = (targets.nominal, targets.measured, moves.servo, moves.measured)
-        return tuple(self.folder / name for name in names)
+        targets, moves = self.targets, self.moves
+        return targets.nominal, targets.measured, moves.servo, moves.measured
