@@ -75,12 +75,12 @@ def as_document(info: LogInfo) -> dict[str, Any]:
 def _file(contents: Contents) -> Iterator[str]:
     total = sum(stream.count for stream in contents.streams)
     what = "messages" if contents.by_topic else "rows"
-    yield from _said(visible(str(contents.path)))
+    yield from wrapped(visible(str(contents.path)))
     yield f"{_KINDS[contents.format]}, {contents.bytes:,} bytes, {total} {what}"
     for stream in contents.streams:
         yield ""
         if contents.by_topic:
-            yield from _said(f"{stream.name or '(no name)'}  {stream.kind}{_rate(stream)}")
+            yield from wrapped(f"{stream.name or '(no name)'}  {stream.kind}{_rate(stream)}")
         names = [
             shorten(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
             for field in stream.fields[:_MOST_FIELDS]
@@ -110,7 +110,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
     if not info.signals:
         return
     which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
-    yield from _said(f"Signals, as read with {which}")
+    yield from wrapped(f"Signals, as read with {which}")
     rows = [
         (s.support, s.quantity, f"{s.count}", "–" if s.rate is None else f"{s.rate:.5g}",
          f"{(s.end or 0.0) - (s.start or 0.0):.2f}", f"{s.gaps}", rounded(s.longest_interval, 4))
@@ -120,11 +120,11 @@ def _signals(info: LogInfo) -> Iterator[str]:
     yield from table(header, rows, left=2)
     for clock in info.clocks:
         told = told_clock(clock, info.recorders)
-        yield from _said(f"Recorder {clock.recorder}: {told}; times are those of the first one.")
+        yield from wrapped(f"Recorder {clock.recorder}: {told}; times are those of the first one.")
     for found in (info.offset.finding if info.offset else None, info.lag):
         if found is not None:
-            yield from _said(begun(sentence(found), "."))
-    yield from _said(_recorded(info))
+            yield from wrapped(begun(sentence(found), "."))
+    yield from wrapped(_recorded(info))
 
 
 def _recorded(info: LogInfo) -> str:
@@ -155,7 +155,7 @@ def _dwells(info: LogInfo) -> Iterator[str]:
         share = 100 * length.sum() / max(last - first, 1e-9)
         many = f"s of {length.min():.2f} to {length.max():.2f} s (median {np.median(length):.2f} s)"
         lengths = many if len(dwells) > 1 else f" of {length[0]:.2f} s"
-        yield from _said(f"{len(dwells)} dwell{lengths}, {share:.0f} % of the log")
+        yield from wrapped(f"{len(dwells)} dwell{lengths}, {share:.0f} % of the log")
     reasons = Counter(STOPS[out.reason.code] for out in dwells.left_out)
     for reason, count in reasons.most_common():
         yield f"{count} × left out: {reason}"
@@ -170,12 +170,8 @@ def _mapping(info: LogInfo) -> Iterator[str]:
     if info.guess.mapping is None:
         return
     read = "" if info.source == "guessed" else "; the rig file's own was used above"
-    yield from _said(
+    yield from wrapped(
         f"Mapping guessed{read}. Check it, and paste it into rig.yaml; `tdfscal init` writes a "
         "whole rig file:"
     )
     yield from ("", *mapping_block(info).splitlines(), "", *bullets(info.guess.notes))
-
-
-def _said(text: str) -> list[str]:
-    return wrapped(text, "", "")

@@ -7,11 +7,9 @@ from dataclasses import replace
 import pytest
 
 from tdfscal.catalogue import document
-from tdfscal.catalogue.numbers import typeset
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.findings import Finding
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import shown
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
@@ -89,17 +87,6 @@ def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
     assert "95 % intervals, k = 1.96\n" in render(c)
     wide = render(by_hand(c.model_dump()))
     assert "95 % intervals, k = 2.00 for 60 degrees of freedom\n" in wide
-
-
-def test_a_narrow_terminal_splits_no_word_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    report = calibration_report(sample().calibration)
-    facts = [block for block in report.blocks(whole=True) if isinstance(block, Facts)]
-    said = " ".join(text for each in facts for _, text in each.rows)
-    words = [word for word in typeset(said, "-").split() if len(word) <= 36]
-    monkeypatch.setenv("COLUMNS", "40")
-    narrow = as_text(report)
-    assert max(map(len, narrow.splitlines())) <= 40
-    assert set(words) <= set(narrow.split())
 
 
 def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch) -> None:
