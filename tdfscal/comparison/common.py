@@ -20,7 +20,7 @@ and Potter, IEEE Trans. Autom. Control 14, 1969).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -135,66 +135,38 @@ def sources_together(each: Sequence[Mapping[str, FloatArray]]) -> dict[str, Floa
     return {name: variance / total for name, variance in found.items()}
 
 
-@record
-class _Error:
-    """One realisation of an error: scores (C, c) by campaign that has it; and whose it is."""
-
-    of: ExactMoves
-    shared: bool
-    scores: dict[int, FloatArray]
-
-    def of_campaign(self, index: int) -> FloatArray:
-        """Scores (C, c) of one campaign, 0 where it has not this error."""
-        some = next(iter(self.scores.values()))
-        return self.scores.get(index, np.zeros_like(some))
-
-
 def others_move(
-    shared: Common,
-    index: int,
-    exact: Sequence[Sequence[ExactMoves]],
-    walk: Walk,
+    shared: Common, index: int, exact: Sequence[Sequence[ExactMoves]], walk: Walk
 ) -> tuple[ExactMoves, ...]:
     """How the mean of all campaigns but one moves, at its time: moves of (C,) common parameters.
 
-    exact : per campaign, scores (C,).
+    exact : per campaign, scores (C,). An error of the rig is one for all campaigns, one of a
+    terminal for those under it, the others are each campaign's own.
     """
-    errors = list(_errors(shared, index, exact))
+    errors, kinds = dict[tuple[str, int, int], FloatArray](), dict[str, ExactMoves]()
+    for k, one in ((k, one) for k, each in enumerate(exact) if k != index for one in each):
+        kinds.setdefault(one.name, one)
+        terminal = shared.terminal[k] if one.name in OF_THE_TERMINAL else -1
+        for whose, scores in ((-1, one.common), (k, one.apart)):
+            if scores.shape[1]:
+                of_all = np.zeros((len(exact), *scores.shape))
+                errors.setdefault((one.name, terminal, whose), of_all)[k] = scores
     if not errors:
         return ()
-    scores = [np.hstack([error.of_campaign(k) for error in errors]) for k in range(len(exact))]
-    moved = [replace(item, score=score) for item, score in zip(walk.own, scores, strict=True)]
-    still = replace(walk.prior, score=np.zeros_like(scores[0]))
+    together = np.concatenate([*errors.values()], axis=2)
+    moved = [replace(item, score=own) for item, own in zip(walk.own, together, strict=True)]
+    still = replace(walk.prior, score=np.zeros_like(together[0]))
     mean = Walk(moved, still, walk.steps).others()[index].mean
-    widths = [error.of_campaign(index).shape[1] for error in errors]
-    found: dict[str, ExactMoves] = {}
-    for error, moves in zip(errors, np.split(mean, np.cumsum(widths)[:-1], axis=1), strict=True):
-        one = replace(error.of, common=moves, apart=moves[:, :0])
-        one = one if error.shared else one.all_apart()
-        if (other := found.get(one.name)) is not None:
-            common, apart = (
-                np.hstack(sides) for sides in ((other.common, one.common), (other.apart, one.apart))
-            )
-            one = replace(one, common=common, apart=apart)
-        found[one.name] = one
-    return tuple(found.values())
-
-
-def _errors(shared: Common, index: int, exact: Sequence[Sequence[ExactMoves]]) -> Iterator[_Error]:
-    """Errors that campaigns but one have: the rig's, a terminal's, and each campaign's own."""
-    found: dict[tuple[str, int], _Error] = {}
-    for k, quantities in enumerate(exact):
-        if k == index:
-            continue
-        for one in quantities:
-            terminal = shared.terminal[k] if one.name in OF_THE_TERMINAL else -1
-            here = terminal in (-1, shared.terminal[index])
-            if one.common.shape[1]:
-                error = found.setdefault((one.name, terminal), _Error(one, here, {}))
-                error.scores[k] = one.common
-            if one.apart.shape[1]:
-                yield _Error(one, False, {k: one.apart})
-    yield from found.values()
+    ends = np.cumsum([each.shape[2] for each in errors.values()])
+    parts = zip(errors, np.split(mean, ends[:-1], axis=1), strict=True)
+    sides = {name: ([mean[:, :0]], [mean[:, :0]]) for name in kinds}
+    for (name, terminal, whose), part in parts:
+        here = whose == -1 and terminal in (-1, shared.terminal[index])
+        sides[name][0 if here else 1].append(part)
+    return tuple(
+        replace(kinds[name], common=np.hstack(common), apart=np.hstack(apart))
+        for name, (common, apart) in sides.items()
+    )
 
 
 #: Random-walk intensities that are tried, rad/√month, beside none at all.
