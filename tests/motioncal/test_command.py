@@ -82,6 +82,9 @@ def test_a_sensor_that_turned_before_a_motion_is_named(minute: Path, tmp_path: P
     assert (found.code, found.subject) == ("campaigns-changed", ("ncp2",))
     assert found.size == pytest.approx(0.02, abs=1e-3)
     assert not updated.found("stretch-touched")
+    # The angles are those of now: nothing that was known of the sensor holds them back.
+    now, before = (np.array(c.to_dict()["supports"][1]["rotation"]) for c in (updated, known))
+    assert np.linalg.norm(so3.log(now @ before.T)) == pytest.approx(0.02, abs=1e-3)
 
 
 def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
