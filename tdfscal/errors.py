@@ -178,8 +178,10 @@ def expect(name: str, value: object, kinds: Any, wanted: str) -> None:
         raise UsageError(f"expected {wanted}, got {shortly(value)}", where=name)
 
 
-def inaccessible(fault: OSError) -> UsageError:
+def inaccessible(fault: OSError) -> TdfscalError:
     """Return the error of a file or folder that the system does not let be read or written."""
+    if is_short(fault):
+        return shortage()
     return UsageError(
         f"cannot be read or written: {fault.strerror or fault}",
         where=str(fault.filename or "a file or folder"),

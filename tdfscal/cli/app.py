@@ -17,7 +17,7 @@ import typer.main
 
 from tdfscal import __version__
 from tdfscal.cli.process import ended, failed, leave_stdout, perform, unwritten
-from tdfscal.errors import TdfscalError, UsageError, is_short, shortage
+from tdfscal.errors import UsageError
 
 if TYPE_CHECKING:
     from tdfscal.commands.options import Command, Described
@@ -173,9 +173,6 @@ def run() -> int:
                 hint="name the file or folder; a variable of the shell may not be set",
             )
         status = typer.main.get_command(app)(standalone_mode=False, prog_name="tdfscal") or 0
-    except TdfscalError as error:
-        # What else it says of too little memory was judged without a look at that.
-        return failed(shortage() if is_short(error) else error)
     except _MISUSE as error:
         return ended(2, UsageError.code, _mistake(error))
     except SystemExit as end:
@@ -184,8 +181,6 @@ def run() -> int:
         leave_stdout()  # nobody reads the help
         return 0
     except OSError as fault:  # of a command they are errors of ours
-        if is_short(fault):
-            raise
         return failed(unwritten(fault, "the help"))
     if status == _INTERRUPTED:
         raise KeyboardInterrupt

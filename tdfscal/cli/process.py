@@ -72,11 +72,14 @@ def _listen(handler: Any) -> dict[int, Any]:
 
 
 def _judged(fault: BaseException) -> int:
-    """Say what no command foresees; return its status."""
-    if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
-        raise fault
+    """Say what is wrong; return its status."""
+    # What else an error says of too little memory was judged without a look at that.
     if is_short(fault):
         return failed(shortage())
+    if isinstance(fault, TdfscalError):
+        return failed(fault)
+    if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
+        raise fault
     if isinstance(fault, OSError):
         return failed(inaccessible(fault))
     said = " ".join(str(fault).split())

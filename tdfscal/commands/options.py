@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_t
 
 from tdfscal.commands.campaign import PathLike, PathLikes, one
 from tdfscal.commands.result import CalibrationSource, CommandResult, Result
-from tdfscal.errors import UsageError, expect, inaccessible, is_short
+from tdfscal.errors import UsageError, expect, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.frozen import record, replace
 from tdfscal.logs import Moment, TimeWindow
@@ -180,8 +180,6 @@ class Command:
                         result.write(path, p.holds)
                 return result
         except OSError as fault:
-            if is_short(fault):
-                raise
             raise inaccessible(fault) from fault
 
 
