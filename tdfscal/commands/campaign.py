@@ -71,13 +71,25 @@ def kind_of(path: Path) -> str:
 
 
 def listed(paths: PathLikes) -> list[Path]:
-    """Return one path, or several, as a list. Raises UsageError where one is named twice."""
+    """Return one path, or several, as a list.
+
+    Raises UsageError where there is none, one is named twice, or leads nowhere.
+    """
     each = [paths] if isinstance(paths, str | os.PathLike) else paths
     expect("paths", each, Sequence, "a path, or a list of them")
     found = list(map(as_path, each))
-    counts = Counter(map(os.path.realpath, found))
+    if not found:
+        raise UsageError("no path is given", hint="name a campaign folder or its logs")
+    counts = Counter(map(_real, found))
     for path in found:
-        if counts[os.path.realpath(path)] > 1:
+        if not path.exists():
+            home, near = path.absolute().parent, None
+            if home.is_dir():
+                near = nearest(path.name, sorted(entry.name for entry in entries_of(home)))
+            advice = f"the nearest name there is {near}" if near else "check the path"
+            what = "there is no such file or folder"
+            raise UsageError(what, where=str(path), hint=NOWHERE if path.is_symlink() else advice)
+        if counts[_real(path)] > 1:
             raise UsageError("is named twice", where=str(path), hint="name each path once")
     return found
 
@@ -122,7 +134,7 @@ def resolve(
     Raises UsageError where a path is missing, no rig is found or two contradict, or there is
     neither a log nor a survey; RigError for a faulty rig file.
     """
-    paths = _there(where)
+    paths = listed(where)
     loaded = _rig_of(paths, fallback) if rig is None else rig_file(as_path(rig))
     surveys = loaded.surveys
     logs = find_logs(paths, apart=surveys, recorders=loaded.log)
@@ -154,7 +166,7 @@ def find_logs(
     Raises UsageError where a path is missing, a file is no log, or a subfolder holds recordings
     without the metadata that lists them, or may not be looked into.
     """
-    paths, known = _there(where), {_real(path) for path in apart}
+    paths, known = listed(where), {_real(path) for path in apart}
     patterns = [one for one in recorders if one.files is not None]
     found, others = dict[Path, Path](), list[Path]()
     for path in paths:
@@ -225,22 +237,6 @@ def _rig_of(paths: Sequence[Path], fallback: LoadedRig | None) -> LoadedRig:
                 hint="take one campaign at a time, or say which rig holds with --rig",
             )
     return first
-
-
-def _there(where: PathLikes) -> list[Path]:
-    """Return paths of which each leads somewhere. Raises UsageError."""
-    paths = listed(where)
-    if not paths:
-        raise UsageError("no path is given", hint="name a campaign folder or its logs")
-    for path in paths:
-        if not path.exists():
-            home, near = path.absolute().parent, None
-            if home.is_dir():
-                near = nearest(path.name, sorted(entry.name for entry in entries_of(home)))
-            advice = f"the nearest name there is {near}" if near else "check the path"
-            what = "there is no such file or folder"
-            raise UsageError(what, where=str(path), hint=NOWHERE if path.is_symlink() else advice)
-    return paths
 
 
 def _natural(path: Path) -> list[tuple[int, int, str]]:

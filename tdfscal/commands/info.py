@@ -13,7 +13,6 @@ from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.frozen import record, replace
-from tdfscal.logs import is_log
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.reporting.log_description import as_document, as_text
 
@@ -81,7 +80,7 @@ def _rig(paths: list[Path], named: Path | None) -> tuple[LoadedRig | None, tuple
     if named is not None:
         return load_rig(named), ()
     for path in paths:
-        if path.is_dir() and not is_log(path) and (path / RIG_NAME).is_file():
+        if (path / RIG_NAME).is_file():
             try:
                 return load_rig(path / RIG_NAME), ()
             except RigError as error:
