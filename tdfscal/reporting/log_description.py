@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
 from tdfscal.logs.describe import LogInfo, mapping_block
 from tdfscal.records import by_wall_clock
-from tdfscal.reporting.layout import told_clock
+from tdfscal.reporting.layout import document, plain, told_clock
 from tdfscal.reporting.text import bullets, table, wrapped
 
 _LONGEST_NAME = 200
@@ -40,36 +39,23 @@ def as_document(info: LogInfo) -> dict[str, Any]:
     guess, offset, dwells = info.guess.recorders, None, None
     if info.offset is not None:
         definition = "time of the forces less that of the positions"
-        offset = {**asdict(info.offset), "definition": definition}
+        offset = {**plain(info.offset), "definition": definition}
     if info.dwells is not None:
-        dwells = {
-            "count": len(info.dwells),
-            "start": np.asarray(info.dwells.start).tolist(),
-            "end": np.asarray(info.dwells.end).tolist(),
-            "left_out": [asdict(out) for out in info.dwells.left_out],
-        }
-    files = [
-        {
-            "path": in_utf8(str(contents.path)),
-            "format": contents.format,
-            "bytes": contents.bytes,
-            "streams": [asdict(stream) for stream in contents.streams],
-        }
-        for contents in info.contents
-    ]
-    return {
-        "files": files,
-        "read_with": info.source if info.mapping else None,
-        "mapping": {"log": info.block(guess)} if guess else None,
-        "mapping_yaml": mapping_block(info) if guess else None,
-        "mapping_notes": list(info.guess.notes),
-        "signals": [asdict(signal) for signal in info.signals],
-        "inputs": [asdict(file) for file in info.inputs],
-        "clocks": [asdict(clock) for clock in info.clocks],
-        "time_offset": offset,
-        "dwells": dwells,
-        "problems": list(info.problems),
-    }
+        dwells = document(info.dwells, "start end left_out", count=len(info.dwells))
+    return document(
+        info,
+        "signals inputs clocks problems",
+        files=[
+            document(file, "format bytes streams", path=in_utf8(str(file.path)))
+            for file in info.contents
+        ],
+        read_with=info.source if info.mapping else None,
+        mapping={"log": info.block(guess)} if guess else None,
+        mapping_yaml=mapping_block(info) if guess else None,
+        mapping_notes=info.guess.notes,
+        time_offset=offset,
+        dwells=dwells,
+    )
 
 
 def _file(contents: Contents) -> Iterator[str]:

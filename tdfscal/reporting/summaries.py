@@ -284,11 +284,11 @@ def _forecast(rig: Rig, of: Forecast) -> dict[str, Any]:
 
 def registration_report(r: PointRegistration) -> Report:
     """Lay out the transform with its standard uncertainties, and the residual of each point."""
-    names = (*ANGLES, "translation x", "translation y", "translation z")
-    stds, units = (*r.rpy_std, *r.translation_std), ("mrad",) * 3 + ("mm",) * 3
+    names = *(f"{angle}, mrad" for angle in ANGLES), *(f"translation {axis}, mm" for axis in "xyz")
+    stds = (*r.rpy_std, *r.translation_std)
     values = tuple(
-        (name, *(to_place(1e3 * v, places(1e3 * std)) for v in (value, std)), unit)
-        for name, value, std, unit in zip(names, (*r.rpy, *r.translation), stds, units, strict=True)
+        (name, *(to_place(1e3 * v, places(1e3 * std)) for v in (value, std)))
+        for name, value, std in zip(names, (*r.rpy, *r.translation), stds, strict=True)
     )
     residuals = tuple(
         (name, *(to_place(1e3 * v, 4) for v in (*d, np.linalg.norm(d))))
@@ -303,7 +303,7 @@ def registration_report(r: PointRegistration) -> Report:
         fit = ("Fit", layout.chi_squared(r.chi2, r.dof, r.p_value))
     blocks = (
         Table(f"{_CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
-              ("", "value", "std. unc.", "unit"), values),
+              ("", "value", "std. unc."), values),
         Table("Rotation, by rows", ("", "", ""), rotation, left=0),
         Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
         Facts((fit, ("Scale", scale))),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from pathlib import PurePath
 from typing import Any
@@ -21,7 +20,7 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
-from tdfscal.reporting.layout import METHODS, Facts, Section, Table, utc
+from tdfscal.reporting.layout import METHODS, Facts, Section, Table, document, utc
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
@@ -71,12 +70,8 @@ class Making:
 
     def document(self) -> dict[str, Any]:
         """Return it under the keys of a calibration file, as plain JSON values."""
-        return {
-            "created": self.created,
-            "software": {"name": "tdfscal", "version": self.version},
-            "command": self.command,
-            "inputs": [asdict(file) for file in self.inputs],
-        }
+        software = {"name": "tdfscal", "version": self.version}
+        return document(self, "created command inputs", software=software)
 
 
 def making_of(c: Calibration) -> Making:

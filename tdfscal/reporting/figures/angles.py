@@ -212,6 +212,4 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
 
 def words(std: float) -> str:
     """A standard uncertainty in rad, as it is worth saying."""
-    if not std < _OPEN:
-        return "over 1 rad"
-    return f"{1e3 * std:.0f} mrad" if std >= 0.1 else f"{rounded(1e3 * std)} mrad"
+    return f"{rounded(1e3 * std)} mrad" if std < _OPEN else "over 1 rad"
