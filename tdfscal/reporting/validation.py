@@ -99,7 +99,7 @@ class Origin:
         return {
             **self.making.document(),
             "measured": self.measured.model_dump(),
-            "rig": {**self.rig.document, "sha256": self.rig.sha256},
+            "rig": self.rig.document,
             "calibration": own | {"taken_as_exact": [q.name for q in c.taken_as_exact]},
         }
 

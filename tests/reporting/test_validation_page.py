@@ -77,6 +77,6 @@ def test_still_valid() -> None:
     written = validation_document(v, (), own)
     assert written["command"] == COMMAND
     assert written["inputs"][0]["sha256"] == LOG.sha256
-    assert written["rig"] == {**own.rig.document, "sha256": own.rig.sha256}
+    assert written["rig"] == own.rig.document
     assert written["calibration"]["content_sha256"] == report_digest(own.calibration)
     assert written["calibration"]["measured"]["end"] == "2026-01-08T00:00:00Z"

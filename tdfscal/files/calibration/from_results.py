@@ -279,7 +279,7 @@ def _file(
             "status": status,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             **vars(origin),
-            "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
+            "rig": origin.rig.document,
             "software": {"name": "tdfscal", "version": __version__},
             "convention": keys.CONVENTION_WITH_SENSITIVITY if scaled else keys.CONVENTION,
             "supports": _supports(rig, angles, own),
