@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -29,7 +29,7 @@ from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.parts import Method
-from tdfscal.files.rig.reading import unconfirmed_in
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.motioncal.preparation import with_moves
 from tdfscal.motioncal.streams import Slow
@@ -131,8 +131,7 @@ def _calibrated(
     """Calibrate from one campaign: its log, its survey, or both."""
     campaign, settings = log.campaign, log.settings
     own_rng, tracker_rng = np.random.default_rng(0).spawn(2)
-    lines = tuple(unconfirmed_in(campaign.rig.path))
-    notes = [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
+    notes = drafted([campaign.rig])
     own = None
     if method != "tracker":
         if not campaign.logs:
@@ -156,6 +155,12 @@ def _calibrated(
     if own is None:
         notes += log.messages
     return _with_survey(log.rig, own, tracker, origin_of(log), [*notes, *remarks])
+
+
+def drafted(rigs: Iterable[LoadedRig]) -> list[Finding]:
+    """Find what rig files still mark to be confirmed, each line once."""
+    lines = tuple(dict.fromkeys(line for rig in rigs for line in rig.unconfirmed))
+    return [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
 
 
 def calibrate_samples(

@@ -12,7 +12,7 @@ from tdfscal.commands.result import CommandResult
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import RigSketch, draft, sketch_rig
-from tdfscal.files.rig.reading import parse_rig, unconfirmed
+from tdfscal.files.rig.reading import parse_rig
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
@@ -106,8 +106,8 @@ def init(
         info.block(info.recorders),
         info.guess.notes,
     )
-    parse_rig(text.encode(), str(output or "rig.yaml"))
-    return InitResult(text, info, sketch, unconfirmed(text))
+    drafted = parse_rig(text.encode(), str(output or "rig.yaml"))
+    return InitResult(text, info, sketch, drafted.unconfirmed)
 
 
 def _no_draft(info: LogInfo, hint: str | None = None) -> DataError:

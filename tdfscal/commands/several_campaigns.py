@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.commands.calibrate import Own, calibrate_motion, origin_of
+from tdfscal.commands.calibrate import Own, calibrate_motion, drafted, origin_of
 from tdfscal.commands.campaign import PathLike
 from tdfscal.commands.earlier import Earlier
 from tdfscal.commands.log_pass import Settings
@@ -235,7 +235,8 @@ def calibrate_several(
         campaigns=(*(earlier.campaigns if earlier else ()), *_campaigns(reads, pooled)),
         history=earlier.history() if earlier else (),
     )
-    remarks = [one.remark for one in reads if one is not read and one.remark]
+    remarks = drafted(one.log.campaign.rig for one in reads)
+    remarks += [one.remark for one in reads if one is not read and one.remark]
     remarks += [said for said in read.log.messages if said not in own.findings]
     remarks += defects(earlier.name, earlier.file) if earlier else []
     said = own.findings

@@ -53,6 +53,7 @@ class Document:
     content: Any
     lines: Mapping[Place, int]
     source: str
+    text: str
     sha256: str
 
     def where(self, place: Place = ()) -> str:
@@ -96,7 +97,7 @@ def parse_document(
         what = f"byte 0x{raw[fault.start]:02x} is not UTF-8 text"
         builder.fail(what, "save the file as UTF-8", line)
     content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
-    return Document(content, builder.lines, source, hashlib.sha256(raw).hexdigest())
+    return Document(content, builder.lines, source, text, hashlib.sha256(raw).hexdigest())
 
 
 def as_path(given: str | PathLike[str]) -> Path:

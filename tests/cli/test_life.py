@@ -57,6 +57,20 @@ def folders(months: Path, first: int, last: int) -> list[Path]:
     return sorted(p for p in months.iterdir() if p.is_dir())[first:last]
 
 
+def test_a_draft_s_lines_are_named_by_all_that_stands_on_them(months: Path, tmp_path: Path) -> None:
+    """By a pool, and by an earlier calibration brought up to date."""
+    first, last = folders(months, 0, 2)
+    marked = Path(shutil.copytree(last, tmp_path / last.name))
+    text = (marked / "rig.yaml").read_text()
+    (marked / "rig.yaml").write_text(re.sub(r"(hinge: .*)", r"\1  # confirm", text, count=1))
+    earlier = tdfscal.calibrate(first, trials=0)
+    assert earlier.status == "accepted"
+    for found in (tdfscal.calibrate([first, marked], trials=0), tdfscal.update(earlier, marked)):
+        assert found.status == "provisional"
+        (draft,) = found.found("draft-unconfirmed")
+        assert [line.split(":")[0] for line in draft.subject] == ["supports.ncp1.hinge"]
+
+
 def test_a_pattern_names_what_is_no_check_too(
     months: Path, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:

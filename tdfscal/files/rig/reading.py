@@ -49,7 +49,8 @@ class LoadedRig:
     declares no survey, or where the rig was read back from a calibration file, which does not carry
     the survey's files.
     path : where it was read. sha256 : of the rig file. document : the rig with its defaults filled
-    in, as plain JSON values, to be embedded in a calibration file.
+    in, as plain JSON values, to be embedded in a calibration file. unconfirmed : keys, with values
+    and lines, that the file still marks to be confirmed.
     """
 
     rig: Rig
@@ -58,6 +59,7 @@ class LoadedRig:
     path: Path
     sha256: str
     document: Mapping[str, Any]
+    unconfirmed: tuple[str, ...] = ()
 
     @property
     def averaged(self) -> bool:
@@ -102,7 +104,8 @@ def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
 
 def _from_document(document: Document, path: Path) -> LoadedRig:
     require_format(document, RIG_FORMAT, RigError)
-    return _resolved(checked(RigFile, document, RigError), path, document.sha256)
+    loaded = _resolved(checked(RigFile, document, RigError), path, document.sha256)
+    return dataclasses.replace(loaded, unconfirmed=_unconfirmed(document))
 
 
 def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
@@ -188,15 +191,11 @@ def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
     )
 
 
-def unconfirmed(text: str) -> tuple[str, ...]:
-    """Return the keys, with values and lines, that a rig file still marks to be confirmed.
-
-    Raises RigError for what is no YAML.
-    """
-    document = parse_document(text.encode(), "the rig file", RigError)
+def _unconfirmed(document: Document) -> tuple[str, ...]:
+    """The keys, with values and lines, that a rig file still marks to be confirmed."""
     marked = {
         number: line[: mark.start()].partition(":")[2].strip()
-        for number, line in enumerate(text.splitlines(), 1)
+        for number, line in enumerate(document.text.splitlines(), 1)
         if (mark := _MARK.search(line)) and not line.lstrip().startswith("#")
     }
     found: dict[int, str] = {}
@@ -215,11 +214,3 @@ def _named(place: Place, content: Any) -> str:
         own = content.get("name") if isinstance(content, dict) else None
         names.append(str(own or part if isinstance(part, int) else part))
     return ".".join(names)
-
-
-def unconfirmed_in(path: Path) -> tuple[str, ...]:
-    """As `unconfirmed`, of a file; nothing where it cannot be read."""
-    try:
-        return unconfirmed(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, RigError):
-        return ()
