@@ -25,16 +25,14 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.rig.recorders import UNITS, canonical
 from tdfscal.files.saving import in_utf8
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.clock import Clock
-from tdfscal.logs.contents import Contents, fitting_time_unit, recordable
+from tdfscal.logs.contents import Contents
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.reader import TimeWindow, iter_log
-from tdfscal.logs.text_table import split_label
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
 
 Source = Literal["rig", "guessed"]
@@ -125,14 +123,6 @@ def describe_logs(
     info = LogInfo(tuple(contents.values()), guess, recorders, source)
     problems = [f"{own.path}: {what}" for own in info.contents for what in own.problems]
     problems += [f"{info.contents[0].path}: {what}" for what in guess.problems]
-    if source == "rig":
-        problems += [
-            f"{own.path}: {what}"
-            for own in info.contents
-            for mapping in recorders
-            if owns(mapping, own.path)
-            for what in _declared_time(own, mapping)
-        ]
     if not recorders:
         return _with_problems(info, [*problems, *guess.notes])
     supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
@@ -146,13 +136,7 @@ def describe_logs(
         other = _Used(replace(info, recorders=alike, guess=by_log), supports)
         other.read(logs, window)
         used = used if other.error else other
-    said = used.error.fields if isinstance(used.error, DataError) else ()
-    twice = [
-        f"{own.path}: columns are there more than once: {', '.join(names)}"
-        for own in info.contents
-        if (names := [name for name in own.repeated if name not in said])
-    ]
-    return _with_problems(used.found(), [*problems, *used.problems, *twice])
+    return _with_problems(used.found(), [*problems, *used.problems])
 
 
 def _with_problems(info: LogInfo, problems: list[str]) -> LogInfo:
@@ -177,19 +161,30 @@ class _Used:
 
     def read(self, logs: Sequence[Path], window: TimeWindow | None) -> None:
         """Read the logs, to their dwells."""
-        recorders = self._info.recorders
+        recorders, bins, lag = self._info.recorders, None, None
         pieces = self._passing(iter_log(logs, recorders, self._supports, window=window))
         try:
-            dwells, more = _read(pieces, recorders[0].rows == "postures")
+            if recorders[0].rows == "postures":
+                dwells = find_dwells(pieces)
+            else:
+                bins = reduce_to_bins(pieces)
+                dwells = dwells_of_bins(bins)
+                lag = misaligned(bins, dwells)
         except TdfscalError as error:
             self.problems, self.error = [*map(told, self._findings), str(error)], error
             return
-        lag = [more["lag"]] if more.get("lag") else []
-        self.problems = list(map(told, [*self._findings, *dwells.findings, *lag]))
-        if not len(dwells) and not lag:
+        self.problems = list(map(told, [*self._findings, *dwells.findings, *filter(None, [lag])]))
+        if not len(dwells) and lag is None:
             absence = no_dwell(dwells)
             self.problems.append(f"{absence.what}; {absence.hint}")
-        self._info = replace(self._info, inputs=tuple(self._inputs), dwells=dwells, **more)
+        self._info = replace(
+            self._info,
+            inputs=tuple(self._inputs),
+            dwells=dwells,
+            lag=lag,
+            offset=motion_offset(bins, dwells) if bins and lag is None else None,
+            samples=_sampled(bins) if bins else None,
+        )
 
     @property
     def doubted_stamps(self) -> str | None:
@@ -229,36 +224,6 @@ class _Used:
             last = (rate, gaps, clock.longest[0])
             found.append(Signal(name, quantity, fields, clock.count, start, end, *last))
         return tuple(found) if any(clock.count for clock in self._clocks) else ()
-
-
-def _read(pieces: Iterator[Log], postures: bool) -> tuple[Dwells, dict[str, Any]]:
-    """Read the logs, to their dwells; what else of a `LogInfo` their samples show."""
-    if postures:
-        return find_dwells(pieces), {}
-    bins = reduce_to_bins(pieces)
-    dwells = dwells_of_bins(bins)
-    lag = misaligned(bins, dwells)
-    offset = None if lag else motion_offset(bins, dwells)
-    return dwells, {"samples": _sampled(bins), "offset": offset, "lag": lag}
-
-
-def _declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
-    """Say where a mapping's unit of time makes of a table something that no recorder writes."""
-    name, unit = split_label(mapping.time_field)[0], mapping.time_unit
-    column = next((c for c in contents.columns if c.name in (name, mapping.time_field)), None)
-    kinds = {f.name: f.kind for stream in contents.streams for f in stream.fields}
-    # A column that is a time by its type has its own unit.
-    timed = column is None or "time" in kinds[column.name] or kinds[column.name] == "int96"
-    if column is None or timed or mapping.rows != "timeseries":
-        return []
-    fitting = fitting_time_unit(column)
-    if fitting in (None, unit) or recordable(column, unit):
-        return []
-    step = column.step * UNITS["time"][canonical(unit)]
-    return [
-        f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
-        f"which is no recorder's interval; `unit: {fitting}` would fit"
-    ]
 
 
 def _sampled(bins: Bins) -> tuple[FloatArray, FloatArray] | None:

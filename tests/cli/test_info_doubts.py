@@ -56,7 +56,7 @@ def test_unit_of_time_by_the_interval(cli: Cli, tmp_path: Path, unit: str, facto
 
 def test_a_rig_file_with_the_wrong_unit_of_time(cli: Cli, tmp_path: Path) -> None:
     found = told(cli, written(tmp_path / "ms", scaled([0], 1e3), block=True))
-    assert any("`unit: ms` would fit" in problem for problem in found["problems"])
+    assert any("a sample every 20 s" in problem for problem in found["problems"])
     found = told(cli, written(tmp_path / "s", ROWS, block=True))
     assert found["problems"] == []
 
