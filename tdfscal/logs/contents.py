@@ -146,10 +146,11 @@ def table_contents(
     fields, times = [], []
     numbers: dict[str, FloatArray] = {}
     for key, name, kind, unit in columns:
-        cells = [with_times(table[key]) for _, table in parts if key in table.column_names]
+        tables = [] if name in twice else [t for _, t in parts if key in t.column_names]
+        cells = [with_times(table[key]) for table in tables]
         values = [_numbers(own.take(as_arrow(k))) for own, k in zip(cells, chosen, strict=False)]
         told = [own for own in values if own is not None]
-        if not told or len(told) < len(values) or name in twice:
+        if not told or len(told) < len(values):
             fields.append(Field(name, kind or "text", unit))
             continue
         value = numbers[name] = np.concatenate(told)
