@@ -18,10 +18,10 @@ from tdfscal.checks.wiring import REACTION, rewired_sensors
 from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
+from tdfscal.model.samples_in_motion import Samples, rotations
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CONTRADICTION, WRENCH_PRESENT
 from tdfscal.wrench.contact_wrench import contact_wrench, wrenches
-from tdfscal.wrench.samples_in_motion import Samples, rotations
 
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9

@@ -27,12 +27,12 @@ from tdfscal.files.writers.logs import (
 )
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
+from tdfscal.model.samples_in_motion import Samples, Standstill
 from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
-from tdfscal.wrench.samples_in_motion import Samples, Standstill
 from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, with_sample_noise
 
 if TYPE_CHECKING:

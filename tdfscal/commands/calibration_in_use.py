@@ -28,6 +28,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.postures import ZeroAge
+from tdfscal.model.samples_in_motion import Samples, Tally, aligned
 from tdfscal.records import CampaignInfo, FloatArray, Rig, by_wall_clock
 from tdfscal.wrench.contact_wrench import (
     Wrenches,
@@ -35,7 +36,6 @@ from tdfscal.wrench.contact_wrench import (
     in_motion,
     unknown_components,
 )
-from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned
 from tdfscal.wrench.wrench_noise import (
     LogHead,
     ZeroVariance,

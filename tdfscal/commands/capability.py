@@ -50,12 +50,12 @@ from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.postures import ZeroAge
+from tdfscal.model.samples_in_motion import rotations
 from tdfscal.model.statics import carrying
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
-from tdfscal.wrench.samples_in_motion import rotations
 from tdfscal.wrench.wrench_noise import by_sensor
 
 #: Age of zeros, s, from which on a rig file is expected to say how they drift.

@@ -13,9 +13,9 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, told
 from tdfscal.catalogue.inputs import STOPS
+from tdfscal.checks.shared_data import readings, repeated
 from tdfscal.commands.campaign import Campaign
 from tdfscal.commands.options import Progress, silent
-from tdfscal.comparison.shared_data import readings, repeated
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.clock_offset import forces_behind
 from tdfscal.dwells.dwell_means import Thermometer

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart, sentence
+from tdfscal.checks.shared_data import Readings, readings, repeated
 from tdfscal.commands.campaign import PathLike, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.comparison.shared_data import Readings, readings, repeated
 from tdfscal.errors import DataError, OutputError, RigError, TdfscalError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record

@@ -12,10 +12,10 @@ from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.model.postures import ZeroAge, zero_motion
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 from tdfscal.significance import CONTACT_ON_PATH
 from tdfscal.wrench.contact_wrench import Linear, linearised, wrenches
-from tdfscal.wrench.samples_in_motion import Samples
 from tdfscal.wrench.wrench_noise import ZeroVariance
 
 #: Means over this time are looked at, s; every other one is dropped where there are more.

@@ -28,10 +28,10 @@ from tdfscal.errors import NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State
+from tdfscal.model.samples_in_motion import derivatives
 from tdfscal.model.statics import Balance, Postures, balance, features, free
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.samples_in_motion import derivatives
 
 ComplexArray = npt.NDArray[np.complex128]
 

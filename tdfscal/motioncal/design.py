@@ -11,12 +11,12 @@ from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import Postures, ZeroMotion, alike, zero_motion
+from tdfscal.model.samples_in_motion import derivatives, motion, rotations, vee
 from tdfscal.model.statics import Balance
 from tdfscal.motioncal.blocks import Across, Block, ComplexArray, across, filled, nearness
 from tdfscal.motioncal.rows import UNSTATED, Bins, NoiseModel, Rows
 from tdfscal.motioncal.streams import Slow, after_middle, course_of
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.samples_in_motion import derivatives, motion, rotations, vee
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4

@@ -28,6 +28,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.model import statics
 from tdfscal.model.parameters import sensing
+from tdfscal.model.samples_in_motion import derivatives
 from tdfscal.motioncal.blocks import BAND, ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.fit import MovingFit
@@ -36,7 +37,6 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_
 from tdfscal.numerics.least_squares import ask
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.significance import CAUSES_APART, CHANGED_RIG
-from tdfscal.wrench.samples_in_motion import derivatives
 
 #: Instants all over the log at which the information of a step is worked out.
 _SPLITS = 24

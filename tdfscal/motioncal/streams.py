@@ -16,9 +16,9 @@ from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.model.dynamics import Moving
+from tdfscal.model.samples_in_motion import joined, together
 from tdfscal.numerics.streams import even_spline
 from tdfscal.records import BoolArray, FloatArray, Log, Series
-from tdfscal.wrench.samples_in_motion import joined, together
 
 #: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
 RATE = 20.0

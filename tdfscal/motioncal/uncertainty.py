@@ -18,6 +18,7 @@ from tdfscal.frozen import record
 from tdfscal.model import statics
 from tdfscal.model.parameters import State, gravity, retract, sensing
 from tdfscal.model.postures import forces
+from tdfscal.model.samples_in_motion import rotations
 from tdfscal.model.statics import features, features_jacobian
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks
 from tdfscal.motioncal.design import inertia_wrench, rms
@@ -32,7 +33,6 @@ from tdfscal.numerics.least_squares import (
     triangular,
 )
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.samples_in_motion import rotations
 
 #: Trials at most unless asked otherwise.
 MOST_TRIALS = 30_000

@@ -19,9 +19,9 @@ from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.postures import Postures, alike
+from tdfscal.model.samples_in_motion import Motion, Samples, motion, poses, rotations, vee
 from tdfscal.model.statics import Balance, balance, features_jacobian, free, to_origin
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.wrench.samples_in_motion import Motion, Samples, motion, poses, rotations, vee
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 

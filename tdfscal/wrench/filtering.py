@@ -15,8 +15,8 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.frozen import record, replace
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.records import FloatArray
-from tdfscal.wrench.samples_in_motion import Samples
 
 #: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
 WALK = 15.0

@@ -28,10 +28,10 @@ from tdfscal.errors import TdfscalError
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.postures import ZeroAge
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.model.statics import wrench
 from tdfscal.records import BoolArray, Drift, FloatArray, Log, Series
 from tdfscal.wrench.contact_wrench import Wrenches
-from tdfscal.wrench.samples_in_motion import Samples
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
 _WINDOW, _FEWEST = 0.5, 32

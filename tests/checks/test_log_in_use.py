@@ -13,9 +13,9 @@ from tdfscal.checks.calibrated_rig import Inspection
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.wrench.samples_in_motion import Samples
 from tests.words import in_words
 
 N = 60

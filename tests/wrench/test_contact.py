@@ -7,9 +7,9 @@ import numpy as np
 from tdfscal.model.calibrated import independent
 from tdfscal.model.parameters import gravity
 from tdfscal.model.postures import register
+from tdfscal.model.samples_in_motion import Tally, aligned
 from tdfscal.records import UncertainValue
 from tdfscal.wrench.contact_wrench import at_rest, covariance, in_motion, wrenches
-from tdfscal.wrench.samples_in_motion import Tally, aligned
 from tests.motioncal.campaigns import perfect_rig, played, quiet, true_state
 
 from .held_out import HELD, RIG, world

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.records import FloatArray
 from tdfscal.wrench.filtering import Smoother, Walk, filter_for, filtered
-from tdfscal.wrench.samples_in_motion import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
 each = pytest.mark.parametrize("walk", WALKS)

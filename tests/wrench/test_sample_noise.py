@@ -7,11 +7,11 @@ import pytest
 from scipy.signal import lfilter
 
 from tdfscal.model.calibrated import about_point
+from tdfscal.model.samples_in_motion import Tally, aligned
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
-from tdfscal.wrench.samples_in_motion import Tally, aligned
 from tdfscal.wrench.wrench_noise import SampleNoise, take_head, with_sample_noise
 
 from .held_out import RIG, world

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tdfscal.wrench.samples_in_motion import Samples, still
+from tdfscal.model.samples_in_motion import Samples, still
 
 
 def driven(begin: float, end: float, speed: float) -> Samples:

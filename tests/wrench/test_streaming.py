@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.model.samples_in_motion import Samples, Tally, aligned
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
-from tdfscal.wrench.samples_in_motion import Samples, Tally, aligned
 
 from .held_out import RIG, world
 

@@ -8,9 +8,9 @@ from scipy.signal import savgol_coeffs
 
 from tdfscal import simulation
 from tdfscal.model.calibrated import Calibrated, independent
+from tdfscal.model.samples_in_motion import Tally, aligned, derivative_kernels
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import wrenches
-from tdfscal.wrench.samples_in_motion import Tally, aligned, derivative_kernels
 
 LEVEL = np.tile(np.eye(3), (3, 1, 1))
 STD = 1e-3

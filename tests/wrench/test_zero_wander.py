@@ -10,9 +10,9 @@ from scipy.signal import lfilter
 import tdfscal
 from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.model.postures import ZeroAge
+from tdfscal.model.samples_in_motion import Samples
 from tdfscal.records import Drift, FloatArray, Log, Series
 from tdfscal.simulation import Campaign, Options, Recorder, make_rig, simulate_campaign
-from tdfscal.wrench.samples_in_motion import Samples
 from tdfscal.wrench.wrench_noise import LogHead, flicker, flicker_level, moved_zeros
 
 STEP, DWELL, SPAN, LEVEL = 0.1, 4.0, 100.0, 0.5

@@ -10,13 +10,13 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import different_constants, other_papers, other_rig
+from tdfscal.checks.shared_data import Readings, Recorded, relation
 from tdfscal.comparison.compatibility import (
     Comparison,
     Nested,
     compare_pair,
     in_order_of,
 )
-from tdfscal.comparison.shared_data import Readings, Recorded, relation
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.findings import Finding, Value

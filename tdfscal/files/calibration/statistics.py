@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.comparison.shared_data import Readings, readings
+from tdfscal.checks.shared_data import Readings, readings
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
 from tdfscal.files.calibration.parameters import zeros_and_load

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import tdfscal
-from tdfscal.comparison.compatibility import Nested, combine, compare_pair
-from tdfscal.comparison.shared_data import (
+from tdfscal.checks.shared_data import (
     Readings,
     Recorded,
     Relation,
@@ -17,6 +16,7 @@ from tdfscal.comparison.shared_data import (
     relation,
     repeated,
 )
+from tdfscal.comparison.compatibility import Nested, combine, compare_pair
 from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.records import FloatArray, Rotations, Series
