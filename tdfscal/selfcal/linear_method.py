@@ -1,4 +1,4 @@
-"""The paper's linear method, corrected: the published baseline, and a start value."""
+"""The paper's linear method, corrected: the published baseline."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tdfscal.errors import DataError
 from tdfscal.estimation.uncertainty import Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
-from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
+from tdfscal.model.parameters import gravity, layout, nominal, prior_std, symmetric
 from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
@@ -76,24 +76,6 @@ def linear_rotations(data: LinearData) -> FloatArray:
     Q, R = np.linalg.qr(rows)
     vec = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ right[..., None])
     return so3.project(vec.reshape(*rows.shape[:-2], -1, 3, 3))
-
-
-def linear_start(rig: Rig, postures: Postures) -> State:
-    """Start value: moment and force rows together, least squares, projected on SO(3).
-
-    Where the postures are too few to determine all 9n entries the least-squares correction to
-    the nominal mounting is the smallest one.
-    """
-    data = linear_data(rig, postures)
-    moment, m_right = moment_rows(data)
-    # Σ_i (I ⊗ f_iᵀ) vec X_i = −G
-    force = np.einsum("ac,knd->kancd", np.eye(3), data.load).reshape(-1, 9 * rig.n)
-    radius = np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean()
-    rows = np.concatenate([moment / radius, force])  # both in N
-    right = np.concatenate([m_right / radius, np.tile(-data.weight, len(postures))])
-    guess = nominal(rig).rotation
-    step = np.linalg.lstsq(rows, right - rows @ guess.ravel(), rcond=None)[0]
-    return replace(nominal(rig), rotation=so3.project(guess + step.reshape(rig.n, 3, 3)))
 
 
 def fit_linear(rig: Rig, observed: Postures) -> Fit:

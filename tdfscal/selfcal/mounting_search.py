@@ -35,7 +35,6 @@ from tdfscal.selfcal.estimator import (
     spread,
     statistic,
 )
-from tdfscal.selfcal.linear_method import linear_start
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 
@@ -175,8 +174,7 @@ def best_start(rig: Rig, postures: Postures) -> Fit:
     at = balance(postures, start, rig.barycentre.value, rig.gravity)
     compressed = statistic(at, everyone)
     anywhere = np.random.default_rng(0).standard_normal((_DRAWN, rig.n, 3, 3))
-    guesses = np.stack([start.rotation, linear_start(rig, postures).rotation])
-    starts = np.concatenate([guesses, so3.project(anywhere)])
+    starts = np.concatenate([start.rotation[None], so3.project(anywhere)])
     tried = []
     for rotation in minima(rig, at, compressed, start, priors, starts):
         begin = replace(start, rotation=rotation)
