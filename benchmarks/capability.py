@@ -236,7 +236,7 @@ def judged(case: Case, given: Calibrated, path: Way, noise: MeasuredNoise) -> Ca
     zeros = ZeroChange(DRIFT, ZeroAge(AGE), None, None) if case.drifts else None
     stand = errors(given, Path(time, position, reading, averaged=False), zeros, np.zeros(6))
     request = Request(-np.log1p(-STATED) * 3600.0 / LENGTH, 0.95, case.cutoff)
-    return assess(given, stand, noise, time, LENGTH, request)
+    return assess(given, stand, noise, LENGTH, request)
 
 
 def rates(found: Capability, wrench: FloatArray) -> FloatArray:

@@ -94,7 +94,7 @@ class CapabilityResult(CommandResult):
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out thresholds, what they come from, and what would help."""
         return capability_report(
-            self.capability, self.request, self.findings, self.about, drawings, timed=self.timed
+            self.capability, self.request, self.findings, self.about, timed=self.timed
         )
 
     def document(self) -> dict[str, Any]:
@@ -125,12 +125,6 @@ class CapabilityResult(CommandResult):
         rows = zip(COMPONENTS, UNITS, c.threshold, c.smallest_contact, strict=True)
         for k, row in enumerate(rows):
             yield row, {name: share[k] for name, share in c.shares.items()}
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of thresholds and contacts over the path."""
-        from tdfscal.reporting.figures.timeline import detection
-
-        return (detection(self.capability, timed=self.timed),)
 
 
 @options.command("capability calibration.yaml assembly/free.csv --filter 10")
@@ -174,7 +168,7 @@ def capability(
             hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
         )
     progress("looking for thresholds")
-    found = assess(path.given, path.errors, path.noise, places.time, path.duration, request)
+    found = assess(path.given, path.errors, path.noise, path.duration, request)
     findings = (*path.use.findings, *path.findings, *_findings(path, found))
     return CapabilityResult(own, found, request, findings, point, not places.averaged)
 

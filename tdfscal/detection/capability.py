@@ -15,7 +15,7 @@ import numpy as np
 
 from tdfscal.detection.noise import MeasuredNoise
 from tdfscal.detection.path import Errors
-from tdfscal.detection.threshold import Noise, Places, Watch, quantile
+from tdfscal.detection.threshold import Noise, Places, Watch
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
@@ -101,17 +101,15 @@ class Capability:
     threshold : (6,), N and N·m, exceeded on a contact-free path as seldom as is asked;
     smallest_contact : exceeds it with the probability asked for, at any time of the path; NaN where
     nothing bounds it. shares : per source (6,) of the variance that stands against a contact.
-    time : (B,), s. calibration_std : (B, 6), what one machine has on it, standard deviation:
-    calibration, zeros and postures. seen_from : (B, 6), smallest contact at each time. noise : of
-    each component; resting : as it is at stops, else along a motion. duration : s, of the path.
+    calibration_std : (B, 6), what one machine has on it, standard deviation: calibration, zeros and
+    postures. noise : of each component; resting : as it is at stops, else along a motion.
+    duration : s, of the path.
     """
 
     threshold: FloatArray
     smallest_contact: FloatArray
     shares: dict[str, FloatArray]
-    time: FloatArray
     calibration_std: FloatArray
-    seen_from: FloatArray
     noise: tuple[Noise, ...]
     resting: bool
     duration: float
@@ -124,10 +122,9 @@ class Capability:
 
 
 def assess(
-    given: Calibrated, errors: Errors, noise: MeasuredNoise, time: FloatArray, duration: float,
-    request: Request,
+    given: Calibrated, errors: Errors, noise: MeasuredNoise, duration: float, request: Request
 ) -> Capability:  # fmt: skip
-    """Find thresholds and smallest contacts along a path of a duration, s, at times (B,), s."""
+    """Find thresholds and smallest contacts along a path of a duration, s."""
     components = with_slow(noise.components, errors.slow, duration)
     limit, contact = np.full(6, np.nan), np.full(6, np.nan)
     for c, watch in enumerate(watches(errors, components, duration)):
@@ -136,15 +133,11 @@ def assess(
             contact[c] = watch.smallest_contact(limit[c], request.detect)
     std = np.linalg.norm(errors.factor, axis=2)
     std[:, errors.open] = np.inf
-    total = np.hypot(std, [one.std for one in components])
-    seen_from = limit + quantile(request.detect) * total
     return Capability(
         limit,
         contact,
         _shares(given, errors, components),
-        time,
         std,
-        seen_from,
         components,
         noise.resting,
         duration,

@@ -18,7 +18,7 @@ from tdfscal.catalogue.numbers import (
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
-from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table
+from tdfscal.reporting.layout import Block, Facts, Report, Section, Table
 from tdfscal.significance import COVERAGE_FACTOR
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -122,7 +122,7 @@ def _filter(f: dict[str, Any] | None) -> str:
 
 def capability_report(
     found: Capability, request: Request, findings: Sequence[Finding],
-    about: tuple[float, float, float], drawings: tuple[Drawing, ...], *, timed: bool,
+    about: tuple[float, float, float], *, timed: bool,
 ) -> Report:  # fmt: skip
     """Lay out thresholds, smallest contacts, what they come from, and what would help."""
     bad = rejecting(findings)
@@ -148,8 +148,8 @@ def capability_report(
         f"below with {rounded(100 * request.detect, 4)} % probability; the shares say what that "
         "comes from.",
         reasons=tuple(map(told, (*bad, *noiseless))),
-        warnings=() if not drawings else tuple(told(f) for f in findings if not f.rejects),
-        sections=(Section("", blocks), *layout.illustrated(drawings, {})),
+        warnings=tuple(told(f) for f in findings if not f.rejects),
+        sections=(Section("", blocks),),
         advice=tuple(dict.fromkeys(_LOWERS[source] for source in most)),
     )
 

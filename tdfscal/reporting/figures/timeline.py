@@ -18,7 +18,6 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import rounded, typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
-from tdfscal.detection.capability import Capability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, PostureTable
 from tdfscal.files.calibration.parts import RejectedPosture
@@ -83,66 +82,28 @@ def _paint(
     return fig
 
 
-def _by_component(
-    time: FloatArray, wrench: FloatArray, label: str, beside: Callable[[Axes, int, str], None]
-) -> Figure:
-    """Panels of force and torque with a line per component (N, 6); beside : draws what else."""
-    fig, axes = panels(4.8, _WRENCH)
-    for c in range(6):
-        ax, (axis, _, colour), line = axes[c // 3], style.AXES[c % 3], _LINES[c % 3]
-        beside(ax, c, colour)
-        ax.plot(
-            time, wrench[:, c], line, color=colour, linewidth=1.0, label=f"{'fm'[c // 3]}{axis}",
-            rasterized=style.raster(len(time)),
-        )  # fmt: skip
-    for ax in axes:
-        legend_above(ax, 3)
-    axes[1].set_xlabel(label)
-    return fig
-
-
 def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
     """Draw the columns of an applied log: time, fx … mz, and the same as raw_fx ….
 
     columns : (N,) each; s, N, N·m, LCS. largest : contact force of the log, N.
     """
-    time, names = columns["time"] - columns["time"][0], [a + b for a in "fm" for b in "xyz"]
-
-    def raw(ax: Axes, c: int, colour: str) -> None:
-        pixels = style.raster(len(time))
-        y = columns[f"raw_{names[c]}"]
-        ax.plot(time, y, color=style.PALE, linewidth=0.6, rasterized=pixels, zorder=0)
-
-    wrench = np.stack([columns[name] for name in names], axis=1)
-    label = "time since the first sample, s; pale: uncalibrated"
-    said = f"The largest contact force of the log is {rounded(largest, 3)} N."
-    paint = partial(_by_component, time, wrench, label, raw)
-    return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
-
-
-def detection(found: Capability, *, timed: bool) -> Drawing:
-    """Draw the smallest contact along a path, its threshold, and what may be faked."""
-    time = found.time - found.time[0]
-
-    def threshold(ax: Axes, c: int, colour: str) -> None:
-        ax.axhline(found.threshold[c], color=colour, linewidth=0.7, linestyle=_LINES[c % 3])
-        fake = COVERAGE_FACTOR * found.calibration_std[:, c]
-        ax.fill_between(time, 0.0, fake, color=colour, alpha=0.15, linewidth=0)
 
     def paint() -> Figure:
-        fig = _by_component(time, found.seen_from, label, threshold)
-        for ax in fig.axes:
-            ax.set_ylim(bottom=0.0)
+        time = columns["time"] - columns["time"][0]
+        look: dict[str, Any] = {"linewidth": 0.9, "rasterized": style.raster(len(time))}
+        fig, axes = panels(4.6, _WRENCH)
+        for ax, letter in zip(axes, "fm", strict=True):
+            for axis in "xyz":
+                ax.plot(time, columns[f"raw_{letter}{axis}"], color=style.PALE, **look)
+            for (axis, _, colour), line in zip(style.AXES, _LINES, strict=True):
+                name = letter + axis
+                ax.plot(time, columns[name], line, color=colour, label=name, **look)
+            legend_above(ax, 3)
+        axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
         return fig
 
-    label = "time since the first sample, s" if timed else "posture"
-    return Drawing(
-        "capability",
-        "Smallest contact along the path",
-        "Thick: the smallest contact seen; thin: its threshold; shaded: what calibration, zeros "
-        "and postures may fake (k = 2).",
-        paint,
-    )
+    said = f"The largest contact force of the log is {rounded(largest, 3)} N."
+    return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
 
 
 Dates = npt.NDArray[np.object_]
