@@ -14,17 +14,18 @@ import numpy as np
 from tdfscal.acceptance import assess_stated, judge
 from tdfscal.catalogue import sentence
 from tdfscal.commands import options
-from tdfscal.commands.campaign import PathLike, campaign_folders, listed, resolve
+from tdfscal.commands.campaign import (
+    PathLike,
+    campaign_folders,
+    listed,
+    measured,
+    misdated,
+    resolve,
+)
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few, with_delay
 from tdfscal.commands.options import Option, silent, window
-from tdfscal.commands.recordings import measured, misdated, surveyed
 from tdfscal.commands.result import Calibration
-from tdfscal.errors import (
-    NotConvergedError,
-    NotIdentifiableError,
-    TdfscalError,
-    UsageError,
-)
+from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError, UsageError
 from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
@@ -149,6 +150,8 @@ def _calibrated(
             if log.stops and own.reasons and not isinstance(own, SelfCalibration):
                 notes.append(log.stops)  # it may have been meant to rest
             return Calibration.of(from_self(own, origin_of(log), notes))
+    from tdfscal.commands.recordings import surveyed
+
     log.progress("calibrating from the tracker's survey")
     tracker, remarks = surveyed(log, settings.trials, tracker_rng)
     assert own is None or isinstance(own, SelfCalibration)
@@ -335,14 +338,9 @@ def _with_page(
     from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 
     log.progress("drawing the report")
-    attempt = Attempt(
-        error,
-        log.campaign.rig,
-        tuple(log.inputs),
-        tuple(map(told, log.messages)),
-        tuple(map(str, paths)),
-        log.settings.command,
-    )
+    said, where = tuple(map(told, log.messages)), tuple(map(str, paths))
+    rig, command = log.campaign.rig, log.settings.command
+    attempt = Attempt(error, rig, tuple(log.inputs), said, where, command)
     write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
     appear_now()
     look = f"{page} shows what is weak and what the log holds"

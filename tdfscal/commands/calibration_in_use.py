@@ -10,9 +10,16 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
-from tdfscal.commands.campaign import Campaign, PathLike, PathLikes, no_log, resolve
+from tdfscal.commands.campaign import (
+    Campaign,
+    PathLike,
+    PathLikes,
+    measured,
+    no_log,
+    resolve,
+    stated_date,
+)
 from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.commands.recordings import measured, stated_date
 from tdfscal.commands.result import (
     Calibration,
     CalibrationSource,
@@ -150,7 +157,7 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
     warming = 0.0
     if temperature is not None and epoch.temperature is not None:
         warming = float(temperature.mean()) - epoch.temperature
-    if use.campaign.averaged:
+    if use.campaign.rig.averaged:
         return ZeroAge(0.0, warming, known=False)
     date, clock = rig.rig.campaign.date, by_wall_clock(first)
     now = first if clock else stated_date(date).begin if date is not None else None
@@ -213,7 +220,7 @@ class WrenchPass(LogPass):
         """Begin to read: the beginning, and the samples from their first on. Raises DataError."""
         self.progress("reading the log and working out the contact wrench")
         pieces = aligned(self.thermometer.passing(self.pieces()), self.tally)
-        watched, averaged = self.inspection.watch(pieces), self.campaign.averaged
+        watched, averaged = self.inspection.watch(pieces), self.campaign.rig.averaged
         head, samples = take_head(watched, self.rig.supports, averaged=averaged)
         if head is None:
             raise DataError(

@@ -1,25 +1,31 @@
-"""From a command's PATH… to the rig, the logs and the tracker's survey, and to all it reads."""
+"""From a command's PATH… to the rig, the logs, the tracker's survey; and when it was recorded."""
 
 from __future__ import annotations
 
 import os
 import re
+import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tdfscal.errors import UsageError, expect
+from tdfscal.errors import DataError, RigError, UsageError, expect
 from tdfscal.files import RIG_NAME
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.files.yaml import as_path
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.formats import NOWHERE, entries_of, owns, refuse_unfinished
-from tdfscal.records import LogMapping
+from tdfscal.records import LogMapping, Measured, by_wall_clock
+
+if TYPE_CHECKING:
+    from tdfscal.commands.log_pass import LogPass
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]
@@ -108,11 +114,6 @@ class Campaign:
 
     rig: LoadedRig
     logs: tuple[Path, ...]
-
-    @property
-    def averaged(self) -> bool:
-        """Each row of a log is a posture."""
-        return self.rig.averaged
 
     @property
     def lost_log(self) -> tuple[Finding, ...]:
@@ -281,3 +282,65 @@ def rig_file(path: PathLike) -> LoadedRig:
     loaded = load_rig(file)
     protect((file, *loaded.surveys))
     return loaded
+
+
+_DAY = 86400.0
+
+
+def measured(log: LogPass) -> Measured:
+    """Tell when a campaign was recorded: by the log's clock, the rig file, or the file's date.
+
+    Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
+    """
+    if by_wall_clock(log.begin, log.end):
+        found = Measured(log.begin, log.end, "log")
+        if found.end > time.time() + _DAY:
+            raise DataError(
+                f"the log's clock says {day(found.end)}, which is in the future",
+                where=", ".join(map(str, log.campaign.logs)),
+                hint="set the recorder's clock; or let its time count from 0, and state "
+                "campaign.date in rig.yaml",
+            )
+        return found
+    for clock in log.clocks:  # where the first recorder's is none
+        begin, end = log.begin + clock.offset, log.end + clock.offset
+        if by_wall_clock(begin, end) and end < time.time() + _DAY:
+            return Measured(begin, end, "log")
+    rig, date = log.campaign.rig, log.rig.campaign.date
+    if date is not None:
+        found = stated_date(date)
+        if found.begin > time.time() + _DAY:
+            raise RigError(
+                f"the campaign's date, {date}, is in the future",
+                where=f"{rig.path}: campaign.date",
+                hint="write the day on which the log was recorded",
+            )
+        return found
+    surveyed = () if log.ends else rig.surveys[1::2]
+    times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
+    return Measured(min(times), max(times), "file")
+
+
+def misdated(log: LogPass) -> list[Finding]:
+    """Say so where rig file and log's clock are of other days."""
+    date, found = log.rig.campaign.date, measured(log)
+    if date is None or found.source != "log":
+        return []
+    stated = stated_date(date)
+    if max(stated.begin - found.end, found.begin - stated.end) <= _DAY:
+        return []
+    values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
+    return [Finding("campaign-misdated", (str(log.campaign.rig.path),), values=values)]
+
+
+def stated_date(date: str) -> Measured:
+    """Tell when a campaign was recorded by the date in its rig file."""
+    begin = datetime.fromisoformat(date)
+    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
+    end = begin + timedelta(days=1, seconds=-1) if len(date) == len("2026-01-01") else begin
+    return Measured(begin.timestamp(), end.timestamp(), "rig")
+
+
+def day(moment: float) -> str:
+    """Return the date of a moment in s since 1970."""
+    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"

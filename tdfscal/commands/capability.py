@@ -203,8 +203,8 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
 
     Raises DataError where it holds no instant, UsageError for a filter beyond its sampling rate.
     """
-    points, (head, samples) = PathPoints(log.campaign.averaged), log.read()
-    averaged, start = log.campaign.averaged, head.samples.time
+    points, (head, samples) = PathPoints(log.campaign.rig.averaged), log.read()
+    averaged, start = log.campaign.rig.averaged, head.samples.time
     interval = None if averaged or len(start) < 2 else float(np.median(np.diff(start)))
     if cutoff is not None and (interval is None or cutoff * interval >= 0.5):
         rate = "its rows are averaged postures" if interval is None else f"{1 / interval:.6g} Hz"

@@ -245,12 +245,12 @@ class _Streams:
 
     def pieces(self) -> Iterator[Log]:
         for piece in self._thermometer.passing(self._log.pieces()):
-            if not self._log.campaign.averaged:
+            if not self._log.campaign.rig.averaged:
                 self._decimator.add(piece)
             yield piece
 
     def slow(self) -> Slow:
-        if self._log.campaign.averaged:
+        if self._log.campaign.rig.averaged:
             raise DataError(
                 "the log holds averaged postures and no motion",
                 where="log",

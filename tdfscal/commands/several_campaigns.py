@@ -14,14 +14,13 @@ import numpy as np
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.commands.calibrate import Own, calibrate_motion, drafted, origin_of
-from tdfscal.commands.campaign import PathLike
+from tdfscal.commands.campaign import PathLike, day
 from tdfscal.commands.earlier import Earlier
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.recordings import (
     Read,
     Recording,
     Unusable,
-    day,
     left_out,
     naming,
     read_campaigns,

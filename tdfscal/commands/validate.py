@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal
 from tdfscal.checks.shared_data import Recorded, readings, repeated_in
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
+from tdfscal.commands.campaign import measured
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few
 from tdfscal.commands.options import Option, silent, window
-from tdfscal.commands.recordings import left_out, measured
+from tdfscal.commands.recordings import left_out
 from tdfscal.commands.result import Calibration, CommandResult, by_column
 from tdfscal.files.calibration.compared import readings_of, recordings_of
 from tdfscal.files.calibration.parts import MeasuredResult
