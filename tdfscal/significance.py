@@ -107,6 +107,11 @@ DETECTION_POWER: Final = 0.95
 CAUSE_EXPLAINS: Final = 0.01
 #: Two causes are told apart when one leaves this much less χ² (3σ), beyond its further unknowns.
 CAUSES_APART: Final = 9.0
+#: A mistake in a log is believed when without it the residuals' variance is below the present one's
+#: by this, and not above what is stated by as much.
+BETTER: Final = 9.0
+#: Postures that are looked at for one, at most, evenly spread over the log.
+MOST_POSTURES: Final = 60
 
 # Several campaigns --------------------------------------------------------------------------------
 

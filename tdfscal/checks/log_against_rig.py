@@ -6,11 +6,11 @@ These checks come before any estimate: a mislabelled log must not become a plaus
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.checks import geometry
-from tdfscal.checks.wiring import Wiring, exchanged_supports, frames, rewired_positions
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import replace
@@ -19,6 +19,9 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
+
+if TYPE_CHECKING:
+    from tdfscal.checks.wiring import Wiring
 
 #: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
@@ -148,6 +151,8 @@ def upright(rig: Rig, position: FloatArray) -> Wiring | None:
     """The names by which a terminal that stands turned, (K, n, 3) in m, would stand upright."""
     if np.linalg.norm(_turn(rig, position)) <= _TURNED:
         return None
+    from tdfscal.checks.wiring import exchanged_supports, frames
+
     ways = (*exchanged_supports(rig.supports), *frames(rig.n))
     found = _fitting(rig, position, geometry.gross_limit(rig), ways)
     return min(found, key=lambda way: way[0])[1] if found else None
@@ -178,6 +183,8 @@ def explanation(rig: Rig, position: FloatArray, force: FloatArray | None = None)
 
     Parameters as in `check_geometry`.
     """
+    from tdfscal.checks.wiring import rewired_positions
+
     limit = geometry.gross_limit(rig, force)
     found = _fitting(rig, position, limit, rewired_positions(rig.supports), np.inf)
     return min(found, key=lambda way: way[0])[1] if found else None

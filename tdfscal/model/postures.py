@@ -149,6 +149,14 @@ class Postures:
         return replace(self, motion=motion, **{name: getattr(self, name)[keep] for name in arrays})
 
 
+@record
+class Rests:
+    """Of K postures at rest the number (K,) by which each goes, and when it was held, s (K,)."""
+
+    number: IntArray
+    time: FloatArray
+
+
 def alike(
     position: FloatArray,
     force: FloatArray,

@@ -7,19 +7,24 @@ where a rig looks alike with its supports in another order, forces and positions
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tdfscal.checks import log_against_rig
-from tdfscal.checks.wiring import REACTION
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import replace
 from tdfscal.model.parameters import nominal
+from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures
 from tdfscal.records import Rig
 from tdfscal.selfcal.estimator import Fit, spread
-from tdfscal.selfcal.misreadings import BETTER, MOST_POSTURES, Misreading, Rests, misreading
 from tdfscal.selfcal.mounting_search import apart, best_start
+from tdfscal.significance import BETTER, MOST_POSTURES
+
+if TYPE_CHECKING:
+    from tdfscal.selfcal.misreadings import Misreading
 
 #: Variance of the residuals, in units of the one stated, above which no mounting explains them.
 _LOST = 100.0
@@ -108,6 +113,8 @@ def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | No
 
     present : the best that can be made of them as they are. rests : as in `check_forces`.
     """
+    from tdfscal.selfcal.misreadings import misreading  # of forces that fit nowhere
+
     other = log_against_rig.upright(rig, observed.position)
     if other is not None:
         placed = _misfit(best_start(rig, other.positions(_some(observed))))
@@ -129,6 +136,8 @@ def misread(
 
     check : the postures are those of a check, which has no zeros to calibrate.
     """
+    from tdfscal.checks.wiring import REACTION
+
     mistake = found.mistake
     if mistake.wiring is not None and mistake.wiring.words == REACTION:
         allowed = log_against_rig.weight_tolerance(0.0)

@@ -24,7 +24,7 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import estimate
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import nominal, starting_state
-from tdfscal.model.postures import ZeroMotion
+from tdfscal.model.postures import Rests, ZeroMotion
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend, stacked
@@ -37,13 +37,8 @@ from tdfscal.selfcal.mounting_search import (
     robust_cost,
     turns_from,
 )
-from tdfscal.significance import CAUSES_APART
+from tdfscal.significance import BETTER, CAUSES_APART, MOST_POSTURES
 
-#: A mistake is believed when without it the residuals' variance is below the present one's by
-#: this, and not above what is stated by as much.
-BETTER = 9.0
-#: Postures that are looked at, at most, evenly spread over the log.
-MOST_POSTURES = 60
 #: Share of a tare by which it may miss the load, at most.
 _TARED = 0.1
 #: Postures on either side of a jump.
@@ -59,14 +54,6 @@ _ONE_COST = 1e-3
 #: Share of the trace that keeps a Gram matrix positive. |y| is the same for all rotations: it adds
 #: a constant.
 _RIDGE = 1e-12
-
-
-@record
-class Rests:
-    """Of K postures at rest the number (K,) by which each goes, and when it was held, s (K,)."""
-
-    number: IntArray
-    time: FloatArray
 
 
 @record

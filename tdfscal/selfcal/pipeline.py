@@ -16,6 +16,7 @@ from tdfscal.estimation.uncertainty import Estimate, estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
+from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.changes import find_change
@@ -26,7 +27,6 @@ from tdfscal.selfcal.estimator import (
     fit,
 )
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
-from tdfscal.selfcal.misreadings import Rests
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.outliers import (

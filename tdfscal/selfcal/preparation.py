@@ -17,11 +17,11 @@ from tdfscal.estimation.uncertainty import Estimate, quality
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, layout
+from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.selfcal.channel_checks import check_forces, check_positions
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.misreadings import Rests
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
 

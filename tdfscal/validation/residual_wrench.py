@@ -19,13 +19,12 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, with_own_load
 from tdfscal.model.parameters import nominal, with_motions
-from tdfscal.model.postures import ZeroAge
+from tdfscal.model.postures import Rests, ZeroAge
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.selfcal.channel_checks import check_positions
-from tdfscal.selfcal.misreadings import Rests
 from tdfscal.significance import MISFIT
 from tdfscal.validation import causes
 from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros

@@ -18,16 +18,17 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn
 from tdfscal.model.parameters import layout, prior_std, starting_state
-from tdfscal.model.postures import Postures
+from tdfscal.model.postures import Postures, Rests
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.channel_checks import misread
 from tdfscal.selfcal.estimator import fit
-from tdfscal.selfcal.misreadings import MOST_POSTURES, Rests, misreading
+from tdfscal.selfcal.misreadings import misreading
 from tdfscal.significance import (
     CAUSES_APART,
     DETECTION_POWER,
+    MOST_POSTURES,
     VALIDATION_ALARM,
     VALIDATION_CHI2,
     VALIDATION_SEARCH,
