@@ -164,7 +164,7 @@ def table_contents(
             times.append(Column(name, unit, filled, step))
     units = {name: unit for _, name, _, unit in columns}
     vectors = []
-    for label, three in named_axes(list(numbers), units):
+    for label, three in named_axes(list(numbers)):
         both = np.column_stack([numbers[name] for name in three])
         there = ~np.isnan(both).any(axis=1)
         vectors.append(Vector(three, label, "", units[three[0]], row[there], both[there]))

@@ -8,7 +8,7 @@ cells or in none.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -279,8 +279,7 @@ def is_number(kind: pa.DataType) -> bool:
     return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind))
 
 
-_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)(?P<mark>[_.\[]?)(?P<number>\d{1,4})\]?")
-_CHANNELS: Final = 9
+_NUMBERED: Final = re.compile(r"(?P<prefix>.{1,200}?)[_.\[](?P<number>\d)\]?")
 
 
 def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
@@ -304,40 +303,17 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
     return found
 
 
-def named_axes(
-    names: Sequence[str], units: Mapping[str, str | None]
-) -> list[tuple[str, tuple[str, str, str]]]:
-    """Find threes of columns that may be vectors, by letters, else by numbers."""
+def named_axes(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find threes of columns that may be vectors: (what they share, the three).
+
+    By letters; else the first three of 0, 1, 2, or of 0 to 5 as poses and wrenches have
+    (`force[0]`, `actual_TCP_pose_0`).
+    """
     found = axes_of(names)
     taken = {name for _, three in found for name in three}
-    return found + _numbered([name for name in names if name not in taken], units)
-
-
-def _numbered(
-    names: Sequence[str], units: Mapping[str, str | None]
-) -> list[tuple[str, tuple[str, str, str]]]:
-    """Find threes by numbers: (name without the number, the three).
-
-    The first three of 0, 1, 2, or of 0 to 5 as poses and wrenches have (`force[0]`,
-    `actual_TCP_pose_0`); nine or more channels of one unit in sequence, three by three (`AI1 [kN]`
-    to `AI12 [kN]` of a measuring amplifier).
-    """
-    groups: dict[tuple[str, str, str | None], dict[int, str]] = {}
+    groups: dict[str, dict[int, str]] = {}
     for name in names:
-        if (match := _NUMBERED.fullmatch(name)) is not None:
-            key = match["prefix"], match["mark"], units.get(name)
-            groups.setdefault(key, {})[int(match["number"])] = name
-    found: list[tuple[str, tuple[str, str, str]]] = []
-    for (prefix, mark, unit), own in groups.items():
-        numbers, each = list(own), list(own.values())
-        if mark and sorted(own) in (list(range(3)), list(range(6))):
-            found.append((prefix, (own[0], own[1], own[2])))
-        elif (
-            unit is not None
-            and len(own) >= _CHANNELS
-            and len(own) % 3 == 0
-            and numbers == [*range(numbers[0], numbers[0] + len(own))]
-        ):
-            threes = zip(each[::3], each[1::3], each[2::3], strict=True)
-            found += [(f"{prefix}{mark}* {k}", three) for k, three in enumerate(threes, 1)]
-    return found
+        if name not in taken and (match := _NUMBERED.fullmatch(name)) is not None:
+            groups.setdefault(match["prefix"], {})[int(match["number"])] = name
+    whole = [own for own in groups.items() if sorted(own[1]) in ([0, 1, 2], [*range(6)])]
+    return found + [(prefix, (own[0], own[1], own[2])) for prefix, own in whole]
