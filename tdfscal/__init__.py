@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tdfscal.api import *
 
-#: What is loaded from `tdfscal.api` on first use.
+#: What is loaded on first use: commands, and what else `tdfscal.api` has.
 __all__ = [
     "Calibration",
     "DataError",
@@ -58,9 +58,13 @@ __all__ = [
 def __getattr__(name: str) -> "Any":
     # Loaded on first use: the command line's help must not wait for numpy.
     if name in __all__:
-        from tdfscal import api
+        from importlib import import_module
+        from importlib.util import find_spec
 
-        globals()[name] = value = getattr(api, name)
+        # A command loads what it needs itself, not all that the others need.
+        own = f"{__name__}.commands.{name}"
+        module = import_module(own if find_spec(own) else f"{__name__}.api")
+        globals()[name] = value = getattr(module, name)
         return value
     raise AttributeError(f"module 'tdfscal' has no attribute {name!r}")
 
