@@ -215,6 +215,25 @@ wrench-large warns
   -> unless that is contact, check log.force_unit, log.force_on, the force fields and the cabling
 postures-left-out warns
   {number:.0f} of {postures} postures were left out (mostly: {reason})
+alarm-load rejects
+  the load has changed {since}: mass or barycentre is not what it was ({check}; {p})
+  -> look for what the terminal carries now or lacks; weigh it, and state its mass and barycentre in
+    rig.yaml from that date on
+alarm-together rejects
+  on {raised} all sensors together depart from what they were, and no turn of a single one explains
+  it ({check}; {p})
+  -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
+    go on from there, without the older files
+alarm-step rejects
+  {subject} has turned by {size} ± {spread} (k = {k:g}) {since}, by {change:rad} about the BCS
+  axes{late:; seen on ~|} ({check}; {p})
+  -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
+    go on from there, without the older files
+alarm-creep rejects
+  {subject} creeps by {size} ± {spread} a month (k = {k:g}) since about {onset}, by {change:rad}
+  about the BCS axes{late:; seen on ~|} ({check}; {p})
+  -> look for what works loose or settles at the sensors named; calibrate more often, or declare
+    drift.angle where this pace is the rig's own
 campaign-unsound rejects
   {subject} is not counted, since calibrate rejects it by itself: {why}
   -> {hint}

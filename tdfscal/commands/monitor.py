@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from tdfscal.catalogue import told
+from tdfscal.catalogue import sentence, told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import RESULT, RIG, campaign_folders, kind_of
 from tdfscal.commands.earlier import Earlier, on_one_another, read_earlier
@@ -30,9 +29,9 @@ from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting.history import (
     chart_rule,
     day,
+    finding,
     history_document,
     history_report,
-    sentence,
 )
 from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
 from tdfscal.reporting.traceability import (
@@ -115,7 +114,7 @@ class MonitorResult(CommandResult):
         """Return a control chart per sensor."""
         from tdfscal.reporting.figures.timeline import control_charts
 
-        return control_charts(self.life, partial(sentence, self.life))
+        return control_charts(self.life, lambda alarm: sentence(finding(self.life, alarm)))
 
 
 @options.command("monitor 2026-*.yaml --html history.html")

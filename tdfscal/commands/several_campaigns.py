@@ -40,7 +40,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.records import Measured, Rig
-from tdfscal.reporting.history import sentence as alarm_sentence
+from tdfscal.reporting.history import finding as alarm_finding
 from tdfscal.reporting.layout import short
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
@@ -324,7 +324,7 @@ def _changes(rig: Rig, pooled: Pool, earlier: Earlier | None) -> tuple[list[Find
             alarm.size,
             "rad",
             alarm.p_value,
-            values={"said": alarm_sentence(life, alarm), **values},
+            values={"said": sentence(alarm_finding(life, alarm)), **values},
             rejects=True,
         )
         for alarm in alarms

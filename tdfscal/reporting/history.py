@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import told
-from tdfscal.catalogue.numbers import count, p_text, places, rounded, to_place, with_std
+from tdfscal.catalogue import cure, sentence, told
+from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import count, rounded
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
-from tdfscal.findings import Finding, rejecting
+from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import date_of
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
@@ -28,20 +29,7 @@ _SAID = 0.05
 #: Scatter, as a multiple of what is stated, that is not worth a word.
 _AS_STATED = 1.05
 
-_ADVICE = {
-    "load": (
-        "Look for what the terminal carries now or lacks; weigh it, and state its mass and "
-        "barycentre in rig.yaml from that date on.",
-    ),
-    "step": (
-        "Look for what was loosened, exchanged or knocked at the sensors named, then calibrate "
-        "anew and go on from there, without the older files.",
-    ),
-    "creep": (
-        "Look for what works loose or settles at the sensors named; calibrate more often, or "
-        "declare drift.angle where this pace is the rig's own.",
-    ),
-}
+_CODES = {"load": "alarm-load", "step": "alarm-step", "creep": "alarm-creep"}
 
 
 def day(month: float) -> str:
@@ -49,39 +37,27 @@ def day(month: float) -> str:
     return f"{date_of(month):%Y-%m-%d}"
 
 
-def sentence(life: Life, alarm: Alarm) -> str:
-    """One alarm in words."""
-    raised = day(life.month[alarm.raised])
-    tail = f"({layout.short(life.names)[alarm.onset]}; {p_text(alarm.p_value)})"
-    if alarm.kind == "load":
-        what = f"the load has changed {_since(life, alarm)}: mass or barycentre is not what it was"
-        return f"{what} {tail}"
-    if alarm.sensor is None:
-        what = f"on {raised} all sensors together depart from what they were"
-        return f"{what}, and no turn of a single one explains it {tail}"
-    half = 1e3 * COVERAGE_FACTOR * alarm.size_std
-    size = f"{with_std(1e3 * alarm.size, half)} mrad (k = {COVERAGE_FACTOR:g})"
-    turns = ", ".join(to_place(1e3 * x, places(half), "+") for x in alarm.turn)
-    name, seen = (
-        life.supports[alarm.sensor],
-        "" if alarm.raised == alarm.onset else f"; seen on {raised}",
-    )
-    what = f"has turned by {size} {_since(life, alarm)}"
-    if alarm.kind == "creep":
-        what = f"creeps by {size} a month since about {day(life.month[alarm.onset])}"
-    return f"{name} {what}, about the BCS axes ({turns}) mrad{seen} {tail}"
-
-
-def _since(life: Life, alarm: Alarm) -> str:
-    """Between which checks it happened: the last that saw it as it was, and the first after."""
+def finding(life: Life, alarm: Alarm) -> Finding:
+    """One alarm as a finding, with the last check that saw it as it was, and the first after."""
     which = slice(None) if alarm.sensor is None else slice(alarm.sensor, alarm.sensor + 1)
     before = np.flatnonzero(np.any(life.seen[: alarm.onset, which], axis=1))
-    onset = day(life.month[alarm.onset])
-    if not len(before):
-        return f"by {onset}"
-    last, names = day(life.month[before[-1]]), layout.short(life.names)
-    last, onset = (names[before[-1]], names[alarm.onset]) if last == onset else (last, onset)
-    return f"between {last} and {onset}"
+    names, onset, raised = layout.short(life.names), alarm.onset, day(life.month[alarm.raised])
+    since, last = f"by {day(life.month[onset])}", day(life.month[before[-1]]) if len(before) else ""
+    if last:
+        since = f"between {last} and {day(life.month[onset])}"
+    if last == day(life.month[onset]):
+        since = f"between {names[before[-1]]} and {names[onset]}"
+    half = COVERAGE_FACTOR * alarm.size_std
+    values: dict[str, Value] = {
+        "since": since, "check": names[onset], "onset": day(life.month[onset]), "raised": raised,
+        "late": "" if alarm.raised == onset else raised, "change": alarm.turn.tolist(),
+        "change_95": [half] * 3, "std": half, "k": COVERAGE_FACTOR,
+    }  # fmt: skip
+    if alarm.sensor is None:
+        code = _CODES[alarm.kind] if alarm.kind == "load" else "alarm-together"
+        return Finding(code, (), None, "", alarm.p_value, values=values, rejects=True)
+    subject, code = (life.supports[alarm.sensor],), _CODES[alarm.kind]
+    return Finding(code, subject, alarm.size, "rad", alarm.p_value, values=values, rejects=True)
 
 
 def history_report(
@@ -98,9 +74,10 @@ def history_report(
     """
     unjudged = rejecting(findings)
     lost = [found for found in findings if found.code in _NO_PART]
-    kinds = list(dict.fromkeys(alarm.kind for alarm in alarms))
-    if slipped := any(found.values.get("cause") == _SLIP for found in unjudged):
-        kinds = [kind for kind in kinds if kind != "step"]  # the slip's own cure says it
+    raised = [finding(life, alarm) for alarm in alarms]
+    slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
+    # The slip's own cure says it.
+    cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
     due = _due(life, alarms, slipped=slipped)
     if certificates:
         ends, name = min(certificates)
@@ -120,14 +97,14 @@ def history_report(
         verdict=verdict.upper(),
         accepted=not alarms and not unjudged,
         provisional=bool(lost),
-        reasons=(*map(told, unjudged), *(sentence(life, alarm) for alarm in alarms)),
+        reasons=(*map(told, unjudged), *map(sentence, raised)),
         summary=(facts,),
         sections=(
             Section("State", (facts,)),
             *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
         ),
-        advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
+        advice=tuple(begun(text, ".") for text in dict.fromkeys(cures)),
     )
 
 
@@ -275,5 +252,5 @@ def _alarm(life: Life, alarm: Alarm) -> dict[str, Any]:
         onset_check=life.names[alarm.onset],
         raised=day(life.month[alarm.raised]),
         per="month" if alarm.kind == "creep" else None,
-        text=sentence(life, alarm),
+        text=sentence(finding(life, alarm)),
     )

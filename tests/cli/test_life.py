@@ -143,7 +143,7 @@ def test_a_turned_sensor_alarms_in_its_month(months: Path, files: list[Path], cl
     dates = [check["date"] for check in result["checks"]]
     assert f"between {dates[4]} and {dates[5]}" in alarm["text"]
     assert result["next_calibration"]["date"] == dates[-1]
-    size, half = map(float, re.findall(r"by ([0-9.]+) ± ([0-9.]+) mrad", alarm["text"])[0])
+    size, half = map(float, re.findall(r"by ([0-9.]+) mrad ± ([0-9.]+) mrad", alarm["text"])[0])
     assert abs(size - 1e3 * np.linalg.norm(truth)) < 2 * half
     said = cli("monitor", *files, "-q").out
     assert re.search(r"next calibration +now", said)
