@@ -18,17 +18,32 @@ from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import FloatArray, Rig, Rotations
 
 
+@record
+class HeldOut:
+    """Residual of K postures, or stretches of a motion, each held against all the others.
+
+    before, after : (K, 2), lengths of force, N, and moment, N·m, with the nominal mounting and
+    stated values, and with the calibration from the others. Of a posture about the LCS origin, of a
+    stretch about the barycentre, in the band, quadratic means over its time.
+    """
+
+    before: FloatArray
+    after: FloatArray
+
+
 @record(kw_only=True)
 class Judged(Generic[F]):
     """An estimate, and what was found when it was doubted.
 
-    suspicions : what residuals and distances say was not declared. findings : all that was found.
+    suspicions : what residuals and distances say was not declared. validation : None where nothing
+    can be left out. findings : all that was found.
     """
 
     rig: Rig
     estimate: Estimate[F]
     observability: Observability
     suspicions: tuple[Suspicion, ...]
+    validation: HeldOut | None
     monte_carlo: MonteCarlo | None = None
     findings: tuple[Finding, ...] = ()
 

@@ -29,7 +29,6 @@ from tdfscal.motioncal.slip import likeliest_steps, refuse_changed_delay, suspic
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.uncertainty import (
     MOST_TRIALS,
-    HeldOut,
     ResidualWrench,
     hold_out,
     residual_wrench,
@@ -58,7 +57,6 @@ class MotionCalibration(Judged[MovingFit]):
     it. residual : the residual wrench over time.
     """
 
-    validation: HeldOut | None
     rejected: tuple[Stretch, ...]
     begin: float
     seconds: float

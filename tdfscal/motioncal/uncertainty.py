@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.estimation.judged import HeldOut
 from tdfscal.estimation.uncertainty import (
     Estimate,
     simulate_angles,
@@ -74,18 +75,6 @@ _FOLD, _MOST = 15.0, 8
 _MANY = 4
 #: Length of the means that are kept, s, and how many of them at most in a long log.
 _MEAN, _MEANS = 1.0, 600
-
-
-@record
-class HeldOut:
-    """Residual wrench in the band of K stretches held out in turn, quadratic means over time.
-
-    before, after : (K, 2), N and N·m, with the nominal mounting and stated values, and with the
-    calibration from the other stretches.
-    """
-
-    before: FloatArray
-    after: FloatArray
 
 
 def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.estimation.judged import HeldOut
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.model.parameters import State, nominal
@@ -147,21 +148,7 @@ def _rejected(result: Fit) -> dict[int, Finding]:
     return found
 
 
-@record
-class CrossValidation:
-    """Residual contact wrench of the postures, each predicted from all the others.
-
-    index : (K,), the used postures. before, after : (K, 6), force and moment about the LCS origin,
-    N and N·m, BCS; with the nominal mounting and the stated zeros, mass and barycentre, and with
-    the calibration found without that posture.
-    """
-
-    index: IntArray
-    before: FloatArray
-    after: FloatArray
-
-
-def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
+def cross_validate(fit: Fit, parts: Spectrum) -> HeldOut:
     """Leave each used posture out in turn.
 
     The deleted residual is (I − H_kk)⁻¹ e_k with H_kk = J_k (JᵀJ)⁺ J_kᵀ in whitened units: the
@@ -177,11 +164,8 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     rig, start = fit.rig, nominal(fit.rig, fit.postures.motions)
     at = balance(fit.postures, start, rig.barycentre.value, rig.gravity)
     before = (at.design @ features(start, at, rig.gravity))[used]
-    return CrossValidation(
-        index=used,
-        before=-(to_origin(at)[used] @ before[..., None])[..., 0],
-        after=-(to_origin(fit.at)[used] @ apart @ e)[..., 0],
-    )
+    both = to_origin(at)[used] @ before[..., None], to_origin(fit.at)[used] @ apart @ e
+    return HeldOut(*(np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in both))
 
 
 #: Random starts, of so many postures each: with a third of them touched, four are clean in one of

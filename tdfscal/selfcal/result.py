@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.judged import Judged
+from tdfscal.estimation.judged import HeldOut, Judged
 from tdfscal.estimation.observability import (
     ENOUGH,
     Observability,
@@ -26,7 +26,6 @@ from tdfscal.model.statics import internal_part
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
-from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.significance import MISFIT, OF_CAPACITY, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
@@ -48,7 +47,7 @@ class SelfCalibration(Judged[Fit]):
 
     estimator: Estimator
     dwells: Dwells
-    validation: CrossValidation
+    validation: HeldOut
     rejected: dict[int, Finding]
     with_moves: FloatArray | None = None
 

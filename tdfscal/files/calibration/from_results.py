@@ -204,7 +204,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "estimator": "ml",
         "fit": statistics.fit(result, origin.campaigns),
         "observability": seen,
-        "validation": statistics.validation(result.validation),
+        "validation": statistics.validation(result),
         "conformity": result.conformity,
     }
     if not isinstance(result, SelfCalibration):

@@ -20,13 +20,11 @@ from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
-from tdfscal.selfcal.outliers import CrossValidation
 from tdfscal.selfcal.result import SelfCalibration
 
 if TYPE_CHECKING:
     from tdfscal.acceptance import Conformity
     from tdfscal.motioncal.pipeline import MotionCalibration
-    from tdfscal.motioncal.uncertainty import HeldOut
     from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
@@ -80,26 +78,18 @@ def observability(seen: Observability) -> dict[str, Any]:
     }
 
 
-def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None:
+def validation(result: SelfCalibration | MotionCalibration) -> dict[str, Any] | None:
     """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
-    if check is None:
+    if (check := result.validation) is None:
         return None
-    part = "posture" if isinstance(check, CrossValidation) else "stretch of the motion"
-    lengths = _lengths(check)
+    lengths = check.before, check.after
     columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
     columns += [length.max(axis=0) for length in lengths]
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
+    part = "stretch of the motion" if result.fit.moving else "posture"
     method = f"leave one {part} out"
     return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
-
-
-def _lengths(check: CrossValidation | HeldOut) -> list[FloatArray]:
-    """Lengths (K, 2) of force and moment, N and N·m, before and after."""
-    both = [check.before, check.after]
-    if isinstance(check, CrossValidation):
-        both = [np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2) for wrench in both]
-    return both
 
 
 def budget(
@@ -154,14 +144,14 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
 
 def postures(result: SelfCalibration) -> dict[str, Any]:
     """Time and residual wrench of each posture in the fit."""
-    dwells, (before, after) = result.dwells, _lengths(result.validation)
+    dwells, check = result.dwells, result.validation
     used = [k for k in range(len(dwells)) if k not in result.rejected]
     return {
         "index": used,
         "start": dwells.start[used],
         "end": dwells.end[used],
-        "before": before,
-        "after": after,
+        "before": check.before,
+        "after": check.after,
         "left_out": [
             {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
         ],
