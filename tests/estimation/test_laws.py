@@ -16,9 +16,11 @@ from tdfscal.estimation.uncertainty import Estimate, estimate
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import prior_std, with_motions
 from tdfscal.model.statics import postures
+from tdfscal.motioncal import uncertainty as motion_trials
 from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.records import Drift, Rig
+from tdfscal.selfcal import monte_carlo
 from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Options
@@ -163,3 +165,17 @@ def test_observations_add() -> None:
     assert np.allclose((one + two).matrix, both.matrix, rtol=0, atol=1e-9 * both.matrix.max())
     size = np.abs(one.score).max()
     assert np.allclose((one + two).score, both.score, rtol=0, atol=1e-9 * size)
+
+
+def test_trials_confirm_the_interval_and_refute_a_wrong_one(known: Estimate[Any]) -> None:
+    """20,000 of them have the linear standard uncertainties, within five standard errors."""
+    drawn = motion_trials.simulate if known.fit.moving else monte_carlo.simulate
+    spread, whole = known.uncertainty, known.fit.rig.axes.all(axis=1)
+    found = drawn(known, np.random.default_rng(4), 20_000, whole)
+    assert found.trials == 20_000
+    assert found.validated
+    ratio = (found.std / spread.rpy_std)[whole]
+    assert np.abs(ratio - 1).max() < 5 / np.sqrt(2 * 20_000)
+    narrow = replace(spread, rpy_covariance=spread.rpy_covariance / 4)
+    again = drawn(replace(known, uncertainty=narrow), np.random.default_rng(6), 10_000, whole)
+    assert not again.validated

@@ -1,7 +1,5 @@
 """What is stated covers; the spectrum is that of the noise; trials confirm the interval."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.dynamics import PARAMETERS
 from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
-from tdfscal.motioncal.uncertainty import simulate
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import MovingOptions
@@ -45,16 +42,3 @@ def test_the_spectrum_is_that_of_the_noise(minute: tuple[MovingCampaign, MovingF
     _, fit = minute
     density, _ = fit.noise.density(np.array([0.7, 1.5, 2.5]))
     assert density == pytest.approx(1.75**2 / 250, rel=0.25)
-
-
-def test_trials_confirm_the_interval_and_refute_a_wrong_one() -> None:
-    _, fit = fitted(MovingOptions(rate=100.0, duration=40.0, slow_noise=0.3), 3)
-    linear, every = estimate(fit), np.ones(3, dtype=np.bool_)
-    found = simulate(linear, np.random.default_rng(4), 20_000, every)
-    assert found.trials == 20_000
-    assert found.validated
-    known = linear.uncertainty
-    assert found.std == pytest.approx(known.rpy_std, rel=0.03)
-    wrong = replace(known, rpy_covariance=0.25 * known.rpy_covariance)
-    found = simulate(replace(linear, uncertainty=wrong), np.random.default_rng(6), 20_000, every)
-    assert not found.validated
