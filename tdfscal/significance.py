@@ -124,10 +124,6 @@ LONGEST_INTERVAL: Final = 24.0
 #: Months between checks that are counted at least, a day, and at most.
 _INTERVALS: Final = 1 / 30.4375, 12.0
 
-#: Share of it with which each campaign of a pool is held against all others: of the rate at most
-#: 0.8 comes true in their chart, which the pool is asked too, and about 0.1 more in these.
-POOL_SHARE: Final = 0.25
-
 
 def alarm_level(months: FloatArray | float, rate: float = ALARMS_PER_YEAR) -> FloatArray:
     """Level of all tests of a check together, so many months after the one before (…).

@@ -5,37 +5,6 @@ from __future__ import annotations
 from tdfscal.catalogue.entry import Entry, entries
 from tdfscal.frozen import replace
 
-#: Why a campaign does not fit the others, or the calibration before it.
-MISFITS: dict[str, Entry] = entries(
-    """
-misfit-turned rejects
-  {subject} seems turned by {size} there
-misfit-load rejects
-  the terminal seems loaded otherwise there
-misfit-sensitivity rejects
-  gains or crosstalk of the sensors seem otherwise there
-misfit-hinge rejects
-  the hinges seem to lie otherwise there
-misfit-datum rejects
-  the servo coordinates seem offset otherwise there
-misfit-tilt rejects
-  the base seems tilted otherwise there
-misfit-compliance rejects
-  what gives between encoders and hinges seems otherwise there
-misfit-unexplained rejects
-  no single cause explains it
-""",
-    "{campaign} does not fit {than} ({p}): %s",
-    "-> {updating:calibrate anew instead of updating; or declare drift.angle, where the angles walk"
-    "|leave {campaign} out, or calibrate the campaigns before and after apart}",
-) | entries(
-    """
-campaigns-changed rejects
-  {said}
-  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the rig's own|}
-"""
-)
-
 #: What may have changed since a calibration.
 _CHANGED = entries(
     """
@@ -111,7 +80,11 @@ _CHANGES = {
 }
 
 IN_USE: dict[str, Entry] = {
-    **MISFITS,
+    **entries("""
+campaigns-changed rejects
+  {said}
+  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the rig's own|}
+"""),
     **_CHANGES,
     **entries("""
 rejected-in-use warns

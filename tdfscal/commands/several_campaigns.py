@@ -216,7 +216,7 @@ def calibrate_several(
         month = min(earlier.measured.month, *(one.month for one in recorded))
         recorded.insert(0, replace(earlier.recorded, month=month))
     pooled = pool(recorded)
-    changes, pooled = _changes(read.rig, pooled, earlier)
+    changes, pooled = _changes(read.rig, pooled)
     at = pooled.index(read.recorded)
     informed = replace(read.rig, earlier=pooled.others(read.rig, at))
     own = calibrate_informed(read, informed, settings.trials)
@@ -298,18 +298,10 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, .
     )
 
 
-def _changes(rig: Rig, pooled: Pool, earlier: Earlier | None) -> tuple[list[Finding], Pool]:
-    """Why the campaigns are not of one state; and the pool, knowing what turned between them.
-
-    Turns that the control chart alarms of, unless fewer campaigns that do not fit the others
-    explain as much.
-    """
+def _changes(rig: Rig, pooled: Pool) -> tuple[list[Finding], Pool]:
+    """Why the campaigns are not of one state; and the pool, knowing what turned between them."""
     life, _ = life_of(rig, pooled)
-    alarms, misfits = life.alarms, pooled.misfits
-    unnamed = any(alarm.sensor is None for alarm in alarms)
-    if not alarms or (misfits and (unnamed or len(misfits) < len(alarms))):
-        than = earlier.name if earlier else None
-        return [misfit.against(than) for misfit in misfits], pooled
+    alarms = life.alarms
     edges = [0, *sorted({alarm.onset for alarm in alarms}), len(life.names)]
     names = short(life.names)
     apart = [

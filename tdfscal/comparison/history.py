@@ -13,7 +13,6 @@ from tdfscal.comparison.common import Intensity, Walk, intensity
 from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.control_chart import WINDOWS, Alarm, Check, Watching
 from tdfscal.comparison.members import added_to
-from tdfscal.comparison.misfit import scatter_of
 from tdfscal.comparison.pooling import Pool
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -21,9 +20,9 @@ from tdfscal.model.calibrated import turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.numerics.information import Information
+from tdfscal.numerics.information import Information, p_value
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.significance import ALARMS_PER_YEAR, INTERVAL_COVERAGE, LONGEST_INTERVAL
+from tdfscal.significance import ALARMS_PER_YEAR, INTERVAL_COVERAGE, LONGEST_INTERVAL, MISFIT
 
 #: Fewer checks, or all within a day (months), say nothing of a walk.
 _FEWEST_FOR_WALK, _ONE_DAY = 4, 1 / 30.44
@@ -255,7 +254,7 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
         own = m.own if told.all() else added_to(rig, m.own + prior, prior, told)
         checks.append(Check(m.name, m.month, own, shared.load(k)))
         fits.append(replace(m, reduced=replace(m.reduced, information=own)).within(prior))
-    birge = scatter_of(fits)
+    birge = _scatter(fits)
     least = float(birge.min())
     noisy = [
         Finding("campaign-noisy", (check.name,), float(ratio))
@@ -264,6 +263,22 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     ]
     scaled = [replace(c, own=c.own.scaled(b / least)) for c, b in zip(checks, birge, strict=True)]
     return live(rig, pooled.reference, prior, scaled, rate=ALARMS_PER_YEAR, birge=least), noisy
+
+
+def _birge(fits: Sequence[tuple[float, int]]) -> float:
+    """Birge ratio of fits together, never below 1: understated noise is no turned sensor."""
+    dof = sum(count for _, count in fits)
+    return max(1.0, float(np.sqrt(sum(chi2 for chi2, _ in fits) / dof))) if dof else 1.0
+
+
+def _scatter(fits: Sequence[tuple[float, int]]) -> FloatArray:
+    """Birge ratio (K,) by which each campaign counts: the common one, but a noisy one's its own.
+
+    A noisy month neither passes for a turned sensor nor widens the others.
+    """
+    noisy = np.array([p_value(fit) < MISFIT / len(fits) for fit in fits])
+    common = _birge([fit for fit, own in zip(fits, noisy, strict=True) if not own])
+    return np.array([_birge([f]) if own else common for f, own in zip(fits, noisy, strict=True)])
 
 
 def _determined(rig: Rig, pooled: Pool) -> BoolArray:

@@ -20,7 +20,6 @@ from tdfscal.comparison.common import (
     with_load,
 )
 from tdfscal.comparison.members import Recorded
-from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, eliminate, unstated
 from tdfscal.findings import Finding
@@ -34,11 +33,10 @@ from tdfscal.model.parameters import (
     with_motions,
 )
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Information
+from tdfscal.numerics.information import Contrast, Information
 from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.significance import POOL_SHARE, alarm_level
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-6
@@ -87,7 +85,10 @@ class Member:
         """
         if (earlier := self.recorded.earlier) is not None:
             return (earlier.chi2, earlier.dof) if earlier.base is None else (0.0, 0)
-        return within(self.reduced, prior)
+        part = self.reduced
+        told = part.information.beside(prior)
+        explained, rank = Contrast(told.matrix, told.score).chi2()
+        return max(0.0, part.chi2 - explained), max(0, part.rows - rank)
 
 
 @record
@@ -102,7 +103,6 @@ class Pool:
     references: list[State]
     walk: Walk
     members: tuple[Member, ...]
-    misfits: tuple[Misfit, ...]
 
     @property
     def reference(self) -> State:
@@ -200,12 +200,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known)
         for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True))
     ]
-    birge = scatter_of([member.within(walk.prior) for member in members])
-    own = [item.scaled(ratio) for item, ratio in zip(walk.own, birge, strict=True)]
-    level = POOL_SHARE * alarm_level(np.append(gaps[1:2], gaps[1:]))
-    scaled = Walk(own, walk.prior.scaled(birge.min()), steps)
-    found = not_fitting(shared, ordered, scaled, level)
-    return Pool(shared, references, walk, tuple(members), found)
+    return Pool(shared, references, walk, tuple(members))
 
 
 def _member(

@@ -189,15 +189,10 @@ class Contrast:
         each = np.arange(3 * sensors).reshape(-1, 3)
         return np.array([p_value(self.chi2(where)) for where in each])
 
-    def left(self, where: Places, within: FloatArray | float = np.inf) -> tuple[float, int]:
-        """χ² and degrees of freedom that a change of the constants at `where` does not explain.
-
-        within : standard deviation of such a change, where it is not free.
-        """
-        (whole, rank), (_, unknowns) = self.chi2(), self.chi2(where)
-        block = self.matrix[where][:, where]
-        bound = Contrast(block + np.diag(np.full(len(block), 1.0) / within**2), self.score[where])
-        return max(0.0, whole - bound.chi2()[0]), rank - unknowns
+    def left(self, where: Places) -> tuple[float, int]:
+        """χ² and degrees of freedom that a change of the constants at `where` does not explain."""
+        (whole, rank), (explained, unknowns) = self.chi2(), self.chi2(where)
+        return max(0.0, whole - explained), rank - unknowns
 
     def _seen(self, where: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Eigenvalues and vectors of what is seen of `where`, scaled to one another, and scale."""
@@ -209,7 +204,7 @@ class Contrast:
         return values[seen], vectors[:, seen], scale
 
 
-def contrast(a: Information, b: Information, stated: Information | None = None) -> Contrast:
+def contrast(a: Information, b: Information) -> Contrast:
     """B against a, in the directions of which both know something; their sum must determine all.
 
     In the basis where Λ_a + Λ_b = 1 and Λ_b is diagonal with shares f, M has f (1 − f) (theory,
@@ -218,10 +213,8 @@ def contrast(a: Information, b: Information, stated: Information | None = None) 
     Parameters
     ----------
     a : the rest, with all that is stated of the constants. b : a part, by its measurements alone.
-    stated : without measurements; of b, what it adds to that counts. A part of many has a small
-        share beside the rest, and tests none the worse where it measures.
+        One of many has a small share beside the rest, and tests none the worse where it measures.
     """
-    b = b if stated is None else b.beside(stated)
     share, basis, dual = _shares(b.matrix, a.matrix + b.matrix)
     both = (share > _NEW) & (share < 1 - _NEW)
     f, basis, dual = share[both], basis[:, both], dual[both]

@@ -11,7 +11,6 @@ import numpy as np
 from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.in_use import MISFITS
 from tdfscal.catalogue.numbers import rounded, two_digits
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
@@ -169,13 +168,13 @@ def _cures(c: Calibration) -> Iterator[str]:
     touched, which looks like noise; precision last, for it is judged with the noise that all of
     these add.
     """
-    suspected, misfits = _suspected(c), c.found(*MISFITS)
-    if misfits:
+    suspected, changed = _suspected(c), c.found("campaigns-changed")
+    if changed:
         suspected = [found for found in suspected if found.severity == "rejects"]
     if c.motion is not None:  # a log in motion that was meant to rest
         for found in c.found("stops-left-out", "stops-over-capacity"):
             yield f"{found.cure}: {found.text}"
-    apart = (*c.found("campaign-unusable"), *misfits)
+    apart = (*c.found("campaign-unusable"), *changed)
     yield from dict.fromkeys(found.cure or "" for found in apart)
     yield from _of_the_sensors(c, _many_rejected(c))
     yield from (found.cure or "" for found in suspected if found.code not in _NOISE)

@@ -143,9 +143,10 @@ def test_an_update_blames_the_month_at_fault(home: Path, base: Path, tmp_path: P
     (named,) = (f for f in beside.findings if f.code == "campaign-left-out")
     assert named.subject == (str(home / "slipped"),)
     ended = tdfscal.update(base, [home / "sound2", moved, later], trials=0)
-    (misfit,) = (f for f in ended.reasons if f.code == "misfit-turned")
-    assert misfit.subject == ("ncp2",)
-    assert str(moved) in misfit.text
+    there, back = (f for f in ended.reasons if f.code == "campaigns-changed")
+    assert there.subject == back.subject == ("ncp2",)
+    assert moved.name in there.text
+    assert later.name in back.text
 
 
 def at_capacity(folder: Path) -> int:

@@ -19,7 +19,7 @@ MADE = {"subject", "size", "number", "p", "stated", "subjects", "several", "cut"
 
 
 def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
-    """Those of misfits and changes are made of the cause's name."""
+    """Those of changes are made of the cause's name."""
     strings, codes = set[str](), set[str]()
     for path in PACKAGE.rglob("*.py"):
         if "catalogue" in path.parts:
@@ -34,7 +34,7 @@ def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
                 ):
                     codes.add(str(code))
     assert codes <= set(CATALOGUE)
-    made = {code for code in CATALOGUE if code.startswith(("misfit-", "change-"))}
+    made = {code for code in CATALOGUE if code.startswith("change-")}
     assert set(CATALOGUE) - made <= strings
 
 
