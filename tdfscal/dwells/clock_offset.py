@@ -23,6 +23,7 @@ _ENOUGH, _COARSE = 36_000, 0.1  # some of a long log's, and s that they are apar
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
 _CERTAIN = 5.0  # standard errors
+_VOUCHED = 0.1  # s; an offset that is known to that is no other one of seconds
 
 
 @record
@@ -98,21 +99,17 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
 def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
     """Tell where forces seconds behind the positions, or ahead of them, are paired wrongly.
 
-    Not where the moves between dwells tell that lag too: in such a dwell both rest together.
+    Not where the moves between dwells tell how far: in such a dwell both rest together.
     """
+    offset = motion_offset(bins, dwells)
+    if offset is not None and offset.std < _VOUCHED:
+        return None
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
     if len(whole) < _LEAST:
         return None
     whole = whole[:: max(min(len(whole) // _ENOUGH, int(_COARSE / bins.width)), 1)]
     mean = bins.mean[whole]
-    found = forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
-    if found is None or found.size is None:
-        return found
-    offset = motion_offset(bins, dwells)
-    if offset is None:
-        return found
-    lag = found.size if found.values["late"] else -found.size
-    return None if abs(lag - offset.seconds) <= SAME else found
+    return forces_behind(bins.start[whole], mean[:, :n], mean[:, n:])
 
 
 def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> Finding | None:
