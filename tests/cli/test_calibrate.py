@@ -49,7 +49,7 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     assert "ACCEPTED" in text.out
     moved = target.rename(tmp_path / "moved.yaml")
     text = cli("report", moved, ends=0)
-    assert f"tdfscal validate {moved} LOG" in " ".join(text.out.split())
+    assert f"validate{moved}LOG" in "".join(text.out.split())
     moved.rename(target)
     lines = text.out.splitlines()
     assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
