@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -134,7 +135,7 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
             ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
         for x, at in zip(value + half, y, strict=True):
             if len(pairs) > 1:
-                beside(ax, pair.names[0], x, at, 4)
+                beside(ax, PurePath(pair.names[0]).name, x, at, 4)
     ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
     return fig
 
