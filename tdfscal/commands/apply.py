@@ -121,7 +121,8 @@ def apply(
     """
     target, point = one(output), triple("--at", at)
     use = take(calibration, paths, rig)
-    log = WrenchPass.of(use, Settings(progress, window(from_, to)), point)
+    settings = Settings(progress, window(from_, to))
+    log = WrenchPass(use.campaign, settings, use=use, point=np.array(point))
     head, samples = log.read()
     totals, noises, columns = Totals(), list[SampleNoise](), None
     samples, effect = _behind(filter, head, samples)

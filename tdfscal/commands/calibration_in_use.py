@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -19,7 +19,7 @@ from tdfscal.commands.campaign import (
     resolve,
     stated_date,
 )
-from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.log_pass import LogPass
 from tdfscal.commands.result import (
     Calibration,
     CalibrationSource,
@@ -198,23 +198,14 @@ class WrenchPass(LogPass):
 
     use: InUse
     point: FloatArray
-    given: Calibrated
-    inspection: Inspection
     tally: Tally = field(default_factory=Tally)
     thermometer: Thermometer = field(default_factory=Thermometer)
+    given: Calibrated = field(init=False)
+    inspection: Inspection = field(init=False)
 
-    @classmethod
-    def of(cls, use: InUse, settings: Settings, point: Sequence[float]) -> WrenchPass:
-        """Start with the point that moments are about."""
-        place = np.array(point)
-        return cls(
-            use.campaign,
-            settings,
-            use=use,
-            point=place,
-            given=about_point(use.given, place),
-            inspection=Inspection(use.given),
-        )
+    def __post_init__(self) -> None:
+        self.given = about_point(self.use.given, self.point)
+        self.inspection = Inspection(self.use.given)
 
     def read(self) -> tuple[LogHead, Iterator[Samples]]:
         """Begin to read: the beginning, and the samples from their first on. Raises DataError."""

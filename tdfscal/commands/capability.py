@@ -158,7 +158,8 @@ def capability(
     request, point = Request(false_stops, detect, filter), triple("--at", at)
     path = _planned(calibration, listed(paths), np.array(point))
     if path is None:
-        log = WrenchPass.of(take(calibration, paths, rig), Settings(progress), point)
+        use = take(calibration, paths, rig)
+        log = WrenchPass(use.campaign, Settings(progress), use=use, point=np.array(point))
         path = _recorded(log, request.cutoff)
     own, places = path.use.calibration, path.places
     if not own.rotation_covariance.any():

@@ -29,37 +29,34 @@ from tdfscal.reporting.traceability import Making
 
 @record(eq=False)
 class ReportResult(CommandResult):
-    """Calibrations to look at. named : name and content of each, in the order given."""
+    """Calibrations to look at. named : name and content of each, in the order given.
+
+    compared : the oldest against each of the others, where there are several.
+    """
 
     named: tuple[tuple[str, Calibration], ...]
+    compared: CompareResult | None
     making: Making
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What must be known of each, and what tells several apart."""
-        return defects(*self.named[0]) if self._compared is None else self._compared.findings
-
-    @property
-    def _compared(self) -> CompareResult | None:
-        """The oldest against each of the others, where there are several."""
-        if len(self.named) == 1:
-            return None
-        return CompareResult(against_first(sorted(self.named, key=by_date)))
+        return defects(*self.named[0]) if self.compared is None else self.compared.findings
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out the one, or all side by side."""
         from tdfscal.reporting.calibration import calibration_report
 
-        if self._compared is None:
+        if self.compared is None:
             return replace(calibration_report(self.named[0][1], drawings), summary=())
-        return replace(several_report(self._compared.compared, self.making, drawings), summary=())
+        return replace(several_report(self.compared.compared, self.making, drawings), summary=())
 
     def document(self) -> dict[str, Any]:
         """Return the content of all files, and how several compare, as JSON values."""
         sealed = not self.named[0][1].unsealed
         found: dict[str, Any] = {"verified": sealed, "comparisons": []}
-        if self._compared is not None:
-            found = self._compared.document()
+        if self.compared is not None:
+            found = self.compared.document()
         return {"calibrations": [c.to_dict() for _, c in self.named], **found}
 
     def table(self) -> dict[str, list[Any]]:
@@ -69,7 +66,7 @@ class ReportResult(CommandResult):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        return (self._compared or self.named[0][1]).drawings()
+        return (self.compared or self.named[0][1]).drawings()
 
 
 @options.command("report calibration.yaml --html report.html")
@@ -100,4 +97,5 @@ def report(
         A file cannot be read, is no calibration, or they are of different supports.
     """
     named = tuple(read_sources(sources_of(*files)))
-    return ReportResult(named, Making(command, ()))
+    several = CompareResult(against_first(sorted(named, key=by_date))) if named[1:] else None
+    return ReportResult(named, several, Making(command, ()))
