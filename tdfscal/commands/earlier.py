@@ -38,9 +38,15 @@ class Earlier(EarlierCalibration):
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
-        known = readings_of(self.file, self.rig.supports)
+        known, tracker = readings_of(self.file, self.rig.supports), self.file.rig.tracker
+        wanted = {Path(name).name for name in (tracker.files if tracker else ())[::2]}
         return [
-            Recording(one.name, [f.record() for f in one.inputs], one.measured.record(), means)
+            Recording(
+                one.name,
+                [f.record() for f in one.inputs if Path(f.path).name not in wanted],
+                one.measured.record(),
+                means,
+            )
             for one, means in zip(self.campaigns, known, strict=True)
         ]
 

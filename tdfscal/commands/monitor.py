@@ -166,7 +166,7 @@ def monitor(
     progress(f"going through {len(checks)} checks")
     ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda one: one.measured.month)
     life, noisy = life_of(rig, pool([check.recorded for check in checks]))
-    making = Making(command, tuple(file for read in reads for file in read.inputs))
+    making = Making(command, tuple(file for read in reads for file in read.log.inputs))
     found = (*lost, *papers, *noisy, *_findings(life, checks), *overdue(rig, making.created[:10]))
     return MonitorResult(rig, life, found, tuple(map(_source, ordered)), making)
 

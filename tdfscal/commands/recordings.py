@@ -63,7 +63,11 @@ def surveyed(
 
 @record
 class Recording:
-    """What tells one recording from another. means : of its readings; None where not at hand."""
+    """What tells one recording from another.
+
+    inputs : its files, but for what was wanted: nominal points and servo positions. means : of its
+    readings; None where not at hand.
+    """
 
     name: str
     inputs: Sequence[InputFile]
@@ -155,7 +159,8 @@ def _read(name: str, log: LogPass) -> Read:
         log.messages += log.campaign.lost_log
         found, _ = surveyed(log, 0, np.random.default_rng(0))
         survey, exact = found.rotations, found.exact
-    when, files = measured(log), tuple(log.inputs)
+    wanted = set(map(str, log.campaign.rig.surveys[::2]))
+    when, files = measured(log), [one for one in log.inputs if one.path not in wanted]
     return Read(name, files, when, means, log.rig, log, dwells, survey, exact)
 
 

@@ -229,7 +229,7 @@ def calibrate_several(
             reasons += wanted([found])
     origin = origin_of(
         read.log,
-        inputs=tuple(entry for one in reads for entry in one.inputs),
+        inputs=tuple(entry for one in reads for entry in one.log.inputs),
         measured=_whole([one.measured for one in reads]),
         campaigns=(*(earlier.campaigns if earlier else ()), *_campaigns(reads, pooled)),
         history=earlier.history() if earlier else (),
@@ -288,7 +288,7 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, .
             read.means,
             name=read.name,
             measured=read.measured,
-            inputs=read.inputs,
+            inputs=tuple(read.log.inputs),
             postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
             chi2=member.chi2,
             dof=max(member.dof, 0),

@@ -2,7 +2,7 @@
 
 Each campaign is fitted with what the others know, so that one which determines nothing alone takes
 part; then all are reduced to their information about one common reference, filtered in the order
-of time, and each is held against the rest before anything is pooled.
+of time. Whether they are of one state is the history's to say.
 """
 
 from __future__ import annotations
@@ -163,12 +163,11 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
 
     Parameters
     ----------
-    campaigns : two or more, one of them at least with postures or in motion.
+    campaigns : one or more.
 
     Returns
     -------
-    Pool : with the campaigns that do not fit the others named; whether to pool them all the same
-        is the caller's to say.
+    Pool : whether they are of one state is asked by `history.life_of`.
 
     References
     ----------
@@ -267,6 +266,8 @@ def _first_round(
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
         known = known + shared.embedded(k, eliminate(result, references[k]).information)
+    if not references and (survey := ordered[0].survey) is not None:
+        begin(replace(nominal(ordered[0].rig), rotation=survey.rotation))
     turns = _turns(ordered, [fits[k] for k in np.argsort(sizes)[::-1]], references[0].rotation)
     return fits, rejected, [replace(reference, rotation=turns) for reference in references]
 

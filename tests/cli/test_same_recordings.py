@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+import tdfscal
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.simulation import MOVING, reference_rig, scenarios
 from tests.cli.running import Cli
@@ -52,3 +53,15 @@ def test_a_moving_log_updates_and_is_pooled(tmp_path: Path, cli: Cli) -> None:
         assert np.all(
             np.abs(np.array(ours["zero"]) - theirs["zero"]) < 4 * np.array(ours["zero_std"])
         )
+
+
+def test_surveys_by_one_drawing_are_two(tmp_path: Path) -> None:
+    """They share nominal points, and are checks by themselves: each with its own angles."""
+    folders = [tmp_path / name for name in ("a", "b")]
+    for seed, folder in enumerate(folders):
+        tdfscal.simulate(folder, scenario="tracker", seed=seed)
+    life = tdfscal.monitor(*folders).life
+    assert {alarm.kind for alarm in life.alarms} == {"step"}  # seeds mount the sensors anew
+    for name, rpy in zip(life.names, life.rpy, strict=True):
+        alone = tdfscal.calibrate(name, trials=0)
+        assert np.abs(rpy - [support.rpy for support in alone.supports]).max() < 1e-6
