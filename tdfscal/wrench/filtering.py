@@ -17,15 +17,13 @@ from tdfscal.errors import DataError
 from tdfscal.frozen import record, replace
 from tdfscal.model.samples_in_motion import Samples
 from tdfscal.records import FloatArray
+from tdfscal.wrench.wrench_noise import FEWEST, scatter_in_windows
 
 #: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
 WALK = 15.0
 
 Kind = Literal["none", "kalman", "smooth"]
 
-_FEWEST = 16
-#: Samples from which the noise is measured.
-_MEASURED = 20_000
 #: Weight from which on the smoother takes no notice of later samples.
 _FORGOTTEN = 1.0e-9
 #: Sampling intervals without a sample that end a stretch.
@@ -64,32 +62,6 @@ class Walk:
         g, a = self.gain, 1.0 - self.gain
         both = (1.0 + a**2) / (1.0 + a) ** 2 if smooth else 1.0
         return float(g * np.sqrt(both / (1.0 - a**2)))
-
-
-def measured_noise(signal: FloatArray) -> float:
-    """Standard deviation of a sample's noise, rms over the channels of a signal (N, C).
-
-    With d1 and d2 the differences over one and two samples, r = var d1 − var d2 / 2; their
-    variances by medians, so that moves and jolts do not count as noise.
-
-    Raises DataError for fewer than 16 samples or numbers that are none.
-    """
-    if signal.ndim != 2 or len(signal) < _FEWEST or not np.all(np.isfinite(signal)):
-        raise _too_few(len(signal))
-    r = _variance(np.diff(signal, axis=0)) - 0.5 * _variance(signal[2:] - signal[:-2])
-    return float(np.sqrt(np.mean(np.maximum(r, 0.0))))
-
-
-def _too_few(samples: int) -> DataError:
-    return DataError(
-        f"the noise cannot be measured from {samples} samples",
-        hint=f"give {_FEWEST} finite samples or more",
-    )
-
-
-def _variance(difference: FloatArray) -> FloatArray:
-    """Robust variance (C,) of normal numbers with mean 0: (median |d| / 0.6745)²."""
-    return np.asarray((np.median(np.abs(difference), axis=0) / 0.6744897501960817) ** 2)
 
 
 class Causal:
@@ -157,10 +129,14 @@ def filter_for(walk: float, head: Samples) -> Walk:
 
     Raises DataError where no filter can be made.
     """
-    if len(head.time) < _FEWEST:
-        raise _too_few(len(head.time))
-    white = measured_noise(head.force.reshape(len(head.time), -1)[:_MEASURED])
-    return Walk.of(walk, white, float(np.median(np.diff(head.time))))
+    variance, windows = scatter_in_windows(head.time, head.force.reshape(len(head.time), -1))
+    if not windows or not np.isfinite(variance).all():
+        raise DataError(
+            f"the noise cannot be measured from {len(head.time)} samples",
+            hint=f"give {FEWEST} finite samples or more",
+        )
+    noise = float(np.sqrt(variance.mean()))
+    return Walk.of(walk, noise, float(np.median(np.diff(head.time))))
 
 
 def filtered(samples: Iterable[Samples], kind: Kind, model: Walk) -> Iterator[Samples]:

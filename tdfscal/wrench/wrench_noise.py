@@ -34,7 +34,7 @@ from tdfscal.records import BoolArray, Drift, FloatArray, Log, Series
 from tdfscal.wrench.contact_wrench import Wrenches
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
-_WINDOW, _FEWEST = 0.5, 32
+_WINDOW, FEWEST = 0.5, 32
 #: Samples that the noise is measured on.
 HEAD = 65_536
 #: Differences of neighbouring means per channel behind an Allan variance, at least.
@@ -167,14 +167,14 @@ def _noise(held: list[Wrenches], head: LogHead, each: FloatArray, slow: float) -
         squares = sum(np.sum((value[r] - value[r].mean(axis=0)) ** 2, axis=0) for r in rows)
         variance, windows = squares / sum(r.stop - r.start for r in rows), 0
     else:
-        variance, windows = _scatter_in_windows(time, value)
+        variance, windows = scatter_in_windows(time, value)
     return SampleNoise(np.sqrt(variance + lost * each), len(rows), windows)
 
 
-def _scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray, int]:
-    """Median over short windows of the variance (6,) about a parabola, and their number."""
+def scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray, int]:
+    """Median over short windows of the variance (C,) of (N, C) about a parabola; their number."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    size = max(_FEWEST, round(_WINDOW / step)) if np.isfinite(step) else _FEWEST
+    size = max(FEWEST, round(_WINDOW / step)) if np.isfinite(step) else FEWEST
     count = len(time) // size
     if not count:
         return np.full(value.shape[1], np.nan), 0
