@@ -285,24 +285,24 @@ def _statistics(c: Calibration) -> Iterator[tuple[str, str]]:
 
 def _coverage(c: Calibration) -> str:
     """Coverage factors of the intervals, and the degrees of freedom that they stand for."""
-    factors = [
+    factors = sorted(
         (high - low) / (2 * std)
         for m in c.mounted
         for low, high, std in zip(m.interval.low, m.interval.high, m.rpy_std, strict=True)
         if low is not None and high is not None and std > 0
-    ]
+    )
     if not factors:
         return f"expanded uncertainties with k = {COVERAGE_FACTOR:g}"
-    ends = (min(factors), max(factors))
-    said = f"{100 * INTERVAL_COVERAGE:g} % intervals, k = {_span(ends, '.2f')}"
+    said = f"{100 * INTERVAL_COVERAGE:g} % intervals, k = {_span(factors, '.2f')}"
     if c.monte_carlo is not None and c.monte_carlo.decides:
         return f"{said}, by the trials"
-    dof = sorted(float(n) for n in student_dof(INTERVAL_COVERAGE, ends) if math.isfinite(n))
-    return f"{said} for {_span(dof, '.0f')} degrees of freedom" if dof else said
+    dof = student_dof(INTERVAL_COVERAGE, (factors[0], factors[-1]))
+    known = sorted(float(n) for n in dof if math.isfinite(n))
+    return f"{said} for {_span(known, '.0f')} degrees of freedom" if known else said
 
 
-def _span(ends: tuple[float, ...] | list[float], form: str) -> str:
-    return " to ".join(dict.fromkeys(format(end, form) for end in ends))
+def _span(values: Sequence[float], form: str) -> str:
+    return " to ".join(dict.fromkeys(format(end, form) for end in (values[0], values[-1])))
 
 
 def _motion(m: MotionResult, clocks: Sequence[ClockResult]) -> Iterator[tuple[str, str]]:

@@ -212,10 +212,13 @@ def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> Section:
 
 def stated_facts(rig: Rig, measured: MeasuredResult) -> list[tuple[str, str | None]]:
     """What is told of the rig's serial number, dates, people and place."""
-    said, when = rig.campaign, _measured_when(measured)
-    people = ("Operator", said.operator), ("Site", said.site)
-    note = [("Note", said.note)] if said.note else []
-    return [("Serial number", rig.serial), ("Measured", when), *people, *note]
+    said, span = rig.campaign, " to ".join(dict.fromkeys(map(utc, measured.told)))
+    when = f"{span}, {_SOURCES[measured.source]}"
+    if measured.source == "file":
+        when += "; a copy of the file has another, so state campaign.date in rig.yaml"
+    facts = [("Serial number", rig.serial), ("Measured", when)]
+    facts += [("Operator", said.operator), ("Site", said.site)]
+    return facts + [("Note", said.note)] * bool(said.note)
 
 
 def campaign_facts(c: Calibration) -> tuple[tuple[str, str | None], ...]:
@@ -241,13 +244,6 @@ def measured_on(c: Calibration) -> str:
     """Of which day the data are, and what says so."""
     several = len(c.campaigns) > 1 and not c.history
     return f" of {day_measured(c.measured, c.measured.begin if several else '')}"
-
-
-def _measured_when(measured: MeasuredResult) -> str:
-    """From when to when data were recorded, and what says so."""
-    span = " to ".join(dict.fromkeys(map(utc, measured.told)))
-    copied = "; a copy of the file has another, so state campaign.date in rig.yaml"
-    return f"{span}, {_SOURCES[measured.source]}{copied * (measured.source == 'file')}"
 
 
 def day_measured(measured: MeasuredResult, begin: str = "") -> str:
