@@ -200,7 +200,8 @@ stretch-touched warns
   a wrench of {size} and {moment:N·m} about the barycentre that the model does not know: contact, or
   a motion too fast for it
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> find what touched the terminal, or move more slowly
+  -> find what touched the terminal in the stretches left out (cables, a hand, a stop), and free it;
+    where nothing did, move more slowly, or hold eight or more postures for 3 s each
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out

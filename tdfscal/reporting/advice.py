@@ -204,17 +204,10 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
     """Postures, or stretches of a motion, that something touched."""
     if c.motion is None:
         if touched := [r for r in _many_rejected(c) if r.code not in SPOILT]:
-            yield (
-                f"find what touched the terminal at {_named(touched)} (cables, a hand, "
-                "a stop), free it, and record again"
-            )
+            yield f"{CATALOGUE['posture-misfits'].cure}: {_named(touched)}"
     elif c.found("motion-left-out"):
         if any(stretch.code == "stretch-touched" for stretch in c.motion.rejected):
-            yield (
-                "find what touched the terminal in the stretches left out (cables, a hand, a "
-                "stop), and free it; where nothing did, move more slowly, or hold eight or more "
-                "postures for 3 s each"
-            )
+            yield CATALOGUE["stretch-touched"].cure
         spoilt = c.found("stretch-frozen", "stretch-standing", "stretch-over-capacity")
         yield from dict.fromkeys(found.cure or "" for found in spoilt)
 
