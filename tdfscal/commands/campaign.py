@@ -33,7 +33,7 @@ PathLikes = PathLike | Sequence[PathLike]
 FOLDER, RIG, CALIBRATION = "a folder", "a rig file", "a calibration"
 LOG, RESULT = "a log", "another result of tdfscal"
 #: How results of tdfscal begin, but for quotes: tables by their first line, documents by their
-#: format or command, pages, exports and drafts by what wrote them. So ends a Parquet file.
+#: format or command, pages, exports and drafts by what wrote them.
 _OWN = re.compile(
     rb"""\A(?:\#[ ]tdfscal[ ]|time,fx,fy,fz,mx,my,mz,u_fx,|sensor,r_xx,r_xy,)
     | \A\{\s*command:[ ]tdfscal[ .]
@@ -41,13 +41,14 @@ _OWN = re.compile(
     | \btdfscal[ ]\d[^\s,]*,[ ]\w+[ ]calibration[ ]of[ ]
     | <meta[ ]name=generator[ ]content=tdfscal[ ]
     | ^[ ]*format:[ ]*tdfscal-
-    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]
-    | contact[ ]wrench[ ]on[ ]the[ ]terminal:[ ]force,[ ]and[ ]moment""",
+    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
     re.VERBOSE | re.MULTILINE,
 )
 #: The format of a whole document, not of what it embeds.
 _FORMAT = re.compile(rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-(rig|calibration)/", re.MULTILINE)
 _HEAD, _TAIL = 1 << 14, 1 << 16
+#: What stands at the end of a Parquet file of contact wrenches.
+_QUANTITY = b"contact wrench on the terminal: force, and moment"
 _WANTED = {RIG: "name the folder of the logs, or give it by --rig",
            CALIBRATION: "name a campaign folder, or its logs"}  # fmt: skip
 _KINDS = (
@@ -71,7 +72,7 @@ def kind_of(path: Path) -> str:
                 file.seek(max(0, file.seek(0, 2) - _TAIL))
                 if found := _FORMAT.search(head):
                     return RIG if found[1] == b"rig" else CALIBRATION
-                if _OWN.search(head) or _OWN.search(file.read(), 1):
+                if _OWN.search(head) or _QUANTITY in file.read():
                     return RESULT
     return LOG if is_log(path) else ""
 
