@@ -235,21 +235,14 @@ def room(rig: Rig, limits: Limits, carried: FloatArray, squeeze: FloatArray) -> 
 
 
 def _too_heavy(rig: Rig, limits: Limits, carried: FloatArray) -> UsageError:
-    """Say which limit the weight alone breaks in every posture."""
+    """Say what the weight alone asks of the machine in the easiest posture."""
     margin = _MARGIN * limits.repeatability_force(rig)
-    largest = np.linalg.norm(carried, axis=2)
-    if not np.all(np.max(largest, axis=1) <= limits.force - margin):
-        i = int(np.argmax(largest.max(axis=0)))
-        return UsageError(
-            f"the weight alone puts {largest[:, i].min():.4g} N on {rig.supports[i]}, and "
-            f"unplanned internal forces up to {margin:.3g} N come on top: no posture keeps the "
-            f"limit of {limits.force:.4g} N",
-            where="force limit",
-            hint="raise the limit, or state the NCPs' stiffness and repeatability better",
-        )
+    easiest = np.linalg.norm(carried, axis=2).min(axis=0)
+    i, most = int(np.argmax(easiest)), f"{OF_CAPACITY:.0%} of the sensors' capacity"
+    most += f" and {limits.force:.4g} N in all" * bool(np.isfinite(limits.force))
     return UsageError(
-        f"no posture keeps every reading within {OF_CAPACITY:.0%} of the sensors' capacity "
-        f"with {margin:.3g} N of unplanned internal forces",
-        where="capacity",
-        hint="check the mass and the capacities that are stated",
+        f"the weight alone puts {easiest[i]:.4g} N on {rig.supports[i]}, and unplanned internal "
+        f"forces up to {margin:.3g} N come on top: no posture keeps the limit of {most}",
+        where="limits of force",
+        hint="raise the limit, or correct the mass, capacities and stiffness that are stated",
     )

@@ -5,7 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from tdfscal.comparison.control_chart import Alarm
+from tdfscal.comparison.history import life_of
 from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.pooling import Pool
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
@@ -65,3 +68,8 @@ def history(
         campaigns.append(Recorded(f"{month:02d}", float(month), rig, postures(rig, dwells)))
         truths.append(R)
     return campaigns, np.array(truths)
+
+
+def alarms(pooled: Pool) -> tuple[Alarm, ...]:
+    """What has changed on the way."""
+    return life_of(pooled.members[-1].recorded.rig, pooled)[0].alarms

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.comparison.control_chart import Check, Watching
 from tdfscal.comparison.members import Recorded
-from tdfscal.comparison.pooling import Pool, pool
+from tdfscal.comparison.pooling import pool
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import reference_rig
-from tests.comparison.histories import history
+from tests.comparison.histories import alarms, history
 
 MASS = 9  # place of the mass among the constants: after nine turns, no gains
 
@@ -26,15 +25,6 @@ def campaigns(months: int, heavier: FloatArray | None = None) -> tuple[Rig, list
     rng = np.random.default_rng(5)
     found, _ = history(rig, rng, months=months, postures_each=10, heavier=heavy)
     return rig, found
-
-
-def alarms(found: Pool) -> list[tuple[str, int | None, int]]:
-    checks = [
-        Check(m.name, m.month, m.own.beside(found.walk.prior), found.common.load(k))
-        for k, m in enumerate(found.members)
-    ]
-    watch = Watching(checks, found.walk.prior, found.walk.steps, 3, 0.005).run()
-    return [(alarm.kind, alarm.sensor, alarm.onset) for alarm in watch.alarms]
 
 
 def test_one_weighing_is_one_realisation_in_all_campaigns() -> None:
@@ -64,4 +54,4 @@ def test_a_load_stated_otherwise_is_each_its_own() -> None:
 def test_a_changed_load_is_named() -> None:
     _, found = campaigns(5, np.array([0.0, 0.0, 0.0, 0.0, 4.0]))
     pooled = pool(found)
-    assert alarms(pooled) == [("load", None, 4)]
+    assert [(a.kind, a.sensor, a.onset) for a in alarms(pooled)] == [("load", None, 4)]

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.comparison.control_chart import Alarm
-from tdfscal.comparison.history import life_of
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.estimation.fit import Priors, information
@@ -14,7 +12,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import Drift, FloatArray, Rig
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.simulation import reference_rig
-from tests.comparison.histories import history
+from tests.comparison.histories import alarms, history
 
 
 def estimate(rig: Rig, pooled: Pool, index: int) -> tuple[FloatArray, FloatArray]:
@@ -26,11 +24,6 @@ def estimate(rig: Rig, pooled: Pool, index: int) -> tuple[FloatArray, FloatArray
     root = information(result).root
     free = np.flatnonzero(result.active) < 3 * rig.n
     return result.state.rotation, (root @ root.T)[np.ix_(free, free)]
-
-
-def alarms(pooled: Pool) -> tuple[Alarm, ...]:
-    """What has changed on the way."""
-    return life_of(pooled.members[-1].recorded.rig, pooled)[0].alarms
 
 
 def joint_least_squares(campaigns: list[Recorded]) -> tuple[FloatArray, FloatArray]:
