@@ -219,16 +219,14 @@ class Cause:
     support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
     one from which on it holds, at rest. between : s, of a step in motion, times between which it
     lies with 95 %.
-    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R),
-    of all sensors in turn where several did; a load's
-    mass in kg and barycentre in m, as changes; a zero's change in N,
-    where it drifts the largest of each; a gain's change as S (6,): xx,
-    yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
-    more noise, of the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m,
-    per axis and posture. A contact has none here.
-    gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
-    worth (Schwarz). p_value : that chance alone lets it fall so far.
-    remaining_p : probability of the χ² that is left. size_std : of the length of value, along
+    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R), of all
+    sensors in turn where several did; a load's mass in kg and barycentre in m, as changes; a zero's
+    change in N, where it drifts the largest of each; a gain's change as S (6,): xx, yy, zz, yz, xz,
+    xy; the base's tilt in rad about x and y of the BCS; the standard deviation of more noise, of
+    the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m, per axis and
+    posture. A contact has none here. gain : by how much χ² falls, with q unknowns. weight : the
+    same less what as many unknowns are worth (Schwarz). p_value : that chance alone lets it fall so
+    far. remaining_p : probability of the χ² that is left. size_std : of the length of value, along
     itself, to first order; noise across it makes a length near none too large. columns : (m, q),
     derivative of the residuals by its unknowns.
     """

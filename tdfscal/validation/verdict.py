@@ -127,11 +127,10 @@ class Zeros:
 class Verdict:
     """Verdict on a calibration: on angles, load and gain, by zeros that may have been tared anew.
 
-    rig : of the log. judged : the test. zeros : whether they moved.
-    findings : what is to be said of log and noise. own : logs that went into the
-    calibration itself, where what was tested is theirs. earlier : the log is older than the
-    calibration's data. gate_rejected : the calibration never was fit for
-    use.
+    rig : of the log. judged : the test. zeros : whether they moved. findings : what is to be said
+    of log and noise. own : logs that went into the calibration itself, where what was tested is
+    theirs. earlier : the log is older than the calibration's data. gate_rejected : the calibration
+    never was fit for use.
     """
 
     rig: Rig
