@@ -62,8 +62,6 @@ from tdfscal.wrench.wrench_noise import by_sensor
 _OLD = 86400.0
 #: Share of the variance from which on zeros have aged too far.
 _AGED = 0.5
-#: Where nothing rests: windows in which slow noise shows, s.
-_WINDOW = 60.0
 _OF_AXIS = ("axis", "unit", "threshold", "smallest_contact", "noise", "shares")
 
 
@@ -241,7 +239,7 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
         given=log.given,
         places=places,
         errors=stand,
-        noise=measured_noise(time, value, rest, cutoff, window=_WINDOW, degree=0),
+        noise=measured_noise(time, value, rest, cutoff),
         duration=UNTIMED if interval is None else points.used * interval,
         sampled=interval is not None,
         age=age,

@@ -1,8 +1,8 @@
 """Noise of the contact wrench behind a controller's filter, measured where the log lets it be seen.
 
-At rest it is the scatter within static dwells; where nothing rests, that about a parabola in
-windows. Its slow part comes from the spectrum of means over bins (`dwells.slow_noise`); what it
-loses to the mean or the parabola that is taken off is put back.
+It is the scatter within static dwells; where nothing rests, within windows. Its slow part comes
+from the spectrum of means over bins (`dwells.slow_noise`); what it loses to the mean that is taken
+off is put back.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 #: Windows where nothing rests, s; what scatters this many times as much as usual is a touch.
-_WINDOW, _TOUCHED = 10.0, 4.0
-#: Bins of a window, and orders of its cosine transform that hold what is taken off.
-_BINS, _TAKEN = 128, {0: 1, 2: 4}
+_WINDOW, _TOUCHED = 60.0, 4.0
+#: Bins of a window.
+_BINS = 128
 #: Samples of a window, at least.
 _FEWEST = 16
 #: Cycles per bin up to which means over bins have the spectrum of the noise.
@@ -110,14 +110,10 @@ def measured_noise(
     value: FloatArray,
     rest: Sequence[slice],
     cutoff: float | None,
-    *,
-    window: float = _WINDOW,
-    degree: int = 2,
 ) -> MeasuredNoise:
     """Measure the noise of a wrench (N, 6) at times (N,), s.
 
-    rest : rows that lie in each static dwell. cutoff : of the filter, Hz. window : s, where nothing
-    rests, and degree : of the polynomial that is taken off there, 0 or 2.
+    rest : rows that lie in each static dwell. cutoff : of the filter, Hz.
     """
     count, resting = value.shape[1], bool(rest)
     interval = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
@@ -127,28 +123,28 @@ def measured_noise(
     spans = [slice(row.start + late, row.stop) for row in rest]
     spans = [row for row in spans if row.stop - row.start >= _FEWEST]
     if not resting:
-        size = max(_FEWEST, round(window / interval))
+        size = max(_FEWEST, round(_WINDOW / interval))
         spans = [slice(k, min(k + size, len(time))) for k in range(late, len(time), size)]
         # The last one is a remnant, unless it is the only one.
         spans = [row for row in spans if 2 * (row.stop - row.start) >= size] or spans[:1]
-    spans = _untouched([row for row in spans if row.stop - row.start >= _FEWEST], value, degree)
+    spans = _untouched([row for row in spans if row.stop - row.start >= _FEWEST], value)
     if not spans:
         none = Noise(0.0, 0.0, 0.0, 1.0, interval)
         return MeasuredNoise((none,) * count, resting, 0, 0.0)
     longest = interval * max(row.stop - row.start for row in spans)
-    slow, relaxation = _slow_part([value[row] for row in spans], interval, degree)
+    slow, relaxation = _slow_part([value[row] for row in spans], interval)
     passed = np.array([_passed(tau, cutoff) for tau in relaxation])
     slow = slow * passed * (relaxation > _memory(cutoff, interval))
     total, step = np.zeros(count), np.zeros(count)
     kept, samples = np.zeros(count), 0.0
     for row in spans:
-        part = _detrended(seen[row], degree)
+        part = seen[row] - seen[row].mean(axis=0)
         size = len(part)
         free = size if cutoff is None else min(2.0 * _BANDWIDTH * cutoff * interval * size, size)
-        share = max(1.0 - (degree + 1) / free, 0.1)
+        share = max(1.0 - 1.0 / free, 0.1)
         total += np.sum(part**2, axis=0)
         step += np.sum(np.diff(part, axis=0) ** 2, axis=0) * size / (size - 1)
-        kept += size * np.array([1.0 - _lost(tau, size * interval, degree) for tau in relaxation])
+        kept += size * np.array([1.0 - _lost(tau, size * interval) for tau in relaxation])
         samples += size * share
     fast = np.maximum(total - slow * kept, 0.0) / samples
     rough = step / sum(row.stop - row.start for row in spans) / 2.0
@@ -172,29 +168,17 @@ def _memory(cutoff: float | None, interval: float) -> float:
     return 2.0 * interval if cutoff is None else 1.0 / (2.0 * cutoff)
 
 
-def _untouched(spans: list[slice], value: FloatArray, degree: int) -> list[slice]:
+def _untouched(spans: list[slice], value: FloatArray) -> list[slice]:
     """Leave out windows that scatter far more than most."""
     if len(spans) < 3:
         return spans
-    variance = np.array([_detrended(value[row], degree).var(axis=0) for row in spans])
+    variance = np.array([value[row].var(axis=0) for row in spans])
     usual = np.median(variance, axis=0)
     touched = (variance > _TOUCHED * usual).any(axis=1)
     return [row for row, bad in zip(spans, touched, strict=True) if not bad] or spans
 
 
-def _detrended(part: FloatArray, degree: int) -> FloatArray:
-    """Part (N, c) less its mean, or its parabola."""
-    Q = _polynomials(len(part), degree)
-    return np.asarray(part - Q @ (Q.T @ part))
-
-
-def _polynomials(size: int, degree: int) -> FloatArray:
-    return np.asarray(np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), degree + 1))[0])
-
-
-def _slow_part(
-    parts: Sequence[FloatArray], interval: float, degree: int
-) -> tuple[FloatArray, FloatArray]:
+def _slow_part(parts: Sequence[FloatArray], interval: float) -> tuple[FloatArray, FloatArray]:
     """Variance and relaxation, s, of the slow part of each component (c,)."""
     count = parts[0].shape[1]
     longest = max(map(len, parts))
@@ -202,12 +186,12 @@ def _slow_part(
     frequency, power = list[FloatArray](), list[FloatArray]()
     for part in parts:
         bins = len(part) // size
-        order = np.arange(_TAKEN[degree], bins)
+        order = np.arange(1, bins)
         order = order[order / (2.0 * bins) <= _UNBINNED] if size > 1 else order
         if not len(order):
             continue
         mean = part[: bins * size].reshape(bins, size, count).mean(axis=1)
-        mean = _detrended(mean, degree)
+        mean -= mean.mean(axis=0)
         basis = np.cos(np.pi * order[:, None] * (np.arange(bins) + 0.5) / bins)
         frequency.append(order / (2.0 * bins))
         power.append((np.sqrt(2.0 / bins) * basis @ mean) ** 2)
@@ -238,12 +222,10 @@ def _relaxing(found: SlowNoise, length: float, bin_time: float) -> tuple[float, 
     return variance, bin_time * variance / float((size / time) @ found.weight)
 
 
-def _lost(relaxation: float, length: float, degree: int) -> float:
-    """Share of the slow variance that a mean or parabola over a length, s, takes off."""
-    at = np.linspace(0.0, length, _BINS)
-    C = np.exp(-np.abs(at[:, None] - at) / relaxation)
-    Q = _polynomials(_BINS, degree)
-    return float(np.einsum("ik,ij,jk->", Q, C, Q) / _BINS)
+def _lost(relaxation: float, length: float) -> float:
+    """Share of the slow variance that a mean over a length, s, takes off."""
+    x = relaxation / length
+    return float(2.0 * x * (1.0 + x * np.expm1(-1.0 / x)))
 
 
 def _passed(relaxation: float, cutoff: float | None) -> float:
