@@ -274,7 +274,7 @@ def one(case: Case) -> FloatArray:
     head = noise_of(replace(case, cutoff=None), rng, given, 1, HEAD)[0]
     time = np.arange(len(head)) / RATE
     rest = [] if case.moving else [slice(k, k + 1500) for k in range(0, len(head), 1500)]
-    measured = measured_noise(time, head, rest, case.cutoff, window=60.0, degree=0)
+    measured = measured_noise(time, head, rest, case.cutoff)
     return np.stack(
         [rates(judged(case, given, path, n), wrench) for n in (stated(case, given), measured)]
     )

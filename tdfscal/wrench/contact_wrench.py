@@ -154,19 +154,11 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
 
     position (K, n, 3) in m, BCS; force (K, n, 3), N, readings.
     """
-    return _covariances(given, position, force)[0]
-
-
-def _covariances(
-    given: Calibrated, position: FloatArray, force: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Covariances (K, 6, 6) by the calibration, as above, and by what is declared per posture."""
     linear = linearised(given, position, force)
     half = linear.jacobian @ given.root
     out = half @ np.swapaxes(half, 1, 2)
-    diagonal = np.arange(6)
-    out[:, diagonal, diagonal] = np.where(linear.open, np.inf, out[:, diagonal, diagonal])
-    return np.asarray(out), linear.declared
+    out[:, range(6), range(6)] += np.where(linear.open, np.inf, 0.0)
+    return np.asarray(out)
 
 
 def reached(columns: FloatArray) -> BoolArray:
@@ -227,9 +219,10 @@ def _std(
     position, force = (
         np.add.reduceat(v, start, axis=0) / count[:, None, None] for v in (position, force)
     )
-    common, own = (
-        np.diagonal(cov, axis1=1, axis2=2) for cov in _covariances(given, position, force)
-    )
+    linear = linearised(given, position, force)
+    common = np.sum((linear.jacobian @ given.root) ** 2, axis=2)
+    common = np.where(linear.open, np.inf, common)
+    own = np.diagonal(linear.declared, axis1=1, axis2=2)
     both = np.sqrt(np.concatenate([common + own, common], axis=1))
     std, calibration_std = np.split(np.repeat(both, count, axis=0), 2, axis=1)
     return std, calibration_std
