@@ -203,12 +203,6 @@ def chance(columns: FloatArray, parts: Spectrum, white: FloatArray) -> float:
     return float(chi2_sf(score * mean / square, mean**2 / square))
 
 
-def by_readings(fit: Fit) -> FloatArray:
-    """Whitened columns (K, n, 6, 3) of one newton of noise in each reading."""
-    measured = fit.postures.measured[:, None, :]
-    return fit.root[:, None] @ np.where(measured, fit.at.noise_force, 0.0)
-
-
 def _left(parts: Spectrum, postures: int) -> FloatArray:
     """What the parameters do to the residuals (K, 6, r), orthonormal with the prior's rows."""
     return parts.left[: ROWS * postures].reshape(postures, ROWS, -1)
@@ -233,7 +227,8 @@ def _suspicion(
 
 def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield whitened columns (K, 6, m) of one unit of each suspect's standard deviation."""
-    at, root, each = fit.at, fit.root, by_readings(fit)
+    at, root, measured = fit.at, fit.root, fit.postures.measured[:, None, :]
+    each = root[:, None] @ np.where(measured, at.noise_force, 0.0)  # (K, n, 6, 3), of one newton
     yield "hinge friction", 0, root[:, :, 3:]
     yield "hinge friction", 0, root[:, :, 3:5]  # of postures that tilt and do not twist
     for i in range(fit.rig.n):

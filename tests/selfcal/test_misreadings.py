@@ -11,7 +11,6 @@ from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, UncertainValue
 from tdfscal.simulation import Options
 from tests.selfcal.campaigns import fitted
-from tests.words import in_words
 
 RIGS = {n: simulation.make_rig(n) for n in (3, 4, 6)}
 
@@ -134,21 +133,3 @@ def test_positions_renamed_in_a_circle_are_named(step: int, *, axes: bool) -> No
         words = "the axes read as " + ", ".join("XYZ"[a] for a in back)
     with pytest.raises(DataError, match=words):
         fitted(RIGS[3], replace(dwells, position=circled))
-
-
-def test_whole_supports_renamed_in_a_circle_are_rejected() -> None:
-    """The rig is symmetric and nothing contradicts it, but each angle is another sensor's."""
-    options = Options(postures=14, squeeze=200.0)
-    dwells = simulation.simulate_dwells(RIGS[3], options, np.random.default_rng(3), 1).dwells(0)
-    order = [1, 2, 0]
-    result = fitted(
-        RIGS[3],
-        replace(
-            dwells,
-            position=dwells.position[:, order],
-            force=dwells.force[:, order],
-            force_min=dwells.force_min[:, order],
-            force_max=dwells.force_max[:, order],
-        ),
-    )
-    assert any("ncp1 taken from ncp3 and ncp2" in reason for reason in in_words(result.reasons))
