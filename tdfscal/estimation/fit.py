@@ -31,7 +31,6 @@ from tdfscal.model.postures import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import (
     STEPS,
-    Asked,
     Solution,
     Spectrum,
     gauss_newton,
@@ -130,13 +129,6 @@ class Fitted(ABC):
     @abstractmethod
     def faked_information(self) -> FloatArray:
         """Information (3n, 3n) about the rotations that noise in the readings fakes."""
-
-    def widened(self, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
-        """The test of whitened columns (m, g) as a noise that is itself estimated widens it.
-
-        lean : (g,), score that noise makes of them. asked : the test by the noise as it is.
-        """
-        return asked
 
     @property
     def white(self) -> FloatArray:

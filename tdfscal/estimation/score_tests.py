@@ -250,9 +250,6 @@ def speaking(
         apart = columns - parts.left @ known
         lean = share * (own - known.T @ given)
         asked = ask(apart, columns, residual, lean)
-        if asked.p_value(chi2, dof) > level:
-            continue
-        asked = fit.widened(columns, lean, asked)
         p_value = asked.p_value(chi2, dof)
         if p_value > level:
             continue

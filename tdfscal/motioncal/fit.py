@@ -6,7 +6,6 @@ the fit: it takes the place of what is stated at rest, and its own uncertainty i
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +22,7 @@ from tdfscal.motioncal.design import BlockDesign, drifting, instants, rms
 from tdfscal.motioncal.rows import NoiseModel, NormalEquations, Rows
 from tdfscal.motioncal.streams import Slow, shifted
 from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import Asked, block_diagonal
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig, UncertainValue
 
 #: Name in the budget of what only motion has.
@@ -32,8 +31,6 @@ SPECTRUM = "noise spectrum"
 FIELD = 0.015
 #: Places of a block at most between which they are compared.
 _PLACES = 1000
-#: Share of the largest variance of an amount below which it is rounding.
-_ROUNDING = 1e-12
 #: One of so many instants of a block shows how its columns are made of readings.
 _EVERY = 20
 
@@ -154,14 +151,10 @@ class MovingFit(Fitted):
         out[len(still) : len(still) + len(more)] = more
         return out
 
-    def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
-        """Those of the residual, the Jacobian and more columns (M + m, c), white as they are.
-
-        They hold for any spectrum of the noise.
-        """
+    def normal_equations(self) -> NormalEquations:
+        """Those of the residual and the Jacobian, for any spectrum of the noise."""
         r, j = self.whitened()
-        columns = [r[:, None], j] if more is None else [r[:, None], j, more]
-        return NormalEquations(self.data, self.noise, np.concatenate(columns, axis=1))
+        return NormalEquations(self.data, self.noise, np.concatenate([r[:, None], j], axis=1))
 
     def all_slopes(self) -> FloatArray:
         """Whitened derivative (M, P + 9) of the rows by all parameters, free or not."""
@@ -185,24 +178,6 @@ class MovingFit(Fitted):
         slope = self.slope_at(self.state)
         each = (pull_of_readings(self, item) for item in self.designs)
         return np.asarray(np.sum([along @ slope[: len(along)] for along in each], axis=0))
-
-    def widened(self, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
-        """The test with what the spectrum's own uncertainty adds to that of the amount."""
-        equations, own = self.normal_equations(columns), slice(-len(lean), None)
-        leaning = np.zeros(self.jacobian.shape[1] + len(lean))
-        leaning[own] = lean
-
-        def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
-            step, root = equations.solved(log_density)
-            return (step + root @ (root.T @ leaning))[own], root[own] @ root[own].T
-
-        amount, covariance = at(self.noise.log_density)
-        values, axes = np.linalg.eigh(covariance + by_spectrum(self, covariance, at))
-        seen = values > _ROUNDING * values[-1]
-        along = axes[:, seen].T @ amount
-        return replace(
-            asked, statistic=np.minimum(asked.statistic, np.sum(along**2 / values[seen]))
-        )
 
     def noise_scale(self, birge: float, dof: int) -> tuple[float, float]:
         """The spectrum is as large as the residuals are, and of very many degrees."""
@@ -234,38 +209,22 @@ class MovingFit(Fitted):
 
 
 def spectrum_share(fit: MovingFit, posterior: FloatArray) -> FloatArray:
-    """What the spectrum's error adds to the covariance (p, p) of all unknowns at the spectrum."""
-    equations = fit.normal_equations()
+    """What the spectrum's own uncertainty adds to a covariance (p, p) of all unknowns.
 
-    def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
-        step, root = equations.solved(log_density)
-        return step, root @ root.T
-
-    added = by_spectrum(fit, posterior, at)
+    posterior : that at the estimated spectrum. By the law of total covariance over the spectrum's
+    parameters θ, E[C(θ)] + Cov[x̂(θ)], to the second order along the principal axes of their
+    covariance.
+    """
+    equations, added = fit.normal_equations(), np.zeros_like(posterior)
+    values, axes = np.linalg.eigh(fit.noise.covariance)
+    for step in (axes * np.sqrt(values)).T:
+        (a, up), (b, down) = (
+            equations.solved(fit.noise.log_density + s * step) for s in (1.0, -1.0)
+        )
+        added += (up @ up.T + down @ down.T) / 2 - posterior + np.outer(a - b, a - b) / 4
     # The second difference may dip below zero by rounding and by curvature: it never helps.
     values, axes = np.linalg.eigh(added)
     return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
-
-
-def by_spectrum(
-    fit: MovingFit,
-    here: FloatArray,
-    at: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-) -> FloatArray:
-    """What the spectrum's own uncertainty adds to a covariance (g, g).
-
-    here : that at the estimated spectrum. at : estimate (g,) and covariance at another one.
-
-    By the law of total covariance over the spectrum's parameters θ, E[C(θ)] + Cov[x̂(θ)], to the
-    second order along the principal axes of their covariance.
-    """
-    added = np.zeros_like(here)
-    values, axes = np.linalg.eigh(fit.noise.covariance)
-    for value, axis in zip(values, axes.T, strict=True):
-        step = np.sqrt(value) * axis
-        (a, up), (b, down) = (at(fit.noise.log_density + s * step) for s in (1.0, -1.0))
-        added += (up + down) / 2 - here + np.outer(a - b, a - b) / 4
-    return added
 
 
 def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
