@@ -137,10 +137,11 @@ class Equations:
         return Cause(kind, support, fall, unknowns, found.amount, found.std)
 
 
-def gross_limit(rig: Rig, force: FloatArray | None = None) -> float:
+def gross_limit(rig: Rig, force: FloatArray | None = None, shape: float = _SHAPE) -> float:
     """Rms distance from the rig file's pattern, m, above which no fit can be trusted.
 
     force : (K, n, 3), N, readings, under which declared supports give; None where none do.
+    shape : share of the size that is allowed beside the stated uncertainties.
     """
     stated, give = rig.declared, 0.0
     radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
@@ -150,7 +151,7 @@ def gross_limit(rig: Rig, force: FloatArray | None = None) -> float:
         load = max(load, float(rig.mass.value) * rig.gravity)
         give = load * max(stated.compliance_lateral, stated.compliance_vertical)
     own = np.sqrt(stated.hinge**2 + stated.datum**2 + stated.positioner**2)
-    return _SHAPE * radius + 6 * (float(own) + give)
+    return shape * radius + 6 * (float(own) + give)
 
 
 def misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:

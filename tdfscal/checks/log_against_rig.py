@@ -36,6 +36,8 @@ _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
 #: A terminal turned further than this from the BCS hints at exchanged names, rad.
 _TURNED = np.pi / 4
+#: Names fit about as well where the hinges miss by so many times as much at most.
+_ALIKE = 3.0
 #: Digits, of a radian, in which two turns differ of which one is the smaller.
 _LIKE = 2
 #: Units of force, with the one declared, by what they make of a reading.
@@ -148,13 +150,18 @@ def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
 
 
 def upright(rig: Rig, position: FloatArray) -> Wiring | None:
-    """The names by which a terminal that stands turned, (K, n, 3) in m, would stand upright."""
+    """The names by which a terminal that stands turned, (K, n, 3) in m, would stand upright.
+
+    They fit the hinges about as well as those that it has, or better.
+    """
     if np.linalg.norm(_turn(rig, position)) <= _TURNED:
         return None
     from tdfscal.checks.wiring import exchanged_supports, frames
 
     ways = (*exchanged_supports(rig.supports), *frames(rig.n))
-    found = _fitting(rig, position, geometry.gross_limit(rig), ways)
+    off, _ = geometry.misfit(rig.hinge, position)
+    alike = _ALIKE * off + geometry.gross_limit(rig, shape=0.0)
+    found = _fitting(rig, position, min(alike, geometry.gross_limit(rig)), ways)
     return min(found, key=lambda way: way[0])[1] if found else None
 
 
