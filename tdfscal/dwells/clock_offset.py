@@ -23,7 +23,7 @@ _ENOUGH, _COARSE = 36_000, 0.1  # some of a long log's, and s that they are apar
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
 _CERTAIN = 5.0  # standard errors
-_VOUCHED = 0.1  # s; an offset that is known to that is no other one of seconds
+_VOUCHED, _UNEVEN = 0.1, 0.5  # s; of an offset that is no other one of seconds, of intervals
 
 
 @record
@@ -99,11 +99,13 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
 def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
     """Tell where forces seconds behind the positions, or ahead of them, are paired wrongly.
 
-    Not where the moves between dwells tell how far: in such a dwell both rest together.
+    Not where the moves between dwells tell how far, and follow each other so unevenly that none
+    falls on the next one: in such a dwell both rest together.
     """
-    offset = motion_offset(bins, dwells)
-    if offset is not None and offset.std < _VOUCHED:
-        return None
+    if len(dwells) > 1 and np.std(np.diff(dwells.start)) > _UNEVEN:
+        offset = motion_offset(bins, dwells)
+        if offset is not None and offset.std < _VOUCHED:
+            return None
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
     if len(whole) < _LEAST:
         return None

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.dwells import dwells_of_bins, motion_offset, reduce_to_bins
+from tdfscal.dwells import dwells_of_bins, misaligned, motion_offset, reduce_to_bins
 from tdfscal.records import Log, Series
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
 from tests.words import in_words
@@ -45,3 +45,19 @@ def test_clocks_that_run_apart_are_told_by_their_rate(log: Log, rate: float) -> 
     assert offset.large
     assert offset.running
     assert any("run apart by" in w for w in in_words(dwells.findings))
+
+
+@pytest.mark.parametrize("late", [7.0, -7.0])
+def test_forces_a_whole_cycle_behind_are_told(late: float) -> None:
+    """Where all stops and moves are alike, the moves fall together at that lag too."""
+    recorder = Recorder(dwell=(4.0, 4.0), move=(3.0, 3.0))
+    options = Options(postures=16, squeeze=200.0, recorder=recorder)
+    log = simulate_campaign(reference_rig(), options, np.random.default_rng(3)).log
+    moved = replace(log, force=tuple(Series(s.time + late, s.value) for s in log.force))
+    bins = reduce_to_bins([moved])
+    found = misaligned(bins, dwells_of_bins(bins))
+    assert found is not None
+    assert found.size == pytest.approx(7.0, abs=0.1)
+    assert found.values["late"] == (late > 0)
+    sound = reduce_to_bins([log])
+    assert misaligned(sound, dwells_of_bins(sound)) is None
