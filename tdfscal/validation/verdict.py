@@ -321,9 +321,8 @@ def refuse_misread(
 ) -> None:
     """Raise DataError where one mistake in the readings explains them, likelier than any change.
 
-    given : the calibration, with the load of this log. seen : K postures, or moments of a motion.
-    judge : of postures, and which of K they are, by the calibration; without it the search itself
-    is the judge. rests : what the postures are; none of a motion.
+    given : the calibration, with the load of this log. seen : K postures, or moments of a motion,
+    which have no rests. judge : of postures, and which of K; without it the search is the judge.
     """
     some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
     seen = seen.subset(some)
