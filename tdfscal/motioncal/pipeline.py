@@ -20,23 +20,23 @@ from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import Postures, forces
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.blocks import Stretch, stretches
-from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.estimator import (
+    MOST_TRIALS,
+    ResidualWrench,
+    fit_moving,
+    hold_out,
+    residual_wrench,
+    simulate,
+)
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.motioncal.preparation import Usable, first_fit, gaps, moments, usable_samples
 from tdfscal.motioncal.rows import UNSTATED
 from tdfscal.motioncal.score_tests import suspicions, without_contacts
 from tdfscal.motioncal.slip import likeliest_steps, refuse_changed_delay, suspicion_of
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import (
-    MOST_TRIALS,
-    ResidualWrench,
-    hold_out,
-    residual_wrench,
-    simulate,
-)
 from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.channel_checks import check_positions
+from tdfscal.selfcal.preparation import check_positions
 from tdfscal.significance import MOST_POSE_NOISE, MOST_REJECTED
 
 #: Instants at which distances are looked at. The positioners' errors are alike at places near each

@@ -26,9 +26,9 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.channel_checks import check_forces
 from tdfscal.selfcal.estimator import fit as quasi_static
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
+from tdfscal.selfcal.preparation import check_forces
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 #: Share of the speed's power above the band at which a recording is too slow for the motion.

@@ -11,7 +11,6 @@ from tdfscal.model.statics import Postures, balance, features_jacobian, internal
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Limits, hanging
-from tdfscal.planning.selection import information, variances
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state
 
@@ -215,3 +214,13 @@ def scatter_of(seen: Postures, rig: Rig) -> float:
     """Quadratic mean, N per axis, of the postures' force noise beyond what the rig declares."""
     variance = np.diagonal(seen.force_cov, axis1=2, axis2=3)[:, rig.axes].mean()
     return float(np.sqrt(max(0.0, variance - rig.declared.force_noise**2)))
+
+
+def information(J: FloatArray) -> FloatArray:
+    """Information Σ JᵀJ (p, p) of candidates' rows J (N, m, p)."""
+    return np.asarray(np.einsum("kmp,kmq->pq", J, J))
+
+
+def variances(C: FloatArray, L: FloatArray) -> FloatArray:
+    """Diagonal (r,) of L C Lᵀ for a covariance C (p, p) and L (r, p)."""
+    return np.asarray(np.einsum("rp,pq,rq->r", L, C, L))

@@ -20,7 +20,6 @@ from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.changes import find_change
-from tdfscal.selfcal.channel_checks import check_readings
 from tdfscal.selfcal.estimator import (
     Fit,
     at_state,
@@ -37,7 +36,7 @@ from tdfscal.selfcal.outliers import (
     hidden_contact,
     settled,
 )
-from tdfscal.selfcal.preparation import Usable, misplaced_hinges, usable_postures
+from tdfscal.selfcal.preparation import Usable, check_readings, misplaced_hinges, usable_postures
 from tdfscal.selfcal.result import (
     Estimator,
     SelfCalibration,

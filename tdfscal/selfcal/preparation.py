@@ -1,30 +1,42 @@
 """From dwells to postures that a fit may use: held against the rig, with noise and a start.
 
-Before any force the distances between hinges over the postures are held against what is stated.
+Are the log's channels what they are called? Distances between hinges over the postures are held
+against what is stated, then forces against the weight where they fit best, and where they fit
+nowhere against what they would be without one mistake. Which of both is exchanged where a rig looks
+alike with its supports in another order, forces and positions tell together.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from tdfscal.checks import faulty_sensors
+from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.checks.geometry import Cause, examine
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import framed_positions, misplaced
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, quality
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
-from tdfscal.model.parameters import State, layout
+from tdfscal.model.parameters import State, layout, nominal
 from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.channel_checks import check_forces, check_positions
-from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.mounting_search import best_start
+from tdfscal.selfcal.estimator import Fit, spread
+from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.significance import BETTER, MOST_POSTURES
 
+if TYPE_CHECKING:
+    from tdfscal.selfcal.misreadings import Misreading
+
+#: Variance of the residuals, in units of the one stated, above which no mounting explains them.
+_LOST = 100.0
+#: Noise of a reading, N, where it is not known yet.
+_NOISE = 1.0
 #: Rounds that bring an unknown noise level and the fit into agreement.
 _LEVELS = 6
 
@@ -133,3 +145,139 @@ def misplaced_hinges(of: Estimate[Fit]) -> tuple[Suspicion, ...]:
         return np.asarray(white.ravel())
 
     return misplaced(of, found, framed)
+
+
+def check_positions(rig: Rig, seen: Postures) -> None:
+    """Refuse positions with which no fit can be trusted, and name whole supports exchanged.
+
+    Raises DataError as `log_against_rig.check_geometry`.
+    """
+    try:
+        log_against_rig.check_geometry(rig, seen.position, seen.force)
+    except DataError as error:
+        other = log_against_rig.explanation(rig, seen.position, seen.force)
+        if other is None or not other.whole:
+            raise
+        cov = np.broadcast_to(_NOISE**2 * np.eye(3), seen.force_cov.shape)
+        placed = other.positions(_some(replace(seen, force_cov=cov)))
+        alone, both = (_misfit(best_start(rig, each)) for each in (placed, other.postures(placed)))
+        if not (both < BETTER and BETTER * both < alone):
+            raise
+        values = {**error.finding.values, "whole": True}
+        raise DataError(replace(error.finding, values=values)) from error
+
+
+def _some(seen: Postures) -> Postures:
+    """Of many postures a part, evenly spread."""
+    some = np.linspace(0, len(seen) - 1, min(len(seen), MOST_POSTURES)).round()
+    return seen.subset(some.astype(np.int64))
+
+
+def _misfit(found: Fit) -> float:
+    return spread(found.distance, found.at.rows)
+
+
+def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None = None) -> None:
+    """Raise where units, signs or names of the channels cannot be right at any mounting.
+
+    Parameters
+    ----------
+    start : the best that can be made of the forces as they are named.
+    rests : what the postures are; none of a motion.
+
+    Raises
+    ------
+    DataError
+        Forces and weight differ, or one mistake explains what the readings as they are do not.
+    """
+    strongest = np.linalg.norm(observed.force - rig.zero.value, axis=2).sum(axis=1)
+    weak = bool(np.median(strongest) < _weakest(rig))
+    held = log_against_rig.weight_share(nominal(rig), rig.gravity, observed.force)
+    if weak and any(log_against_rig.unit_of(float(np.median(held)))):
+        log_against_rig.check_weight(rig, observed, nominal(rig))
+    if _misfit(start) > _LOST:
+        check_readings(rig, observed, start, rests)
+        log_against_rig.check_weight(rig, observed, nominal(rig))
+    if start.state.mass <= 0:
+        raise _mirrored(rig, start)
+    log_against_rig.check_weight(rig, observed, start.state)
+
+
+def _mirrored(rig: Rig, start: Fit) -> DataError:
+    """The error for forces that hold up a negative mass: an odd number of axes is of opposite sign.
+
+    Which one is a matter of quarter turns: the one whose sensors are turned least is named.
+    """
+    turn = {
+        f"F{axis}": float(apart(-start.state.rotation @ M, nominal(rig).rotation))
+        for axis, M in zip("xyz", np.eye(3) - 2 * np.eye(3)[:, :, None] * np.eye(3), strict=True)
+    }
+    axis = min(turn, key=turn.__getitem__)
+    mass = float(start.state.mass)
+    return DataError(Finding("forces-mirrored", size=mass, unit="kg", values={"axis": axis}))
+
+
+def _weakest(rig: Rig) -> float:
+    """Sum of the forces' lengths, N, below which no mounting makes them carry the weight."""
+    mass, std = float(rig.mass.value), float(rig.mass.std)
+    return mass * rig.gravity * (1 - log_against_rig.weight_tolerance(std / mass))
+
+
+def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | None = None) -> None:
+    """Raise DataError where other positions, or one mistake in the readings, explain the postures.
+
+    present : the best that can be made of them as they are. rests : as in `check_forces`.
+    """
+    from tdfscal.selfcal.misreadings import misreading  # of forces that fit nowhere
+
+    other = log_against_rig.upright(rig, observed.position)
+    if other is not None:
+        placed = _misfit(best_start(rig, other.positions(_some(observed))))
+        if placed < BETTER and BETTER * placed < _misfit(present):
+            raise DataError(Finding("positions-renamed", values={"fits": other.words}))
+    if (found := misreading(rig, observed, present, rests)) is not None:
+        raise misread(rig, found, present, rests)
+
+
+def misread(
+    rig: Rig,
+    found: Misreading,
+    present: Fit,
+    rests: Rests | None = None,
+    *,
+    check: bool = False,
+) -> DataError:
+    """The error that names a mistake with its evidence; parameters as in `check_readings`.
+
+    check : the postures are those of a check, which has no zeros to calibrate.
+    """
+    from tdfscal.checks.wiring import REACTION
+
+    mistake = found.mistake
+    if mistake.wiring is not None and mistake.wiring.words == REACTION:
+        allowed = log_against_rig.weight_tolerance(0.0)
+        return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
+    values: dict[str, Value] = {
+        "before": float(np.sqrt(_misfit(present))),
+        "after": float(np.sqrt(found.misfit)),
+    }
+    if mistake.wiring is not None:
+        values |= {"exchange": mistake.wiring.words, **mistake.wiring.turned(rig.supports)}
+        return DataError(Finding("forces-exchanged", values=values))
+    subject = (rig.supports[mistake.support],)
+    if rests is None or found.jump is None:
+        axis = "" if mistake.axis is None else "xyz"[mistake.axis]
+        unit, declared = log_against_rig.unit_of(mistake.factor)
+        values |= {"axis": axis, "unit": unit, "declared": declared}
+        return DataError(Finding("force-rescaled", subject, mistake.factor, values=values))
+    last, first = found.between
+    values |= {
+        "jump": [f"{value:.3g}" for value in found.jump],
+        "first": float(rests.number[first]),
+        "tared": found.tared,
+        "check": check,
+    }
+    if not np.array_equal(rests.time, rests.number - 1):  # a row that is a posture has no other
+        values |= {"between": rests.time[[last, first]].tolist(), "cut": float(rests.time[first])}
+    size = float(np.linalg.norm(found.jump))
+    return DataError(Finding("zero-tared", subject, size, "N", values=values))

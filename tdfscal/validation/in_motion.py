@@ -22,17 +22,22 @@ from tdfscal.model.calibrated import Calibrated, with_own_load
 from tdfscal.model.parameters import layout, nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
 from tdfscal.motioncal.design import drifting
-from tdfscal.motioncal.estimator import at_state, estimate_noise, fit_moving
+from tdfscal.motioncal.estimator import (
+    ResidualWrench,
+    at_state,
+    estimate_noise,
+    fit_moving,
+    residual_wrench,
+)
 from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState, spectrum_share
 from tdfscal.motioncal.preparation import gaps, moments, usable_samples
 from tdfscal.motioncal.score_tests import without_contacts
 from tdfscal.motioncal.slip import Step, likeliest_steps, refuse_changed_delay
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.uncertainty import ResidualWrench, residual_wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
-from tdfscal.selfcal.channel_checks import check_positions
+from tdfscal.selfcal.preparation import check_positions
 from tdfscal.validation.residual_wrench import judged_by
 from tdfscal.validation.residuals import Cause, Course, Linearised, moving_zeros
 from tdfscal.validation.verdict import (

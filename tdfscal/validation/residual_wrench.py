@@ -24,7 +24,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features_jacobian,
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.channel_checks import check_positions
+from tdfscal.selfcal.preparation import check_positions
 from tdfscal.significance import MISFIT
 from tdfscal.validation import causes
 from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros

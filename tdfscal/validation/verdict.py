@@ -22,9 +22,9 @@ from tdfscal.model.postures import Postures, Rests
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.channel_checks import misread
 from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.misreadings import misreading
+from tdfscal.selfcal.preparation import misread
 from tdfscal.significance import (
     CAUSES_APART,
     DETECTION_POWER,

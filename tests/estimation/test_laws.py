@@ -16,7 +16,7 @@ from tdfscal.estimation.uncertainty import Estimate, estimate
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import prior_std, with_motions
 from tdfscal.model.statics import postures
-from tdfscal.motioncal import uncertainty as motion_trials
+from tdfscal.motioncal import estimator as motion_trials
 from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
 from tdfscal.records import Drift, Rig

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tdfscal.planning.selection import choose, greedy, short_tour
+from tdfscal.planning.plan import choose, greedy, short_tour
 from tdfscal.records import FloatArray
 
 
