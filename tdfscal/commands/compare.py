@@ -10,39 +10,26 @@ import numpy as np
 from tdfscal.catalogue import documents
 from tdfscal.commands import options
 from tdfscal.commands.options import Option, silent
-from tdfscal.commands.result import CommandResult, by_column, read_sources, sources_of
+from tdfscal.commands.result import CommandResult, by_column, each_angle, read_sources, sources_of
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.errors import UsageError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
-from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.several import Several, against_first, comparison_document, several_report
+from tdfscal.reporting.several import Several, comparison_document, several_report
 from tdfscal.reporting.traceability import Making
 
 
 @record(eq=False)
-class CompareResult(CommandResult):
+class CompareResult(CommandResult, Several):
     """The first calibration against each of the others, always the later minus the earlier one."""
-
-    compared: Several
-
-    @property
-    def comparisons(self) -> tuple[Comparison, ...]:
-        """One for each calibration but the first."""
-        return self.compared.pairs
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Whether each pair agrees, what keeps it from that, and what must be known of each."""
-        each = zip(self.comparisons, self.compared.remarks, strict=True)
+        each = zip(self.comparisons, self.remarks, strict=True)
         said = (_of_pair(pair) + remarks for pair, remarks in each)
-        return (*(found for pair in said for found in pair), *self.compared.defects)
-
-    @property
-    def verified(self) -> bool:
-        """Every pair agrees, and none of it was rejected."""
-        return self.compared.verified
+        return (*(found for pair in said for found in pair), *self.defects)
 
     @property
     def exit_status(self) -> int:
@@ -51,13 +38,13 @@ class CompareResult(CommandResult):
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, differences and E_n of each pair."""
-        return several_report(self.compared, Making(self.command, ()), drawings)
+        return several_report(self, Making(self.command, ()), drawings)
 
     def document(self) -> dict[str, Any]:
         """Return whether all agree, and each comparison, as plain JSON values."""
         each = []
-        for pair, said in zip(self.comparisons, self.compared.remarks, strict=True):
-            own = (one for one in self.compared.defects if set(one.subject) & set(pair.names))
+        for pair, said in zip(self.comparisons, self.remarks, strict=True):
+            own = (one for one in self.defects if set(one.subject) & set(pair.names))
             found = documents((*_of_pair(pair), *said, *own))
             each.append(comparison_document(pair) | {"findings": found})
         return {"verified": self.verified, "comparisons": each}
@@ -65,10 +52,9 @@ class CompareResult(CommandResult):
     def table(self) -> dict[str, list[Any]]:
         """One row per pair and angle: the difference, its standard uncertainty, E_n; rad."""
         rows = (
-            (*pair.names, name, angle, pair.rpy[i, j], pair.rpy_std[i, j], pair.en[i, j])
+            (*pair.names, *row)
             for pair in self.comparisons
-            for i, name in enumerate(pair.supports)
-            for j, angle in enumerate(ANGLES)
+            for row in each_angle(pair.supports, pair.rpy, pair.rpy_std, pair.en)
         )
         return by_column("of against support angle difference std en", rows)
 
@@ -106,7 +92,7 @@ def compare(
     sources = sources_of(*files)
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
-    return CompareResult(against_first(read_sources(sources)))
+    return CompareResult.of(read_sources(sources))
 
 
 def _of_pair(pair: Comparison) -> tuple[Finding, ...]:

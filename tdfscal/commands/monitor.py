@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from tdfscal.catalogue import sentence, told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import RESULT, RIG, campaign_folders, kind_of
@@ -13,7 +15,13 @@ from tdfscal.commands.earlier import Earlier, on_one_another, read_earlier
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.recordings import Unusable, require_one_rig
-from tdfscal.commands.result import CalibrationSource, CommandResult, by_column, sources_of
+from tdfscal.commands.result import (
+    CalibrationSource,
+    CommandResult,
+    by_column,
+    each_angle,
+    sources_of,
+)
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life, life_of
@@ -25,7 +33,7 @@ from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
-from tdfscal.records import ANGLES, Rig
+from tdfscal.records import Rig
 from tdfscal.reporting.history import (
     chart_rule,
     day,
@@ -96,18 +104,14 @@ class MonitorResult(CommandResult):
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
-        life = self.life
+        life, known = self.life, self.life.known
+        names = np.array(life.supports)[known].tolist()
+        each = [of[:, known] for of in (life.rpy, life.rpy_std, life.path, life.path_std)]
         rows = (
-            (
-                check, day(life.month[k]), name, angle,
-                life.rpy[k, i, j], life.rpy_std[k, i, j],
-                life.path[k, i, j], life.path_std[k, i, j],
-            )
+            (check, day(life.month[k]), *row)
             for k, check in enumerate(life.names)
-            for i, name in enumerate(life.supports)
-            if life.known[i]
-            for j, angle in enumerate(ANGLES)
-        )  # fmt: skip
+            for row in each_angle(names, *(of[k] for of in each))
+        )
         return by_column("check date support angle value std path path_std", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
@@ -11,6 +10,7 @@ from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Self, cast
 
+import numpy as np
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
@@ -28,7 +28,7 @@ from tdfscal.files.outputs import protect
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import FrozenInstanceError, record, replace
-from tdfscal.records import ANGLES
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
 
 if TYPE_CHECKING:
@@ -318,9 +318,15 @@ def sources_of(*given: CalibrationSource | Iterable[CalibrationSource]) -> list[
     return found
 
 
-def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[str | float, ...]]:
-    """Return what stands under `ANGLE_COLUMNS`."""
-    for support in calibration.mounted:
-        low, high = support.interval.low, support.interval.high
-        for angle, *row in zip(ANGLES, support.rpy, support.rpy_std, low, high, strict=True):
-            yield (support.name, angle, *(math.nan if value is None else value for value in row))
+def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[Any, ...]]:
+    """Return what stands under `ANGLE_COLUMNS`, nan for what is unknown."""
+    for s in calibration.mounted:
+        each = (s.rpy, s.rpy_std, s.interval.low, s.interval.high)
+        yield from each_angle([s.name], *(np.array([row], float) for row in each))
+
+
+def each_angle(names: Iterable[str], *columns: FloatArray) -> Iterator[tuple[Any, ...]]:
+    """Return rows of a sensor's name, an angle's, and each column's (n, 3) value of it."""
+    for i, name in enumerate(names):
+        for j, angle in enumerate(ANGLES):
+            yield (name, angle, *(column[i, j].item() for column in columns))

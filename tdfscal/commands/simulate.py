@@ -8,12 +8,11 @@ from typing import Annotated, Any
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, rig_file
 from tdfscal.commands.options import Option, silent
-from tdfscal.commands.result import CommandResult, by_column
+from tdfscal.commands.result import CommandResult, by_column, each_angle
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
-from tdfscal.records import ANGLES
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
 #: What the help says of the scenarios.
@@ -49,8 +48,7 @@ class SimulateResult(CommandResult):
 
     def table(self) -> dict[str, Any]:
         """One row per angle: support, angle, its true value, in rad."""
-        each = zip(self.run.rig.supports, self.run.truth.rpy, strict=True)
-        rows = ((name, *one) for name, rpy in each for one in zip(ANGLES, rpy, strict=True))
+        rows = each_angle(self.run.rig.supports, self.run.truth.rpy)
         return by_column("support angle value", rows)
 
 

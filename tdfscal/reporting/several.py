@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -42,13 +42,25 @@ _DEPARTED = (
 class Several:
     """Calibrations by their names, and the first compared with each of the others.
 
-    pairs : always the later minus the earlier one. remarks : of each pair, on the data that both
-    stand on, their rigs' papers.
+    comparisons : always the later minus the earlier one. remarks : of each pair, on the data that
+    both stand on, their rigs' papers.
     """
 
     named: tuple[Named, ...]
-    pairs: tuple[Comparison, ...]
+    comparisons: tuple[Comparison, ...]
     remarks: tuple[tuple[Finding, ...], ...]
+
+    @classmethod
+    def of(cls, named: Sequence[Named]) -> Self:
+        """Compare the first of calibrations with each of the others.
+
+        Raises DataError where their supports differ.
+        """
+        first, order = named[0], named[0][1].rotations()
+        ordered = [sorted((first, other), key=by_date) for other in named[1:]]
+        found = [compared(later, earlier, order) for earlier, later in ordered]
+        pairs = judged_together([pair for pair, _ in found])
+        return cls(tuple(named), pairs, tuple(remarks for _, remarks in found))
 
     @property
     def defects(self) -> tuple[Finding, ...]:
@@ -58,16 +70,16 @@ class Several:
     @property
     def verified(self) -> bool:
         """Every pair agrees, and nothing keeps it from being two results of one rig."""
-        return all(pair.verified for pair in self.pairs)
+        return all(pair.verified for pair in self.comparisons)
 
     @property
     def verdict(self) -> str:
         """In words, at one level for all pairs (Bonferroni)."""
-        obstacles = [pair.obstacle for pair in self.pairs if pair.obstacle]
+        obstacles = [pair.obstacle for pair in self.comparisons if pair.obstacle]
         rejected = not all(c.accepted for _, c in self.named)
         if any(found.rejects for found in obstacles):
             return "NOT COMPARABLE"
-        if not all(pair.compatible for pair in self.pairs if np.isfinite(pair.p_value)):
+        if not all(pair.compatible for pair in self.comparisons if np.isfinite(pair.p_value)):
             return "NOT COMPATIBLE"
         if obstacles:
             return "NOT VERIFIED" if rejected else "NOT SEPARATE RESULTS"
@@ -79,25 +91,13 @@ def by_date(named: Named) -> float:
     return named[1].measured.record().end
 
 
-def against_first(named: Sequence[Named]) -> Several:
-    """Compare the first of calibrations with each of the others.
-
-    Raises DataError where their supports differ.
-    """
-    first, order = named[0], named[0][1].rotations()
-    ordered = [sorted((first, other), key=by_date) for other in named[1:]]
-    found = [compared(later, earlier, order) for earlier, later in ordered]
-    pairs = judged_together([pair for pair, _ in found])
-    return Several(tuple(named), pairs, tuple(remarks for _, remarks in found))
-
-
 def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out verdict, files, angles, each pair's differences, the rule, where each comes from."""
-    rule = ("Decision rule", _RULE.format(limit=f"{rounded(view.pairs[0].limit)}"))
-    said = tuple(begun(_verdict(pair), ".") for pair in view.pairs)
+    rule = ("Decision rule", _RULE.format(limit=f"{rounded(view.comparisons[0].limit)}"))
+    said = tuple(begun(_verdict(pair), ".") for pair in view.comparisons)
     keep = (_keep(view),) if view.verdict in ("COMPATIBLE", "NOT VERIFIED") else ()
     files = Facts(tuple((name, _described(c)) for name, c in view.named))
-    pairs = tuple(block for pair in view.pairs for block in _pair(pair))
+    pairs = tuple(block for pair in view.comparisons for block in _pair(pair))
     return Report(
         title=" and ".join(dict.fromkeys(c.rig.name for _, c in view.named)),
         subtitle=f"{len(view.named)} calibrations side by side",
@@ -117,7 +117,7 @@ def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] 
               for name, c in view.named),
         ),
         warnings=_warnings(view),
-        advice=keep or _advice(view.pairs),
+        advice=keep or _advice(view.comparisons),
         created=layout.utc(making.created),
     )  # fmt: skip
 

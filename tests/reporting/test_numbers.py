@@ -10,7 +10,7 @@ from tdfscal.catalogue.numbers import p_text, rounded, typeset, with_std
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render as as_page
 from tdfscal.reporting.layout import Report
-from tdfscal.reporting.several import against_first, several_report
+from tdfscal.reporting.several import Several, several_report
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.traceability import Making
@@ -23,7 +23,7 @@ from tests.reporting.test_several import FEBRUARY, JANUARY, MARCH
 from tests.reporting.test_validation_claim import validation as tared
 from tests.reporting.test_validation_page import origin_of_check, validation
 
-SEVERAL = against_first([("j", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
+SEVERAL = Several.of([("j", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
 REPORTS: dict[str, Callable[[], Report]] = {
     "touched": lambda: calibration_report(sample(touched=True).calibration),
     "six supports": lambda: calibration_report(sample(n=6).calibration),

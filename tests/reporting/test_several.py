@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.html import render
 from tdfscal.reporting.layout import Report, Table
-from tdfscal.reporting.several import against_first, by_date, several_report
+from tdfscal.reporting.several import Several, by_date, several_report
 from tdfscal.reporting.traceability import Making
 from tests.cli.running import Cli
 from tests.reporting.samples import by_hand, sample, saved
@@ -60,15 +60,15 @@ MARCH = flat(1.5e-3, "2026-03-05T08:00:00Z")
 
 
 def several(calibrations: list[tuple[str, Calibration]]) -> Report:
-    return several_report(against_first(calibrations), Making("tdfscal report", ()))
+    return several_report(Several.of(calibrations), Making("tdfscal report", ()))
 
 
 def test_oldest_first_and_e_n_by_hand() -> None:
     given = [("m", MARCH), ("j", JANUARY), ("f", FEBRUARY)]
-    view = against_first(sorted(given, key=by_date))
+    view = Several.of(sorted(given, key=by_date))
     assert [name for name, _ in view.named] == ["j", "f", "m"]
     root = 2 * np.sqrt(2) * STD
-    for comparison, change in zip(view.pairs, (5e-4, 1.5e-3), strict=True):
+    for comparison, change in zip(view.comparisons, (5e-4, 1.5e-3), strict=True):
         assert comparison.en[1, 2] == pytest.approx(change / root, rel=1e-9)
         assert comparison.chi2 == pytest.approx(change**2 / (2 * STD**2), rel=1e-9)
     assert not view.verified
@@ -85,7 +85,7 @@ def test_oldest_first_and_e_n_by_hand() -> None:
 
 def test_an_auditor_finds_differences_files_and_dates() -> None:
     """Each difference with its sign, each log with its digest, and when each was made."""
-    view = against_first([("j.yaml", JANUARY), ("f.yaml", FEBRUARY)])
+    view = Several.of([("j.yaml", JANUARY), ("f.yaml", FEBRUARY)])
     making = Making("tdfscal report f.yaml j.yaml", (), "2026-03-01T10:00:00Z")
     page = render(several_report(view, making))
     said = " ".join(re.sub(r"<[^>]+>", " ", page).split())
