@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import WrenchPass, take
 from tdfscal.commands.campaign import PathLike, one
@@ -56,14 +55,9 @@ class ApplyResult(CommandResult):
     output: Path | None
     columns: dict[str, FloatArray] | None = None
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found of calibration and log: the text does not repeat it."""
-        return tuple(map(told, self.findings))
-
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return size of the wrench with and without the calibration."""
-        return wrench_report(self.summary)
+        return wrench_report(self.summary, self.findings)
 
     def document(self) -> dict[str, Any]:
         """Return the summary as plain JSON values."""

@@ -9,19 +9,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import InUse, WrenchPass, take
 from tdfscal.commands.campaign import Campaign, listed
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple
-from tdfscal.commands.result import (
-    Calibration,
-    CalibrationSource,
-    CommandResult,
-    by_column,
-    read_source,
-)
+from tdfscal.commands.result import Calibration, CalibrationSource, CommandResult, read_source
 from tdfscal.detection.capability import (
     UNTIMED,
     Capability,
@@ -45,7 +38,7 @@ from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import Driven, read_plan
-from tdfscal.findings import Finding, Value, unfit
+from tdfscal.findings import Finding, Value, rejecting, unfit
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.parameters import gravity, sensing
@@ -53,7 +46,7 @@ from tdfscal.model.postures import ZeroAge
 from tdfscal.model.samples_in_motion import rotations
 from tdfscal.model.statics import carrying
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.reporting.layout import Drawing, Report, document, plain
+from tdfscal.reporting.layout import Drawing, Report, document, each_named
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.wrench_noise import by_sensor
@@ -62,7 +55,6 @@ from tdfscal.wrench.wrench_noise import by_sensor
 _OLD = 86400.0
 #: Share of the variance from which on zeros have aged too far.
 _AGED = 0.5
-_OF_AXIS = ("axis", "unit", "threshold", "smallest_contact", "noise", "shares")
 
 
 @record(eq=False)
@@ -82,12 +74,7 @@ class CapabilityResult(CommandResult):
     @property
     def exit_status(self) -> int:
         """1 where a finding rejects the path, or the calibration for it."""
-        return int(any(finding.rejects for finding in self.findings))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found of calibration and path, beside what rejects them."""
-        return tuple(told(finding) for finding in self.findings if not finding.rejects)
+        return int(bool(rejecting(self.findings)))
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out thresholds, what they come from, and what would help."""
@@ -97,32 +84,26 @@ class CapabilityResult(CommandResult):
 
     def document(self) -> dict[str, Any]:
         """Return thresholds, contacts, shares and findings as plain JSON values."""
-        c, asked = self.capability, document(self.request, "false_stops detect filter=cutoff")
-        return {
-            "calibration_status": self.calibration.status,
-            "calibration_created": self.calibration.created,
-            **asked,
-            **document(self, "about timed"),
-            "duration": c.duration,
-            "for_machine": not unfit(self.findings),
-            "axes": [
-                plain(dict(zip(_OF_AXIS, (*row, noise.std, shares), strict=True)))
-                for noise, (row, shares) in zip(c.noise, self._by_axis(), strict=True)
-            ],
-        }
+        noise = [each.std for each in self.capability.noise]
+        shares = self.capability.shares
+        of_each = [{source: of[k] for source, of in shares.items()} for k in range(len(noise))]
+        return document(
+            self,
+            "calibration_status=calibration.status calibration_created=calibration.created "
+            "false_stops=request.false_stops detect=request.detect filter=request.cutoff "
+            "about timed duration=capability.duration",
+            for_machine=not unfit(self.findings),
+            axes=each_named(COMPONENTS, "axis", **self._sizes(), noise=noise, shares=of_each),
+        )
 
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, Any]:
         """One row per axis: threshold and smallest contact, N or N·m, shares of the variance."""
-        names = (f"share_{source}" for source in self.capability.shares)
-        rows = ((*row, *shares.values()) for row, shares in self._by_axis())
-        return by_column(" ".join((*_OF_AXIS[:4], *names)), rows)
+        shares = {f"share_{source}": of for source, of in self.capability.shares.items()}
+        return {"axis": COMPONENTS, **self._sizes(), **shares}
 
-    def _by_axis(self) -> Iterator[tuple[tuple[str, str, float, float], dict[str, float]]]:
-        """Axis, unit, threshold, smallest contact; and the shares of the variance by source."""
-        c = self.capability
-        rows = zip(COMPONENTS, UNITS, c.threshold, c.smallest_contact, strict=True)
-        for k, row in enumerate(rows):
-            yield row, {name: share[k] for name, share in c.shares.items()}
+    def _sizes(self) -> dict[str, Any]:
+        names = ("threshold", "smallest_contact")
+        return {"unit": UNITS, **{name: getattr(self.capability, name) for name in names}}
 
 
 @options.command("capability calibration.yaml assembly/free.csv --filter 10")
@@ -299,8 +280,8 @@ def _readings(given: Calibrated, driven: Driven) -> FloatArray:
 def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
     """What the path and the calibration's use are to be judged by."""
     use, stated = path.use, path.use.campaign.rig.rig
-    rejecting = list(_rejecting(path, found))
-    yield from rejecting
+    unsound = list(_rejecting(path, found))
+    yield from unsound
     if not path.given.joint and use.calibration.method != "tracker":
         yield Finding("covariance-in-part", (use.name,))
     aged = np.mean(np.sum(path.errors.zeros**2, axis=2), axis=0)
@@ -315,7 +296,7 @@ def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
         yield Finding("drift-undeclared", size=days)
     if not path.noise.spans:
         yield Finding("path-without-noise", values={"planned": not use.campaign.logs})
-    if path.given.rig.inertia is None and path.sampled and not rejecting:
+    if path.given.rig.inertia is None and path.sampled and not unsound:
         yield Finding("path-inertia-unknown")
     for name, unit, rows, limit in stated.acceptance.contact_limits:
         worst = float(np.max(found.smallest_contact[rows]))

@@ -16,6 +16,7 @@ from tdfscal.files.rig.reading import parse_rig
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
+from tdfscal.reporting.layout import document
 
 _GRAVITY = 9.80665
 
@@ -46,15 +47,9 @@ class InitResult(CommandResult):
 
     def document(self) -> dict[str, Any]:
         """Return the text, what to confirm, and the numbers behind it."""
-        return {
-            "yaml": self.yaml,
-            "confirm": list(self.confirm),
-            "supports": list(self._supports),
-            "hinge": self.sketch.hinge.tolist(),
-            "mass": self.sketch.mass,
-            "nominal_rpy": self.sketch.nominal_rpy.tolist(),
-            "notes": [*self.description.guess.notes, *self.notes],
-        }
+        names = "yaml confirm supports=_supports hinge=sketch.hinge mass=sketch.mass"
+        names += " nominal_rpy=sketch.nominal_rpy"
+        return document(self, names, notes=[*self.description.guess.notes, *self.notes])
 
     def table(self) -> dict[str, Any]:
         """One row per support: hinge in m, nominal mounting in rad."""

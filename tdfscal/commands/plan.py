@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, no_log, one, resolve, rig_file
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of
@@ -41,23 +40,15 @@ DEFAULT_DENSITY = 0.1
 
 @record(eq=False)
 class PlanResult(CommandResult):
-    """Postures or a motion to drive, and what to expect of it.
-
-    output : the file.
-    """
+    """Postures or a motion to drive, and what to expect of it. output : the file."""
 
     plan: Plan | MovingPlan
     output: Path | None
     findings: tuple[Finding, ...] = ()
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What keeps the home from being known."""
-        return tuple(map(told, self.findings))
-
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return what to drive, and what to expect of it."""
-        return plan_report(self.plan)
+        return plan_report(self.plan, self.findings)
 
     @property
     def content(self) -> str:
@@ -68,7 +59,7 @@ class PlanResult(CommandResult):
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
-        return plan_document(self.plan, None if self.output is None else str(self.output))
+        return plan_document(self.plan, self.output)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 
 from tdfscal import trackercal
-from tdfscal.catalogue import told
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike
 from tdfscal.commands.options import Option, silent
@@ -39,14 +38,9 @@ class RegisterResult(CommandResult):
         """What was found of the files and of the fit."""
         return (*self.of_files, *self.registration.findings)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found of the files: the text has what the fit says."""
-        return tuple(map(told, self.of_files))
-
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Return transform, uncertainty, residuals."""
-        return registration_report(self.registration)
+        return registration_report(self.registration, self.of_files)
 
     def document(self) -> dict[str, Any]:
         """Return plain JSON values; m and rad."""

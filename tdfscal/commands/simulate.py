@@ -13,6 +13,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
+from tdfscal.reporting.layout import document
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run, SurveyOptions
 
 #: What the help says of the scenarios.
@@ -38,13 +39,8 @@ class SimulateResult(CommandResult):
 
     def document(self) -> dict[str, Any]:
         """Return where what was written."""
-        return {
-            "folder": str(self.folder),
-            "scenario": self.run.scenario,
-            "rig": self.run.rig.name,
-            "seed": self.seed,
-            "truth": str(self.folder / "truth.yaml"),
-        }
+        names = "folder scenario=run.scenario rig=run.rig.name seed"
+        return document(self, names, truth=self.folder / "truth.yaml")
 
     def table(self) -> dict[str, Any]:
         """One row per angle: support, angle, its true value, in rad."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
+from operator import attrgetter
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
@@ -254,6 +255,8 @@ def utc(instant: str) -> str:
 
 def plain(value: Any) -> Any:
     """Records and arrays, and what holds them, as JSON values; None for what is not finite."""
+    if isinstance(value, PurePath):
+        return str(value)
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
@@ -268,15 +271,18 @@ def plain(value: Any) -> Any:
 
 
 def document(record: object, names: str, **more: Any) -> dict[str, Any]:
-    """These fields of a record, and more, as plain JSON values; `key=field` renames one."""
+    """These fields of a record, and more, as plain JSON values.
+
+    `key=field` renames one; `key=part.field` is of a part.
+    """
     named = (name.partition("=") for name in names.split())
-    fields = {key: getattr(record, field or key) for key, _, field in named}
+    fields = {key: attrgetter(field or key)(record) for key, _, field in named}
     return {key: plain(value) for key, value in (fields | more).items()}
 
 
-def each_named(names: Iterable[str], **columns: Any) -> list[dict[str, Any]]:
-    """Rows of a name with each column's value, as plain JSON values."""
+def each_named(names: Iterable[str], called: str = "name", **columns: Any) -> list[dict[str, Any]]:
+    """Rows of a name with each column's value, as plain JSON values; called : the name's key."""
     return [
-        {"name": name, **{key: plain(values[k]) for key, values in columns.items()}}
+        {called: name, **{key: plain(values[k]) for key, values in columns.items()}}
         for k, name in enumerate(names)
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") ->
     return unknown if value is None or not np.isfinite(value) else format(value, form)
 
 
-def wrench_report(summary: dict[str, Any]) -> Report:
+def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> Report:
     """Lay out the size of the wrench over all samples, with and without the calibration."""
     stops = summary["stops"]
     columns = {"rms": summary["rms"], "at stops": stops and stops["rms"],
@@ -78,6 +79,7 @@ def wrench_report(summary: dict[str, Any]) -> Report:
         f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
         claim=_filter(summary["filter"]),
         sections=(Section("", (_by_component(shown), " ".join(_said(summary)))),),
+        warnings=tuple(map(told, findings)),
     )
 
 
@@ -167,7 +169,7 @@ def _noise(found: Capability, request: Request) -> Iterator[str]:
         yield f"Noise is the scatter {of} {where}: {', '.join(sizes)}{less}."
 
 
-def plan_report(plan: Plan | MovingPlan) -> Report:
+def plan_report(plan: Plan | MovingPlan, findings: Sequence[Finding]) -> Report:
     """Lay out what to drive, and what to expect of it."""
     from tdfscal.planning.motion import MovingPlan
 
@@ -177,11 +179,12 @@ def plan_report(plan: Plan | MovingPlan) -> Report:
     )
     caption = "Standard uncertainty to expect of the installation angles, mrad"
     table = Table(caption, ("sensor", *ANGLES), rows)
-    told = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
-    title, drive, contact, used = told
+    described = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
+    title, drive, contact, used = described
     mean = f"On average {rounded(1e3 * plan.expected.mean, 3)} mrad."
     blocks = (table, *contact, f"{mean} {used}")
-    return Report(title, drive, sections=(Section("What to expect", blocks),))
+    expected = Section("What to expect", blocks)
+    return Report(title, drive, sections=(expected,), warnings=tuple(map(told, findings)))
 
 
 def _postures(plan: Plan) -> tuple[str, str, Sequence[Block], str]:
@@ -243,31 +246,24 @@ def _motion(plan: MovingPlan) -> tuple[str, str, Sequence[Block], str]:
     )
 
 
-def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
+def plan_document(plan: Plan | MovingPlan, path: Path | None) -> dict[str, Any]:
     """Return a plan as plain JSON values, SI units; path : the file."""
     from tdfscal.planning.motion import MovingPlan
 
     limits = layout.document(plan.request.limits, "tilt squeeze force stiffness")
+    more: dict[str, Any]
     if isinstance(plan, MovingPlan):
         limits["speed"] = plan.request.speed
-        duration = plan.request.duration
-        frequency = plan.motion.line / duration
-        more = layout.document(plan, "used", duration=duration, frequency=frequency)
+        own = "used duration=request.duration"
+        more = {"frequency": plan.motion.line / plan.request.duration}
     else:
-        more = layout.document(
-            plan,
-            "position approach",
-            postures=len(plan),
-            objective=plan.request.objective,
-            squeeze=plan.postures.squeeze,
-        )
+        own = "position approach objective=request.objective squeeze=postures.squeeze"
+        more = {"postures": len(plan)}
     return layout.document(
         plan,
-        "",
+        f"rig=rig.name noise=request.noise {own}",
         format="tdfscal-plan/1",
-        rig=plan.rig.name,
         output=path,
-        noise=plan.request.noise,
         limits=limits,
         expected=_forecast(plan.rig, plan.expected),
         **more,
@@ -275,15 +271,20 @@ def plan_document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
 
 
 def _forecast(rig: Rig, of: Forecast) -> dict[str, Any]:
-    supports = layout.each_named(rig.supports, rpy_std=of.rpy_std)
-    document: dict[str, Any] = {"mean_std": of.mean, "supports": supports}
-    if of.contact_force is not None and of.contact_torque is not None:
-        document["contact"] = {"force_std": of.contact_force, "torque_std": of.contact_torque}
-    return document
+    contact = "force_std=contact_force torque_std=contact_torque"
+    known = of.contact_force is not None and of.contact_torque is not None
+    return {
+        "mean_std": of.mean,
+        "supports": layout.each_named(rig.supports, rpy_std=of.rpy_std),
+        **({"contact": layout.document(of, contact)} if known else {}),
+    }
 
 
-def registration_report(r: PointRegistration) -> Report:
-    """Lay out the transform with its standard uncertainties, and the residual of each point."""
+def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Report:
+    """Lay out the transform with its standard uncertainties, and the residual of each point.
+
+    of_files : what was found of the point files.
+    """
     names = *(f"{angle}, mrad" for angle in ANGLES), *(f"translation {axis}, mm" for axis in "xyz")
     stds = (*r.rpy_std, *r.translation_std)
     values = tuple(
@@ -312,6 +313,7 @@ def registration_report(r: PointRegistration) -> Report:
         title=f"{len(r.names)} points fit within {rounded(1e3 * r.rms, 3)} mm (rms)",
         reasons=tuple(map(told, r.findings)),
         sections=(Section("Transform", blocks),),
+        warnings=tuple(map(told, of_files)),
     )
 
 
