@@ -10,12 +10,14 @@ _SHIFT = (
     "({p}); uncorrected, this puts {angle} off by {harm}, {shift:.1f} times its standard "
     "uncertainty"
 )
+_SAID = "the residuals{campaign: of ~|} {tied:may as well mean|say} that %s "
 _BESIDES = """
   ? zero , and the zero {zero} by {zero_shift:.1f} times its own
   ? held ; the uncertainty that is given allows for it
 """
-SUSPECTS: dict[str, Entry] = entries(
-    """
+SUSPECTS: dict[str, Entry] = (
+    entries(
+        """
 zero-suspected warns
   {subject:the zero of ~{axis:, axis ~,|} is|the zeros of all sensors are} not what is stated
   -> tare again, or write `zero.std: {stated}` for {subject:~|every support} in rig.yaml (N)
@@ -27,10 +29,6 @@ gain-suspected warns
   the gain of {subject} is not what is stated
   -> have the sensor of {subject} checked, or write `uncertainty.force_sensitivity: {stated}` in
     rig.yaml (relative)
-mounting-suspected warns
-  the sensor of {subject} is not mounted as stated
-  -> see how {subject} sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for {subject}
-    in rig.yaml (rad)
 mass-suspected warns
   the mass is not what is stated
   -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
@@ -102,10 +100,20 @@ contact-stays warns
     these postures again. The readings alone cannot tell it from an opposite push in all other
     postures: if it was those that were touched, record them again instead
 """,
-    f"the residuals{{campaign: of ~|}} {{tied:may as well mean|say}} that %s {_SHIFT}",
-    _BESIDES,
-) | entries(
-    """
+        f"{_SAID}{_SHIFT}",
+        _BESIDES,
+    )
+    | entries(
+        """
+mounting-suspected warns
+  the sensor of {subject} is not mounted as stated
+  -> see how {subject} sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for {subject}
+    in rig.yaml (rad)
+""",
+        f"{_SAID}({{p}})",
+    )
+    | entries(
+        """
 hinge-misplaced warns
   the hinge of {subject} is not where it is stated, by {size}{or_more: or more|}
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml
@@ -132,8 +140,9 @@ frame-not-square warns
   -> align or calibrate the positioner of {subject}; hinge distances show no error that all
     positioners share
 """,
-    f"the distances between hinges {{tied:may as well mean|say}} that %s {_SHIFT}",
-    f"{_BESIDES}  ? elsewhere ; other distances disagree too",
+        f"the distances between hinges {{tied:may as well mean|say}} that %s {_SHIFT}",
+        f"{_BESIDES}  ? elsewhere ; other distances disagree too",
+    )
 )
 
 CAMPAIGN: dict[str, Entry] = entries("""
@@ -212,8 +221,8 @@ terminal-turned warns
     rig.yaml, hinges and barycentre, so that the terminal stands upright|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
-  -> look whether {subject} is turned{half:, or two of its axes of opposite sign|}, and state
-    nominal_rpy in rig.yaml
+  -> look how {subject} sits: where it is turned, state its nominal_rpy in rig.yaml{force_scale:;
+    where two of its axes have the opposite sign, write ~|}
 angles-locked notes
   {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its uncertainties are
   those of the turns about X, Y and Z of the BCS

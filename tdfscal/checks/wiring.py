@@ -56,14 +56,15 @@ class Wiring:
         return Wiring(f"{self.words}, and {other.words}", self.source.ravel()[other.source], sign)
 
     def turned(self, supports: tuple[str, ...]) -> dict[str, Value]:
-        """Whose axes have the opposite sign, and each axis' own; nothing of an exchange."""
+        """Whose axes have the opposite sign, and the signs of each; or who is read from whom."""
         which = self.supports
-        if np.any(np.diff(self.source.ravel()) != 1) or len(which) not in (1, len(supports)):
+        if self.whole:
+            return {"moved": [supports[i] for k in which for i in (k, self.source[k, 0] // 3)]}
+        if np.any(np.diff(self.source.ravel()) != 1):
             return {}
-        if np.any(self.sign[which] != self.sign[which[0]]):
-            return {}
-        whose = supports[which[0]] if len(which) == 1 else "<each>"
-        return {"turned": whose, "signs": self.sign[which[0]].tolist()}
+        if len(which) == len(supports) and np.all(self.sign == self.sign[0]):
+            return {"turned": ["<each>"], "signs": self.sign[0].tolist()}
+        return {"turned": [supports[k] for k in which], "signs": self.sign[which].ravel().tolist()}
 
     def signals(self, value: FloatArray) -> FloatArray:
         """Positions or forces (..., n, 3) as they would be."""

@@ -204,14 +204,16 @@ class LogPass:
 
 def _scaled(found: Finding, rig: LoadedRig) -> Finding | None:
     """The same, where its cure has signs of axes written: with SI per unit of the log."""
-    signs, whose = found.values.get("signs"), found.values.get("turned")
-    if not isinstance(signs, list):
+    signs, turned = found.values.get("signs"), found.values.get("turned")
+    if not isinstance(signs, list) or not isinstance(turned, list):
         return None
-    i = rig.rig.supports.index(whose) if whose in rig.rig.supports else 0
     quantity: Literal["position", "force"]
     quantity = "force" if found.code == "forces-exchanged" else "position"
-    mapping = next(m for m in rig.log if (m.force if quantity == "force" else m.position)[i])
-    scale = signal_of(replace(mapping, force_on="terminal"), quantity, i, ()).factors
+    scale = list[float]()
+    for name in turned:
+        i = rig.rig.supports.index(name) if name in rig.rig.supports else 0
+        mapping = next(m for m in rig.log if (m.force if quantity == "force" else m.position)[i])
+        scale += signal_of(replace(mapping, force_on="terminal"), quantity, i, ()).factors
     scaled = [sign * size for sign, size in zip(signs, scale, strict=True)]
     return replace(found, values={**found.values, "signs": scaled, "scaled": True})
 

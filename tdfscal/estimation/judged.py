@@ -11,11 +11,16 @@ from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.estimation.observability import Observability
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import UNDECLARED, Estimate, F, Quality, Uncertainty, beside
-from tdfscal.findings import Finding, rejecting
+from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import nominal
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.records import FloatArray, Rig, Rotations
+
+#: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
+_FAR_TURNED = np.pi / 8
 
 
 @record
@@ -106,6 +111,21 @@ class Judged(Generic[F]):
             if not doubt.spoils(self.fit.moving)
             for finding in doubt.findings(rejects=False, held=held and doubt.move is not None)
         ]
+
+    def turned_sensors(self) -> list[Finding]:
+        """Sensors far from their nominal mounting, with the signs that would turn them back."""
+        rotation, mounted = self.fit.still.rotation, nominal(self.rig).rotation
+        back = np.swapaxes(mounted, 1, 2) @ rotation
+        along = np.diagonal(back, axis1=1, axis2=2)
+        found = list[Finding]()
+        for i, turn in enumerate(np.linalg.norm(so3.log(back), axis=1).tolist()):
+            half: dict[str, Value] = {}
+            if np.all(np.abs(along[i]) > np.cos(_FAR_TURNED)) and np.any(along[i] < 0):
+                half = {"turned": [self.rig.supports[i]], "signs": np.sign(along[i]).tolist()}
+            if turn > _FAR_TURNED:
+                name = self.rig.supports[i]
+                found.append(Finding("sensor-turned", (name,), turn, "rad", values=half))
+        return found
 
 
 def holding(known: Estimate[F], *groups: tuple[Suspicion, ...]) -> Estimate[F]:

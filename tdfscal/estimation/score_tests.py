@@ -108,8 +108,11 @@ class Suspicion:
         """It would move an angle by more than its uncertainty bears; less, where it is certain.
 
         Then zeros count too, since a controller loads them. Before, chance alone moves them as far:
-        mass, barycentre and zeros are nearly exchangeable.
+        mass, barycentre and zeros are nearly exchangeable. A mounting that is not as stated may be
+        read with a wrong sign, however little the statement weighs.
         """
+        if self.kind == "mounting" and not self.tied:
+            return True
         if self.certain:
             return max(self.shift, self.zero_shift) > CERTAIN_SHIFT
         return self.shift > HARMFUL_SHIFT

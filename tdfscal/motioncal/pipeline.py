@@ -130,7 +130,14 @@ def calibrate_moving(
         fit, usable, lambda cut, last: fit_moving(priors, cut, last.state)
     )
     result = _judged(fit, usable, dwells, progress)
-    found = (*result.gate(), *_unfit(result), *result.findings, *result.harmless(), *doubt)
+    found = (
+        *result.gate(),
+        *_unfit(result),
+        *result.findings,
+        *result.turned_sensors(),
+        *result.harmless(),
+        *doubt,
+    )
     trials = None
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")

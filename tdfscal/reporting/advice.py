@@ -177,6 +177,7 @@ def _cures(c: Calibration) -> Iterator[str]:
     apart = (*c.found("campaign-unusable"), *changed)
     yield from dict.fromkeys(found.cure or "" for found in apart)
     yield from _of_the_sensors(c, _many_rejected(c))
+    yield from (found.cure or "" for found in c.found("sensor-turned"))
     yield from (found.cure or "" for found in suspected if found.code not in _NOISE)
     yield from _of_what_touched(c)
     yield from (found.cure or "" for found in suspected if found.code in _NOISE)

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import count, quantity, rounded, spans, two_digits, upwards
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
@@ -86,7 +87,15 @@ def _bounds(half: FloatArray) -> str:
 
 
 def headline(c: Calibration) -> str:
-    """One number for all angles, what it counts, what it does not, and what it rests on."""
+    """One number for all angles, what it counts, what it does not, and what it rests on.
+
+    Before it, sensors that stand far from where the rig file has them.
+    """
+    turned = (begun(f"{found.text}: {found.cure}", ".") for found in c.found("sensor-turned"))
+    return " ".join((*turned, _of_the_angles(c)))
+
+
+def _of_the_angles(c: Calibration) -> str:
     said = f"each {'' if c.determined.all() else 'that is determined '}is known to within "
     said += f"{within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":

@@ -234,7 +234,11 @@ def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | No
     if other is not None:
         placed = _misfit(best_start(rig, other.positions(_some(observed))))
         if placed < BETTER and BETTER * placed < _misfit(present):
-            raise DataError(Finding("positions-renamed", values={"fits": other.words}))
+            raise DataError(
+                Finding(
+                    "positions-renamed", values={"fits": other.words, **other.turned(rig.supports)}
+                )
+            )
     if (found := misreading(rig, observed, present, rests)) is not None:
         raise misread(rig, found, present, rests)
 

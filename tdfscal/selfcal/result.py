@@ -21,19 +21,13 @@ from tdfscal.estimation.observability import (
 from tdfscal.estimation.uncertainty import Estimate, Quality
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
-from tdfscal.model.parameters import State, nominal, sensing
+from tdfscal.model.parameters import sensing
 from tdfscal.model.statics import internal_part
-from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.significance import MISFIT, OF_CAPACITY, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
-
-#: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
-_FAR_TURNED = np.pi / 8
-#: By so much or more it may be half a turn, as of two axes of opposite sign, rad.
-_HALF_TURN = 2.6
 
 
 @record(kw_only=True)
@@ -77,7 +71,7 @@ def caveats(of: SelfCalibration, *, unasked: bool) -> tuple[Finding, ...]:
     if (used := int(np.count_nonzero(of.fit.weight))) < ENOUGH:
         found.append(Finding("postures-few", size=used, values={"enough": ENOUGH}))
     found += log_against_rig.turned(rig, of.dwells.position)
-    found += _turned_sensors(rig, of.fit.state)
+    found += of.turned_sensors()
     found += of.observability.findings
     if rig.declared.force_sensitivity > 0:
         found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
@@ -106,19 +100,6 @@ def _of_the_noise(known: Estimate[Fit]) -> list[Finding]:
     if stats.p_value > 1 - OVERSTATED_NOISE:
         return [Finding("noise-overstated", size=stats.birge, p_value=1 - stats.p_value)]
     return []
-
-
-def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
-    """Sensors that stand far from their nominal mounting."""
-    back = np.swapaxes(nominal(rig).rotation, 1, 2)
-    turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
-    half = (turn > _HALF_TURN).tolist()
-    return [
-        Finding(
-            "sensor-turned", (rig.supports[i],), float(turn[i]), "rad", values={"half": half[i]}
-        )
-        for i in np.flatnonzero(turn > _FAR_TURNED)
-    ]
 
 
 #: Postures that a campaign is easily given besides; N, what a tare just before it leaves.

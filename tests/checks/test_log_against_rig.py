@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from tdfscal.checks.log_against_rig import (
     turned,
     weight_share,
 )
-from tdfscal.checks.wiring import exchanged_channels, rewired_sensors
+from tdfscal.checks.wiring import exchanged_channels, rewired_forces, rewired_sensors
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import postures
@@ -305,14 +306,23 @@ def test_a_unit_that_leaves_few_digits_is_no_dead_sensor(step: float, unit: floa
         screen(rig, replace(DWELLS, **arrays))
 
 
-def test_signs_are_told_of_what_is_mirrored_and_not_of_what_is_exchanged() -> None:
-    """Written as factors they make of the readings what the wiring makes of them."""
+def test_what_is_told_to_write_makes_of_readings_what_the_wiring_makes_of_them() -> None:
+    """Signs as factors, one sensor's or two sensors', and whole sensors under other names."""
     value = np.random.default_rng(1).normal(size=(4, RIG.n, 3))
-    for wiring in rewired_sensors(RIG.supports):
-        told = wiring.turned(RIG.supports)
-        assert bool(told) is bool((wiring.sign < 0).any())
+    place = {name: i for i, name in enumerate(RIG.supports)}
+    kinds = set[tuple[str, int]]()
+    for wiring in rewired_forces(RIG.supports, np.ones((RIG.n, 3), dtype=np.bool_)):
+        told: dict[str, Any] = wiring.turned(RIG.supports)
+        same = wiring.source.ravel().tolist() == list(range(3 * RIG.n))
+        assert ("turned" in told, "moved" in told) == (same, wiring.whole)
+        made, turned, moved = value.copy(), told.get("turned", []), told.get("moved", [])
+        names = RIG.supports if turned == ["<each>"] else turned
+        signs = np.resize(told.get("signs", []), (len(names), 3))
+        for name, sign in zip(names, signs, strict=True):
+            made[:, place[name]] *= sign
+        for name, source in zip(moved[::2], moved[1::2], strict=True):
+            made[:, place[name]] = value[:, place[source]]
         if told:
-            factor = np.ones((RIG.n, 3))
-            whose = [told["turned"] in (name, "<each>") for name in RIG.supports]
-            factor[whose] = told["signs"]
-            assert np.array_equal(factor * value, wiring.signals(value))
+            assert np.array_equal(made, wiring.signals(value))
+        kinds |= {("turned", len(turned)), ("moved", len(moved))}
+    assert {("turned", 1), ("turned", 2), ("moved", 4), ("moved", 6)} <= kinds
