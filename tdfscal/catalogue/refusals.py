@@ -139,8 +139,8 @@ zero-tared refuses
   stated
   -> {check:tare and record this check again{cut:, or validate one part of it, by --to ~ or --from
     ~|}|write `zero.std: unknown` for {subject} in rig.yaml{cut:, calibrate with --to ~ -o
-    before.yaml, and update before.yaml with --from ~|, and give the rows before and behind as two
-    campaigns, each in a folder with a rig.yaml}}
+    before.yaml, and update before.yaml by it with --from ~ -o after.yaml|, and give the rows
+    before and behind as two campaigns, each in a folder with a rig.yaml}}
   @ log forces
 forces-mirrored refuses
   the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the opposite sign, or

@@ -37,12 +37,13 @@ _CUT = 2
 
 @record
 class Recorded:
-    """A recording that went into an estimate, known by its file.
+    """A file of a recording that went into an estimate, known by its bytes.
 
-    sha256 : of its bytes. span : begin and end of the part that was used, s in the recording's
+    sha256 : of these. span : begin and end of the part that was used, s in the recording's
     time; None for all of it, or where that is not known.
     """
 
+    path: str
     sha256: str
     span: tuple[float, float] | None = None
 

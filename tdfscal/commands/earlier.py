@@ -12,7 +12,7 @@ from tdfscal.commands.recordings import Recording
 from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.comparison.members import EarlierCalibration
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.compared import readings_of
+from tdfscal.files.calibration.compared import files_of, readings_of, used_part
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.evidence import CampaignResult
@@ -38,16 +38,10 @@ class Earlier(EarlierCalibration):
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
-        known, tracker = readings_of(self.file, self.rig.supports), self.file.rig.tracker
-        wanted = {Path(name).name for name in (tracker.files if tracker else ())[::2]}
+        known = files_of(self.file), readings_of(self.file, self.rig.supports)
         return [
-            Recording(
-                one.name,
-                [f.record() for f in one.inputs if Path(f.path).name not in wanted],
-                one.measured.record(),
-                means,
-            )
-            for one, means in zip(self.campaigns, known, strict=True)
+            Recording(one.name, files, one.measured.record(), means)
+            for one, files, means in zip(self.campaigns, *known, strict=True)
         ]
 
     def own_recordings(self) -> list[Recording]:
@@ -132,6 +126,7 @@ def _alone(earlier: Earlier) -> CampaignResult:
             "chi2": earlier.chi2,
             "dof": earlier.dof,
             "readings": file.dwells,
+            "span": used_part(file),
         }
     )
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.catalogue import rigs_apart, sentence
-from tdfscal.checks.shared_data import Readings, readings, repeated
+from tdfscal.checks.shared_data import Readings, Recorded, readings, repeated
 from tdfscal.commands.campaign import PathLike, measured, misdated, resolve
 from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.errors import DataError, OutputError, TdfscalError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
-from tdfscal.records import Dwells, ExactMoves, InputFile, Measured, Rig, Rotations
+from tdfscal.records import Dwells, ExactMoves, Measured, Rig, Rotations
 
 if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
@@ -65,12 +65,12 @@ def surveyed(
 class Recording:
     """What tells one recording from another.
 
-    inputs : its files, but for what was wanted: nominal points and servo positions. means : of its
-    readings; None where not at hand.
+    files : but for what was wanted: nominal points and servo positions. means : of its readings;
+    None where not at hand.
     """
 
     name: str
-    inputs: Sequence[InputFile]
+    files: Sequence[Recorded]
     measured: Measured
     means: Readings | None
 
@@ -79,11 +79,13 @@ class Recording:
 class Read(Recording):
     """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
 
-    exact : how the survey moves with errors of what it took as exact.
+    span : s, the part of its log that was read; None without one. exact : how the survey moves with
+    errors of what it took as exact.
     """
 
     rig: Rig
     log: LogPass
+    span: tuple[float, float] | None
     dwells: Dwells | None
     survey: Rotations | None
     exact: tuple[ExactMoves, ...]
@@ -149,19 +151,19 @@ def read_campaigns(
 
 
 def _read(name: str, log: LogPass) -> Read:
-    dwells, means, survey, exact = None, None, None, tuple[ExactMoves, ...]()
+    dwells, means, survey, exact, span = None, None, None, tuple[ExactMoves, ...](), None
     if log.campaign.logs:
         with naming(name), log.explaining():
             dwells = log.dwells()
         log.messages += misdated(log)
-        means = readings(log.rig, dwells)
+        means, span = readings(log.rig, dwells), (log.begin, log.end)
     else:
         log.messages += log.campaign.lost_log
         found, _ = surveyed(log, 0, np.random.default_rng(0))
         survey, exact = found.rotations, found.exact
     wanted = set(map(str, log.campaign.rig.surveys[::2]))
-    when, files = measured(log), [one for one in log.inputs if one.path not in wanted]
-    return Read(name, files, when, means, log.rig, log, dwells, survey, exact)
+    files = [Recorded(f.path, f.sha256, span) for f in log.inputs if f.path not in wanted]
+    return Read(name, files, measured(log), means, log.rig, log, span, dwells, survey, exact)
 
 
 def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
@@ -199,10 +201,7 @@ def naming(campaign: str) -> Iterator[None]:
 def refuse_repeated(recordings: Sequence[Recording]) -> None:
     """Raise UsageError where two campaigns hold the same recording, or the same part of one."""
     for first, second in combinations(recordings, 2):
-        common = {e.sha256 for e in first.inputs} & {e.sha256 for e in second.inputs}
-        what = next((e.path for e in second.inputs if e.sha256 in common), None)
-        if what is not None and _told_apart(first.means, second.means):
-            continue
+        what = next((file.path for file in second.files if file.meets_any(first.files)), None)
         if what is None and _at_one_time(first.measured, second.measured):
             what = "their clocks say so, for no rig is recorded twice at a time"
         if what is None and _alike(first.means, second.means):
@@ -213,12 +212,6 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
                 where=second.name,
                 hint="name each recording once; twice the same data are no more data",
             )
-
-
-def _told_apart(a: Readings | None, b: Readings | None) -> bool:
-    """Whether the noise of the readings shows that no dwell is in both."""
-    told = all(each is not None and len(each.force) and each.noise.any() for each in (a, b))
-    return told and a is not None and b is not None and not a.meets(b)
 
 
 def _at_one_time(a: Measured, b: Measured) -> bool:

@@ -13,7 +13,7 @@ from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import left_out
 from tdfscal.commands.result import Calibration, CommandResult, by_column
-from tdfscal.files.calibration.compared import readings_of, recordings_of
+from tdfscal.files.calibration.compared import files_of, readings_of
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -150,8 +150,9 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     log.progress("testing the calibration on the motion")
     delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
     found = validate_moving(use.given, slow, delay, rig=rig)
-    span, used = (found.begin, found.begin + found.seconds), recordings_of(use.calibration)
-    own = (f.path for f in log.inputs if Recorded(f.sha256, span).meets_any(used))
+    span = found.begin, found.begin + found.seconds
+    used = [file for one in files_of(use.calibration) for file in one]
+    own = (f.path for f in log.inputs if Recorded(f.path, f.sha256, span).meets_any(used))
     return replace(found, own=tuple(own))
 
 
@@ -191,10 +192,11 @@ def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
     By the log's digest and the hours that were used, or by the readings.
     """
     c, rig = use.calibration, use.campaign.rig.rig
-    used, again = recordings_of(c), repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
+    used = [file for one in files_of(c) for file in one]
+    again = repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
     spans = zip(dwells.start.tolist(), dwells.end.tolist(), strict=True)
     return {
         k: file.path
         for k, (file, span) in enumerate(zip(log.files_at(dwells.end), spans, strict=True))
-        if again[k] or Recorded(file.sha256, span).meets_any(used)
+        if again[k] or Recorded(file.path, file.sha256, span).meets_any(used)
     }

@@ -78,7 +78,7 @@ def test_a_joint_estimate_against_its_parts_tells_what_these_tell_of_each_other(
     ],
 )
 def test_what_two_have_in_common(first: str, second: str, expected: Relation) -> None:
-    assert relation([*map(Recorded, first)], [*map(Recorded, second)]) == expected
+    assert relation(*([Recorded(x, x) for x in each] for each in (first, second))) == expected
 
 
 RIG = replace(reference_rig(), declared=replace(reference_rig().declared, force_noise=0.0))

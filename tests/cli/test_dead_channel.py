@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import pytest
 import yaml
 
 from tests.cli.running import Cli
@@ -19,12 +21,22 @@ def near_truth(content: dict[str, Any], campaign: Path) -> None:
         assert not np.any(np.abs(rpy - theirs["rpy"]) > 4 * std), ours["name"]
 
 
-def test_the_parts_before_and_behind_a_jump_are_joined(tmp_path: Path, cli: Cli) -> None:
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_parts_before_and_behind_a_jump_are_joined(
+    moving: bool, tmp_path: Path, cli: Cli
+) -> None:
     campaign, before, found = (tmp_path / name for name in ("campaign", "before.yaml", "f.json"))
-    cli("simulate", campaign, "--scenario", "zero-shift", "--seed", 5, "-q")
+    cli("simulate", campaign, "--scenario", "motion" if moving else "zero-shift", "--seed", 5, "-q")
+    if moving:
+        log = pd.read_csv(campaign / "log.csv")
+        log.loc[log["t_s"] > 20, "TDFS3_Fy"] -= 8
+        log.to_csv(campaign / "log.csv", index=False)
     calibrate = ("calibrate", campaign, "--trials", 0, "-q")
-    said = " ".join(cli(*calibrate, "-o", found, ends=3).err.split())
-    cure = re.search(r"unknown` for (\w+) in .* --to ([\d.]+) -o .* with --from ([\d.]+)\.", said)
+    seen = cli(*calibrate, "-o", found, ends=1 if moving else 3)
+    said = " ".join((seen.err + seen.out).split())
+    cure = re.search(
+        r"unknown` for (\w+) in .*? --to (\S+) -o .*? with --from (\S+) -o after", said
+    )
     assert cure is not None, said
     rig = yaml.safe_load((campaign / "rig.yaml").read_text())
     (support,) = [s for s in rig["supports"] if s["name"] == cure[1]]
@@ -33,7 +45,13 @@ def test_the_parts_before_and_behind_a_jump_are_joined(tmp_path: Path, cli: Cli)
     cli(*calibrate, "--to", cure[2], "-o", before, ends=0)
     near_truth(yaml.safe_load(before.read_text()), campaign)
     update = ("update", before, campaign, "--trials", 0, "-o", found, "-q")
-    cli(*update, "--from", cure[3], ends=0)
+    middle = float(cure[3]) + 20
+    cli(*update, "--from", cure[3], *(["--to", middle] if moving else []), ends=0)
     near_truth(json.loads(found.read_text()), campaign)
-    # What went in already is not taken twice.
+    # What went in already is not taken twice; what did not is.
     assert "holds the same recording" in cli(*update, "--from", float(cure[3]) / 2, ends=2).err
+    if moving:
+        last = ("update", found, campaign, "--trials", 0, "-o", tmp_path / "last.json", "-q")
+        assert "holds the same recording" in cli(*last, "--from", cure[3], ends=2).err
+        cli(*last, "--from", middle, ends=0)
+        near_truth(json.loads((tmp_path / "last.json").read_text()), campaign)

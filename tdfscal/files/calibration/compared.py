@@ -66,7 +66,7 @@ def _by_recordings(
     (a, A), (b, B) = first, second
     order = A.rotations() if order is None else order
     given = [(name, in_order_of(order, c.rotations())) for name, c in (first, second)]
-    common = relation(recordings_of(A), recordings_of(B))
+    common = relation(*([f for one in files_of(c) for f in one] for c in (A, B)))
     if common == "apart":
         common = relation(*(readings_of(c, order.supports) for c in (A, B)))
     if common in ("first", "second"):
@@ -128,21 +128,21 @@ def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
     return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
 
 
-def recordings_of(c: Calibration) -> frozenset[Recorded]:
-    """The recordings that a calibration stands on, its earlier campaigns' among them.
+def files_of(c: Calibration) -> list[tuple[Recorded, ...]]:
+    """The files of each recording that a calibration stands on, its earlier campaigns' among them.
 
     Nominal points and servo positions are what was wanted, and no recording.
     """
     files = [Path(name).name for name in (c.rig.tracker.files if c.rig.tracker else ())]
     wanted, surveyed = files[::2], files[1::2]
-    span = None if c.campaigns else _span(c)
-    inputs = [*c.inputs, *(entry for campaign in c.campaigns for entry in campaign.inputs)]
-    named = ((Path(entry.path).name, entry.sha256) for entry in inputs)
-    return frozenset(
-        Recorded(digest, None if name in surveyed else span)
-        for name, digest in named
-        if name not in wanted
-    )
+    return [
+        tuple(
+            Recorded(f.path, f.sha256, None if Path(f.path).name in surveyed else span)
+            for f in inputs
+            if Path(f.path).name not in wanted
+        )
+        for inputs, span in [(e.inputs, e.span) for e in c.campaigns] or [(c.inputs, used_part(c))]
+    ]
 
 
 def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
@@ -156,13 +156,13 @@ def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
     tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [c.dwells]
     return [
         nothing
-        if table is None
+        if table is None or not table.force
         else Readings(np.array(table.force)[:, order], np.array(table.noise)[order])
         for table in tables
     ]
 
 
-def _span(c: Calibration) -> tuple[float, float] | None:
+def used_part(c: Calibration) -> tuple[float, float] | None:
     """Begin and end of the part of a log that was used, s in the log's time."""
     if c.motion is not None:
         return c.motion.begin, c.motion.begin + c.motion.seconds

@@ -201,6 +201,9 @@ class CampaignResult(Strict):
     chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
     dof: Count = key("degrees of freedom that it added")
     readings: ReadingsTable | None = key("by which its recording is known again", None)
+    span: tuple[Number, Number] | None = key(
+        "s in its log's time: begin and end of the part that was used; null without a log", None
+    )
 
 
 class ClockResult(Strict):
