@@ -25,11 +25,11 @@ import pyarrow.parquet as pq
 
 from benchmarks.frame import heads, introduce, scratch, show
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import log_block
 from tdfscal.logs.formats import open_log
 from tdfscal.logs.log_file import make_request
 from tdfscal.logs.messages.buffer import gather
 from tdfscal.logs.messages.mcap import McapFile
-from tdfscal.records import LogMapping
 
 PLACES, MARK = 40, 8
 #: What of a record is compared.
@@ -141,7 +141,9 @@ def numbers_of(path: Path) -> tuple[int, int]:
     six = range(0, sum(cell.lstrip("-").isdigit() for cell in rows[0]) - 5, 6)
     moves, loads = (tuple(tuple(names[k + j : k + j + 3]) for k in six) for j in (0, 3))
     supports = tuple(map(str, six))
-    asked = make_request(LogMapping(supports, moves, loads, rows="postures"), supports)
+    each = zip(supports, moves, loads, strict=True)
+    fields = {name: {"position": move, "force": load} for name, move, load in each}
+    asked = make_request(log_block(fields, rows="postures"), supports)
     blocks = [block for piece in open_log(path).read(asked) for block in piece]
     read = np.hstack([np.concatenate([b.value[s] for b in blocks]) for s in asked.numbers])
     true = np.array(rows)[:, : read.shape[1]].astype(np.float64)

@@ -29,17 +29,17 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from mcap.writer import CompressionType, Writer
 
-from tdfscal.records import FloatArray, LogMapping
+from tdfscal.files.rig.recorders import LogTime, log_block
+from tdfscal.records import FloatArray
 
 RATE, STOP, MOVE, BLOCK = 1000, 4.0, 2.0, 60.0
 NAMES = ("ncp1", "ncp2", "ncp3")
 COLUMNS = ["time", *(f"{n}.{c}" for c in ("x", "y", "z", "fx", "fy", "fz") for n in NAMES)]
-TOPICS = LogMapping(
-    NAMES,
-    tuple((f"/{n}/position.point",) for n in NAMES),
-    tuple((f"/{n}/wrench.wrench.force",) for n in NAMES),
-    time_source="header",
-)
+TOPICS = log_block(
+    {n: {"position": [f"/{n}/position.point"], "force": [f"/{n}/wrench.wrench.force"]}
+     for n in NAMES},
+    time=LogTime(source="header"),
+)  # fmt: skip
 #: What the reading of each format is held against, and the goal.
 PLAIN = {
     "csv": ("pyarrow.csv.read_csv", "at most 1.5×"),

@@ -39,7 +39,6 @@ from tdfscal.records import (
     ClockPrior,
     FloatArray,
     Log,
-    LogMapping,
     RecorderClock,
     Rig,
     Series,
@@ -80,9 +79,8 @@ def calibrated(
     rig: Rig, parts: tuple[Log, Log], clock: ClockPrior
 ) -> tuple[SelfCalibration | MotionCalibration, RecorderClock]:
     """Calibrate from two recordings by their moves or dwells."""
-    mapping = LogMapping.default(rig.supports)
     sources = [
-        (replace(mapping, files=name, clock=prior), partial(iter, [part]))
+        (name, prior, partial(iter, [part]))
         for name, prior, part in zip("ab", (ClockPrior(), clock), parts, strict=True)
     ]
     log = concatenate(on_one_clock(sources))

@@ -223,9 +223,9 @@ def driver_factors(c: Calibration) -> FloatArray:
     """Return (n, 3), N on the terminal per unit of a reading as the rig's log block has it."""
     factors = np.ones((len(c.supports), 3))
     for log in c.loaded_rig().log:
-        for i, fields in enumerate(log.force):
-            if fields:
-                factors[i] = signal_of(log, "force", i, fields).factors
+        for i, name in enumerate(c.support_names):
+            if fields := log.support_fields(name).force:
+                factors[i] = signal_of(log, "force", name, fields).factors
     return factors
 
 

@@ -246,7 +246,6 @@ class Rig:
         return tuple((each.due[:10], name) for name, each in named if each.due)
 
 
-Scale = tuple[float, float, float]
 #: Relative: by which a recorder's clock may run fast or slow, where nothing is stated.
 CLOCK_RATE_STD: Final = 1e-4
 
@@ -288,47 +287,6 @@ class RecorderClock:
         """Stamps (N,) of this clock as the first clock would have them."""
         since = time - (self.reference + self.offset)
         return np.asarray(self.reference + since / (1.0 + self.rate))
-
-
-@record
-class LogMapping:
-    """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
-
-    position, force : per support, three fields, or one field with members x, y, z; none where
-        another recorder holds them.
-    delay : s, force stamps minus position stamps; None where nothing is known of it.
-    temperature : fields in °C; none, one for all sensors, or one per support.
-    position_scale, force_scale : per support, m and N per unit of the log in x, y, z, in place of
-        the unit; None or missing where the unit holds.
-    """
-
-    supports: tuple[str, ...]
-    position: tuple[tuple[str, ...], ...]
-    force: tuple[tuple[str, ...], ...]
-    rows: Rows = "timeseries"
-    time_field: str = "time"
-    time_unit: Literal["s", "ms", "us", "ns"] = "s"
-    time_source: Literal["header", "log", "publish"] = "log"
-    length_unit: str = "m"
-    force_unit: str = "N"
-    force_on: Literal["terminal", "sensor"] = "terminal"
-    decimal: Literal[".", ","] = "."
-    delay: UncertainValue | None = None
-    temperature: tuple[str, ...] = ()
-    position_scale: tuple[Scale | None, ...] = ()
-    force_scale: tuple[Scale | None, ...] = ()
-    files: str | None = None
-    """Pattern of the names of its files; None where all logs are its."""
-    clock: ClockPrior = ClockPrior()
-
-    @classmethod
-    def default(cls, supports: tuple[str, ...]) -> Self:
-        """Return that of a log whose fields are `time` and `<name>.x .y .z .fx .fy .fz`."""
-        return cls(
-            supports,
-            position=tuple(tuple(f"{name}.{axis}" for axis in "xyz") for name in supports),
-            force=tuple(tuple(f"{name}.f{axis}" for axis in "xyz") for name in supports),
-        )
 
 
 @record

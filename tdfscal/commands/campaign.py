@@ -17,12 +17,13 @@ from tdfscal.files import RIG_NAME
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.formats import NOWHERE, entries_of, owns, refuse_unfinished
-from tdfscal.records import LogMapping, Measured, by_wall_clock
+from tdfscal.records import Measured, by_wall_clock
 
 if TYPE_CHECKING:
     from tdfscal.commands.log_pass import LogPass
@@ -159,7 +160,7 @@ def no_log(where: PathLikes, what: str = "there is no log here") -> UsageError:
 
 
 def find_logs(
-    where: PathLikes, apart: Iterable[Path] = (), recorders: Sequence[LogMapping] = ()
+    where: PathLikes, apart: Iterable[Path] = (), recorders: Sequence[LogBlock] = ()
 ) -> tuple[Path, ...]:
     """Return the logs that the paths name or hold, each once; `apart` are files that are no logs.
 

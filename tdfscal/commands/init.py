@@ -13,6 +13,7 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import RigSketch, draft, sketch_rig
 from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.rig.recorders import stated_log
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
@@ -58,7 +59,7 @@ class InitResult(CommandResult):
 
     @property
     def _supports(self) -> tuple[str, ...]:
-        return self.description.mapping.supports if self.description.mapping else ()
+        return self.description.guess.supports
 
 
 @options.command("init campaign/log.csv -o campaign/rig.yaml")
@@ -98,7 +99,7 @@ def init(
         first.path.absolute().parent.name or "Rig",
         sketch,
         _notes(sketch, len(position)),
-        info.block(info.recorders),
+        stated_log(info.recorders),
         info.guess.notes,
     )
     drafted = parse_rig(text.encode(), str(output or "rig.yaml"))

@@ -28,6 +28,7 @@ from tdfscal.errors import (
 )
 from tdfscal.files.calibration.evidence import has_delay
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
@@ -211,9 +212,11 @@ def _scaled(found: Finding, rig: LoadedRig) -> Finding | None:
     quantity = "force" if found.code == "forces-exchanged" else "position"
     scale = list[float]()
     for name in turned:
-        i = rig.rig.supports.index(name) if name in rig.rig.supports else 0
-        mapping = next(m for m in rig.log if (m.force if quantity == "force" else m.position)[i])
-        scale += signal_of(replace(mapping, force_on="terminal"), quantity, i, ()).factors
+        own = name if name in rig.rig.supports else rig.rig.supports[0]  # of each alike
+        logs = rig.log or (LogBlock(),)
+        held = next(log for log in logs if getattr(log.support_fields(own), quantity))
+        readings = held.model_copy(update={"force_on": "terminal"})
+        scale += signal_of(readings, quantity, own, ()).factors
     scaled = [sign * size for sign, size in zip(signs, scale, strict=True)]
     return replace(found, values={**found.values, "signs": scaled, "scaled": True})
 
@@ -291,8 +294,9 @@ def delay_of(rig: LoadedRig) -> UncertainValue:
     if len(rig.log) > 1:  # their clocks are apart by as much as the moves leave open
         rate_std = max(recorder.clock.rate_std for recorder in rig.log[1:])
         return UncertainValue(np.zeros(2), np.array([np.inf, rate_std]))
-    stated = rig.log[0].delay if rig.log else None
-    return stated or UncertainValue(np.array(0.0), np.array(np.inf))
+    if rig.log and rig.log[0].delay is not None:
+        return rig.log[0].delay.record()
+    return UncertainValue(np.array(0.0), np.array(np.inf))
 
 
 def with_delay(
@@ -306,7 +310,9 @@ def with_delay(
     if not has_delay(log.clocks):
         return log.clocks
     clock = log.clocks[0]
-    late = any(log.campaign.rig.log[1].force)  # the forces are the second recorder's
+    late = any(
+        what == "force" for _, what in log.campaign.rig.log[1].fields
+    )  # the forces are the second recorder's
     delay, rate = (moving.delay, moving.rate) if late else (-moving.delay, -moving.rate)
     since = middle - clock.reference
     offset_std = float(np.hypot(std[DELAY], since * std[RATE]))

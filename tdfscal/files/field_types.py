@@ -24,7 +24,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray, FloatArray, UncertainValue
 
 UNKNOWN = "unknown"
 """How a file writes an infinite standard uncertainty, since JSON has no infinity."""
@@ -247,3 +247,7 @@ class Quantity(Strict):
 
     value: Number = key("the value")
     std: Std = key("its standard uncertainty; 0 exact, .inf unknown")
+
+    def record(self) -> UncertainValue:
+        """Return it as a record."""
+        return UncertainValue(np.array(self.value), np.array(self.std))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from glob import escape
 from itertools import product, takewhile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.files.rig.recorders import LogBlock, LogTime, stated_log
 from tdfscal.files.saving import in_utf8
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -33,7 +33,7 @@ from tdfscal.logs.contents import Contents
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.reader import TimeWindow, iter_log
-from tdfscal.records import Dwells, FloatArray, InputFile, Log, LogMapping, RecorderClock
+from tdfscal.records import Dwells, FloatArray, InputFile, Log, RecorderClock
 
 Source = Literal["rig", "guessed"]
 _SAMPLED = 400  # instants that stand for a log without dwells
@@ -71,7 +71,7 @@ class LogInfo:
 
     contents: tuple[Contents, ...]
     guess: Guess
-    recorders: tuple[LogMapping, ...]
+    recorders: tuple[LogBlock, ...]
     source: Source
     signals: tuple[Signal, ...] = ()
     inputs: tuple[InputFile, ...] = ()
@@ -83,19 +83,9 @@ class LogInfo:
     samples: tuple[FloatArray, FloatArray] | None = None
 
     @property
-    def mapping(self) -> LogMapping | None:
+    def mapping(self) -> LogBlock | None:
         """Of the first recorder; None where nothing is guessed."""
         return self.recorders[0] if self.recorders else None
-
-    def block(self, recorders: Sequence[LogMapping]) -> dict[str, Any] | list[dict[str, Any]]:
-        """The `log` block of the recorders, as plain values, without what is the default."""
-        blocks = []
-        for recorder in recorders:
-            named = partial(owns, recorder)
-            own = next((c for c in self.contents if named(c.path) or named(c.path.parent)), None)
-            by_topic = (own or self.contents[0]).by_topic
-            blocks.append(mapping_document(recorder, by_topic=by_topic))
-        return blocks[0] if len(blocks) == 1 else blocks
 
 
 def describe_logs(
@@ -119,18 +109,19 @@ def describe_logs(
     recorders = guess.recorders
     source: Source = "guessed"
     if rig is not None and (rig.log or guess.mapping is None):
-        recorders, source = rig.log or (LogMapping.default(rig.rig.supports),), "rig"
+        recorders, source = rig.log or (LogBlock(),), "rig"
     info = LogInfo(tuple(contents.values()), guess, recorders, source)
     problems = [f"{own.path}: {what}" for own in info.contents for what in own.problems]
     problems += [f"{info.contents[0].path}: {what}" for what in guess.problems]
     if not recorders:
         return _with_problems(info, [*problems, *guess.notes])
-    supports = rig.rig.supports if rig and source == "rig" else recorders[0].supports
+    supports = rig.rig.supports if rig and source == "rig" else guess.supports
     logs = [path for path in paths if any(owns(recorder, path) for recorder in recorders)]
     used = _Used(info, supports)
     used.read(logs, window)
     if source == "guessed" and (why := used.doubted_stamps):
-        alike = tuple(replace(recorder, time_source="log") for recorder in recorders)
+        by_log_time = {"time": LogTime(source="log")}
+        alike = tuple(recorder.model_copy(update=by_log_time) for recorder in recorders)
         note = f"time source: log, as header times cannot be used: {why}"
         by_log = replace(guess, recorders=alike, notes=(*guess.notes, note))
         other = _Used(replace(info, recorders=alike, guess=by_log), supports)
@@ -189,7 +180,7 @@ class _Used:
     @property
     def doubted_stamps(self) -> str | None:
         """Why the messages' header times may be none, where they were taken."""
-        if all(recorder.time_source != "header" for recorder in self._info.recorders):
+        if all(recorder.time.source != "header" for recorder in self._info.recorders):
             return None
         if isinstance(self.error, DataError):
             return self.error.what
@@ -215,8 +206,7 @@ class _Used:
         recorders, found = self._info.recorders, []
         each = product(("position", "force"), self._supports)
         for clock, (quantity, name) in zip(self._clocks, each, strict=True):
-            index = recorders[0].supports.index(name)
-            named = (getattr(recorder, quantity)[index] for recorder in recorders)
+            named = (getattr(recorder.support_fields(name), quantity) for recorder in recorders)
             fields, (_, gaps) = next(filter(None, named), ()), clock.intervals()
             start, end = clock.span or (None, None)
             span = (end or 0.0) - (start or 0.0)
@@ -266,32 +256,6 @@ def _common(names: Sequence[str]) -> str:
     return "".join(own[0] for own in letters)
 
 
-def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
-    """The block as plain values, without what says no more than the default."""
-
-    def fields(names: tuple[str, ...]) -> str | list[str]:
-        return names[0] if len(names) == 1 else list(names)
-
-    supports = {
-        name: {what: fields(own) for what, own in (("position", move), ("force", load)) if own}
-        for name, move, load in zip(mapping.supports, mapping.position, mapping.force, strict=True)
-        if move or load
-    }
-    timed = {"field": mapping.time_field, "unit": mapping.time_unit}
-    block: dict[str, Any] = {
-        "files": mapping.files,
-        "rows": mapping.rows,
-        "time": {"source": mapping.time_source} if by_topic else timed,
-        "length_unit": mapping.length_unit if any(mapping.position) else None,
-        "force_unit": mapping.force_unit if any(mapping.force) else None,
-        "force_on": mapping.force_on if any(mapping.force) else None,
-        "decimal": mapping.decimal,
-        "supports": supports,
-    }
-    usual = {"rows": "timeseries", "decimal": "."}
-    return {key: value for key, value in block.items() if value not in (None, usual.get(key))}
-
-
 def mapping_block(info: LogInfo) -> str:
     """The guessed block as YAML, ready to paste into rig.yaml."""
-    return "\n".join(log_lines(info.block(info.guess.recorders))) + "\n"
+    return "\n".join(log_lines(stated_log(info.guess.recorders))) + "\n"

@@ -10,10 +10,10 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.yaml import read_document
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.log_file import LogFile, placed
-from tdfscal.records import LogMapping
 
 _TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".log")
 _KINDS: Final = (*_TEXT, ".parquet", ".mcap", ".db3", ".bag")
@@ -140,7 +140,7 @@ def _suffix(path: Path) -> str:
     return Path(path.stem).suffix.lower() if suffix in _COMPRESSED else suffix
 
 
-def owns(recorder: LogMapping, path: Path) -> bool:
+def owns(recorder: LogBlock, path: Path) -> bool:
     """Tell whether a path is of a recorder's files."""
     return (
         recorder.files is None or fnmatch(path.name, recorder.files) or path.match(recorder.files)

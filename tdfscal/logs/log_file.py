@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 
 import numpy as np
 
-from tdfscal.errors import DataError, RigError, UsageError, is_short, shortage
-from tdfscal.files.rig.recorders import UNITS, canonical
+from tdfscal.errors import DataError, UsageError, is_short, shortage
+from tdfscal.files.rig.recorders import UNITS, LogBlock, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.records import BoolArray, FloatArray, Integrity, LogMapping
+from tdfscal.records import BoolArray, FloatArray, Integrity
 
 if TYPE_CHECKING:
     from tdfscal.logs.contents import Contents
@@ -90,7 +90,7 @@ class Request:
     supports: tuple[str, ...]
     signals: tuple[Signal, ...]
     numbers: tuple[int, ...]
-    mapping: LogMapping
+    mapping: LogBlock
     declared: bool
 
 
@@ -116,55 +116,47 @@ Piece = tuple[Block, ...]
 
 
 def make_request(
-    mapping: LogMapping | None, supports: Sequence[str], axes: BoolArray | None = None
+    mapping: LogBlock | None, supports: Sequence[str], axes: BoolArray | None = None
 ) -> Request:
     """Resolve the mapping, or the default field names, for the supports wanted.
 
     axes : (n, 3), what their sensors measure; no field of another axis is looked at.
-
-    Raises RigError for a support without fields.
     """
-    declared = mapping is not None
-    if mapping is None:
-        mapping = LogMapping.default(tuple(supports))
+    declared, mapping = mapping is not None, mapping or LogBlock()
     signals: dict[int, Signal] = {}
     for number, name in enumerate(supports):
-        if name not in mapping.supports:
-            raise RigError(
-                f"the log block names no fields for support {name}",
-                where="log.supports",
-                hint=f"add {name} with its position and force",
-            )
-        i = mapping.supports.index(name)
+        fields = mapping.support_fields(name)
+        position, force = fields.position or (), fields.force or ()
         measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
-        moves = signal_of(mapping, "position", i, mapping.position[i])
+        moves = signal_of(mapping, "position", name, position)
         # Without a sensor it reads 0, at the times of the positions.
-        loads = signal_of(
-            mapping, "force", i, mapping.force[i] if measured.any() else mapping.position[i]
-        )
+        loads = signal_of(mapping, "force", name, force if measured.any() else position)
         if moves.fields:
             signals[2 * number] = moves
         if loads.fields:
             whole = bool(measured.all())
             signals[2 * number + 1] = loads if whole else loads.lacking(measured, moves)
-    for k, (field, owner) in enumerate(zip(mapping.temperature, supports, strict=False)):
-        name = owner if len(mapping.temperature) > 1 else "the rig"
+    warm = mapping.temperature or ()
+    for k, (field, owner) in enumerate(zip(warm, supports, strict=False)):
+        name = owner if len(warm) > 1 else "the rig"
         signals[2 * len(supports) + k] = Signal(name, "temperature", (field,) * 3, (1.0,) * 3)
     return Request(tuple(supports), tuple(signals.values()), tuple(signals), mapping, declared)
 
 
 def signal_of(
-    mapping: LogMapping, quantity: Literal["position", "force"], i: int, fields: tuple[str, ...]
+    mapping: LogBlock,
+    quantity: Literal["position", "force"],
+    support: str,
+    fields: tuple[str, ...],
 ) -> Signal:
-    """The signal of support i, with factors where the mapping states them in place of its unit."""
-    unit, scales = mapping.length_unit, mapping.position_scale
-    if quantity == "force":
-        unit, scales = mapping.force_unit, mapping.force_scale
-    stated = scales[i] if scales else None
+    """The signal of a support, with factors where the mapping states them in place of its unit."""
+    unit: str = mapping.length_unit if quantity == "position" else mapping.force_unit
+    own = mapping.support_fields(support)
+    stated = own.position_scale if quantity == "position" else own.force_scale
     x, y, z = stated or (UNITS[quantity][canonical(unit)],) * 3
     sign = -1.0 if quantity == "force" and mapping.force_on == "sensor" else 1.0
     factors = (sign * x, sign * y, sign * z)
-    return Signal(mapping.supports[i], quantity, fields, factors, None if stated else unit)
+    return Signal(support, quantity, fields, factors, None if stated else unit)
 
 
 def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from typing import Final, Literal, cast
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.files.rig.recorders import by_scale, unit_factor
+from tdfscal.files.rig.recorders import LogBlock, LogTime, by_scale, log_block, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import (
     Contents,
@@ -20,7 +20,7 @@ from tdfscal.logs.contents import (
 )
 from tdfscal.logs.messages.buffer import topic_of
 from tdfscal.numerics import so3
-from tdfscal.records import LogMapping, Rig
+from tdfscal.records import Rig
 
 Role = Literal["position", "force", "other"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -49,19 +49,24 @@ _LARGEST: Final = 1e15  # squares of more overflow
 
 @record
 class Guess:
-    """recorders : a mapping each; none where no pairs of positions and forces are found, several
+    """recorders : a block each; none where no pairs of positions and forces are found, several
     where these are in files of their own. notes : why, and doubts. problems : where what the file
     says of its units cannot be.
     """
 
-    recorders: tuple[LogMapping, ...]
+    recorders: tuple[LogBlock, ...]
     notes: tuple[str, ...]
     problems: tuple[str, ...] = ()
 
     @property
-    def mapping(self) -> LogMapping | None:
+    def mapping(self) -> LogBlock | None:
         """That of the first recorder."""
         return self.recorders[0] if self.recorders else None
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """All that the recorders name."""
+        return tuple(dict.fromkeys(name for one in self.recorders for name in one.supports or ()))
 
 
 @record
@@ -108,31 +113,34 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     on, why_on = _force_on(pairs, rig)
     notes += [length.note, force.note, why_on]
     problems = [length.problem, force.problem]
-    recorders: list[LogMapping] = []
+    recorders: list[LogBlock] = []
     for pattern, contents in files.items():
-        moves, loads = (
-            tuple(v.fields if owner[id(v)] == pattern else () for v in side)
-            for side in ([p.position for p in pairs], [p.force for p in pairs])
-        )
-        if not any(moves) and not any(loads):
+        held = {
+            pair.support: {
+                what: vector.fields
+                for what, vector in (("position", pair.position), ("force", pair.force))
+                if owner[id(vector)] == pattern
+            }
+            for pair in pairs
+        }
+        kinds = {what for fields in held.values() for what in fields}
+        if not kinds:
             continue
-        mapping = LogMapping(
-            supports=tuple(p.support for p in pairs),
-            position=moves,
-            force=loads,
-            length_unit=length.unit if any(moves) else "m",
-            force_unit=force.unit if any(loads) else "N",
-            force_on=on if any(loads) else "terminal",
-            decimal=contents.decimal,
-            files=pattern or None,
-        )
-        timed, note, problem = _with_clock(mapping, contents)
+        used = {name for own in held.values() for fields in own.values() for name in fields}
+        clock, note, problem = _clock(used, contents, alone=not pattern)
         notes.append(note)
         problems.append(problem)
-        if timed is None:
+        if clock is None:
             recorders = []
             break
-        recorders.append(timed)
+        stated = {"files": pattern} if pattern else {}
+        if "position" in kinds:
+            stated["length_unit"] = length.unit
+        if "force" in kinds:
+            stated |= {"force_unit": force.unit, "force_on": on}
+        if contents.decimal != ".":
+            stated["decimal"] = contents.decimal
+        recorders.append(log_block(held, **stated, **clock))
     return Guess(tuple(recorders), tuple(filter(None, notes)), tuple(filter(None, problems)))
 
 
@@ -150,28 +158,32 @@ def _why_none(found: str, vectors: Sequence[Vector], files: Collection[Contents]
     return none
 
 
-def _with_clock(mapping: LogMapping, contents: Contents) -> tuple[LogMapping | None, str, str]:
-    """The mapping with its clock, or None, why, and what is wrong with the clock."""
-    used = {name for fields in (*mapping.position, *mapping.force) for name in fields}
+def _clock(
+    used: Collection[str], contents: Contents, *, alone: bool
+) -> tuple[dict[str, Any] | None, str, str]:
+    """What a block says of its clock, or None, why, and what is wrong with the clock.
+
+    used : fields that serve a quantity. alone : there is no other recorder.
+    """
     if contents.by_topic:
         topics = {topic_of(name, {stream.name for stream in contents.streams}) for name in used}
         stamped = all(stream.stamped for stream in contents.streams if stream.name in topics)
-        return replace(mapping, time_source="header" if stamped else "log"), "", ""
+        return {"time": LogTime(source="header" if stamped else "log")}, "", ""
     if columns := [c for c in contents.columns if c.name and c.name not in used]:
         best = max(columns, key=lambda column: _is_time(column.name))
         unit = time_unit(best, (words(best.name) or [""])[-1])
         seconds = cast(TimeUnit, unit.unit)
-        mapping = replace(mapping, time_field=best.name, time_unit=seconds)
-        return mapping, unit.note, unit.problem
+        time = LogTime.model_construct(field=best.name, unit=seconds)
+        return {"time": time}, unit.note, unit.problem
     if contents.columns and not all(column.name for column in contents.columns):
         number = [field.name for field in contents.streams[0].fields].index("") + 1
         nameless = f"column {number} has no name, and ascends as a time does: name it"
         return None, f"no mapping is guessed: {nameless}", ""
     rows = sum(stream.count for stream in contents.streams)
     none = "no column ascends as a time does"
-    if rows <= _MOST_POSTURES and not mapping.files:
+    if rows <= _MOST_POSTURES and alone:
         why = f"{none}, so each row is taken for a posture"
-        return replace(mapping, rows="postures"), why, ""
+        return {"rows": "postures"}, why, ""
     many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
     return None, f"{none}, and {many}", ""
 

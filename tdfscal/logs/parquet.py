@@ -154,7 +154,7 @@ def _names(file: pq.ParquetFile, request: Request) -> list[str]:
     column_of = columns_of(request, [leaf.path for leaf in leaves])
     for name, k in column_of.items():
         holds = _holds(leaves[k])
-        dated = name == request.mapping.time_field and holds == "string"
+        dated = name == request.mapping.time.field and holds == "string"
         if holds is not None and not dated:
             raise no_numbers(name, holds)
     return list(column_of)
@@ -163,7 +163,7 @@ def _names(file: pq.ParquetFile, request: Request) -> list[str]:
 def _wanted(opening: pa.Table, request: Request) -> Wanted:
     """The wanted columns, by the first rows of the table."""
     signals = tuple((signal.components, signal.factors) for signal in request.signals)
-    name, second = request.mapping.time_field, UNITS["time"][canonical(request.mapping.time_unit)]
+    name, second = request.mapping.time.field, UNITS["time"][canonical(request.mapping.time.unit)]
     if name not in opening.column_names:
         return Wanted(signals, None, second, None, sparse=False)
     date = first_date(opening.column(name))

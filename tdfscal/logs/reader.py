@@ -12,13 +12,14 @@ import numpy as np
 from tdfscal.catalogue.numbers import when
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import fingerprint
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs.formats import expand, open_log, unlisted
 from tdfscal.logs.log_file import Request, ahead, make_request, placed
 from tdfscal.logs.streams import Streams, as_log, files_by_recorder, on_one_clock
-from tdfscal.records import BoolArray, Log, LogMapping, Series, by_wall_clock
+from tdfscal.records import BoolArray, Log, Series, by_wall_clock
 
 
 @record
@@ -98,8 +99,8 @@ def _between(series: Series, low: float, high: float) -> Series:
     return Series(series.time[begin:end], series.value[begin:end])
 
 
-#: Mappings of one recorder, of several, or of the default names.
-Recorders = LogMapping | Sequence[LogMapping] | None
+#: Blocks of one recorder, of several, or of the default names.
+Recorders = LogBlock | Sequence[LogBlock] | None
 
 
 def read_log(
@@ -149,15 +150,25 @@ def iter_log(
     """
     if not paths:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
-    mappings = (recorders,) if isinstance(recorders, LogMapping) else tuple(recorders or ())
+    mappings = (recorders,) if isinstance(recorders, LogBlock) else tuple(recorders or ())
+    for name in supports:
+        held = [one.support_fields(name) for one in mappings]
+        if held and not any(own.position or own.force for own in held):
+            raise RigError(
+                f"the log block names no fields for support {name}",
+                where="log.supports",
+                hint=f"add {name} with its position and force",
+            )
     groups = files_by_recorder(paths, mappings)
     streams = []
     for mapping, own in groups:
         request = make_request(mapping, supports, axes)
         if axes is not None and not axes.all():
             _check_silent(expand(own)[0], make_request(mapping, supports), axes)
-        streams.append((request.mapping, partial(_campaign, own, request)))
-    pieces = streams[0][1]() if len(streams) == 1 else on_one_clock(streams)
+        stated = request.mapping
+        reading = partial(_campaign, own, request)
+        streams.append((str(stated.files), stated.clock.record(), reading))
+    pieces = streams[0][-1]() if len(streams) == 1 else on_one_clock(streams)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 

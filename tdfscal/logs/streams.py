@@ -18,11 +18,12 @@ import numpy as np
 
 from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.findings import Finding, Value
 from tdfscal.logs.clock import Clock, apart
 from tdfscal.logs.formats import owns
 from tdfscal.logs.log_file import Block, LogFile, Piece, Request, Signal
-from tdfscal.records import BoolArray, FloatArray, IntArray, Log, LogMapping, RecorderClock, Series
+from tdfscal.records import BoolArray, ClockPrior, FloatArray, IntArray, Log, RecorderClock, Series
 
 if TYPE_CHECKING:
     from tdfscal.clocks.tracks import Tracks
@@ -140,7 +141,7 @@ class Streams:
 def as_log(piece: Sequence[Block], request: Request) -> Log:
     """The samples of one piece, as a log."""
     n = len(request.supports)
-    series = [_NOTHING] * (2 * n + len(request.mapping.temperature))
+    series = [_NOTHING] * (2 * n + len(request.mapping.temperature or ()))
     for block in piece:
         for index, value in block.value.items():
             measured = request.signals[index].measured
@@ -233,8 +234,8 @@ _COMPLETE = 0.9
 
 
 def files_by_recorder(
-    paths: Sequence[Path], recorders: Sequence[LogMapping]
-) -> list[tuple[LogMapping | None, list[Path]]]:
+    paths: Sequence[Path], recorders: Sequence[LogBlock]
+) -> list[tuple[LogBlock | None, list[Path]]]:
     """Tell which recorder's each path is, by the pattern of its block; a lone one has all.
 
     Raises UsageError for a path that is nobody's or two recorders', or a recorder without any.
@@ -263,17 +264,18 @@ def files_by_recorder(
     return list(zip(recorders, found, strict=True))
 
 
-def on_one_clock(sources: Sequence[tuple[LogMapping, Reading]]) -> Iterator[Log]:
+def on_one_clock(sources: Sequence[tuple[str, ClockPrior, Reading]]) -> Iterator[Log]:
     """Merge the recorders' pieces on the clock of the first; raises as `find_clocks`.
 
-    sources : each is read twice, for the clocks and for what it holds.
+    sources : name, what is stated of its clock, and what reads it, twice: for the clocks and for
+    what it holds.
     """
     from tdfscal.clocks.search import find_clocks  # of several alone
     from tdfscal.clocks.tracks import Reduction
 
     tracks: list[Tracks] = []
     warm = 0  # temperatures of one recorder are those of the log
-    for _, pieces in sources:
+    for *_, pieces in sources:
         reduction = Reduction()
         for piece in pieces():
             pairs = zip(piece.position, piece.force, strict=True)
@@ -281,15 +283,14 @@ def on_one_clock(sources: Sequence[tuple[LogMapping, Reading]]) -> Iterator[Log]
             warm = max(warm, len(piece.temperature))
         tracks.append(reduction.finish())
     first, *others = tracks
-    stated = [(str(mapping.files), mapping.clock) for mapping, _ in sources[1:]]
-    each = [(name, own, clock) for own, (name, clock) in zip(others, stated, strict=True)]
-    clocks = find_clocks(first, each)
+    stated = zip(others, sources[1:], strict=True)
+    clocks = find_clocks(first, [(name, own, clock) for own, (name, clock, _) in stated])
     found: list[Finding] = []
     for own, clock in zip(others, clocks, strict=True):
         found += _overlap(first, own, clock)
     feeds = [
         _on_clock(pieces(), clock)
-        for (_, pieces), clock in zip(sources, (None, *clocks), strict=True)
+        for (*_, pieces), clock in zip(sources, (None, *clocks), strict=True)
     ]
     for number, piece in enumerate(_in_order(feeds)):
         if not piece.temperature:

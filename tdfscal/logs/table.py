@@ -123,8 +123,8 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     """
     wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
     mapping = request.mapping
-    if mapping.rows == "timeseries" or mapping.time_field in present:
-        wanted = {mapping.time_field: None} | wanted
+    if mapping.rows == "timeseries" or mapping.time.field in present:
+        wanted = {mapping.time.field: None} | wanted
     for name in wanted:
         if (times := present.count(name)) > 1:
             what = f"column {name} is there {times} times"
@@ -244,7 +244,7 @@ def table_piece(
     value = {number: vector.T for number, vector in enumerate(vectors)}
     if time is None:
         return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)
-    clock = f"column {request.mapping.time_field}"
+    clock = f"column {request.mapping.time.field}"
     if not sparse:
         return (Block(clock, time, value),)
     parts = []

@@ -210,23 +210,23 @@ def find_columns(lines: Sequence[str], request: Request) -> tuple[Table, Wanted]
     """
     mapping = request.mapping
     names = {name for signal in request.signals for name in signal.components}
-    table = find_table(lines, names | {mapping.time_field})
+    table = find_table(lines, names | {mapping.time.field})
     rows = [line for line in lines[table.lines :] if line.strip()][:_SEARCHED_ROWS]
     cells = [split_cells(row, table.separator) for row in rows]
     zoned, second, signals = None, 1.0, list[tuple[tuple[str, ...], tuple[float, float, float]]]()
     with placed(f"line {max(table.lines - bool(table.below), 1)}"):
-        labels = table.labels(names | {mapping.time_field})
+        labels = table.labels(names | {mapping.time.field})
         column_of = columns_of(request, [name for name, _ in labels])
         for signal in request.signals:
             three = [column_of[name] for name in signal.components]
             factors = _factors(signal, [(labels[c][1], table.names[c]) for c in three], request)
             signals.append((tuple(map(str, three)), factors))
-        time = column_of.get(mapping.time_field)
+        time = column_of.get(mapping.time.field)
         if time is not None:
             first = cells[0][time] if cells and time < len(cells[0]) else ""
             dated = is_date_time(first)
             zoned, stated = (has_zone(first), None) if dated else (None, labels[time][1])
-            unit = _unit("time", mapping.time_unit, stated, request, table.names[time])
+            unit = _unit("time", mapping.time.unit, stated, request, table.names[time])
             second = 1.0 if dated else unit
     turns = False
     if time is not None and table.separator != " " and cells:

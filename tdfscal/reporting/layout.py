@@ -20,7 +20,7 @@ from tdfscal.catalogue.numbers import p_text, rounded, two_digits, typeset, with
 from tdfscal.errors import visible, without_exponent
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.records import ANGLES, LogMapping, RecorderClock
+from tdfscal.records import ANGLES, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
 if TYPE_CHECKING:
@@ -230,9 +230,7 @@ def chi_squared(chi2: float, dof: int, p: float | None) -> str:
     return f"χ² = {rounded(chi2, 4)} for {dof} degrees of freedom, {tested}"
 
 
-def told_clock(
-    clock: ClockResult | RecorderClock, recorders: Iterable[LogBlock | LogMapping]
-) -> str:
+def told_clock(clock: ClockResult | RecorderClock, recorders: Iterable[LogBlock]) -> str:
     """Write how far a recorder's clock is from the first one's; recorders : what is stated."""
     stated = [r.clock.rate_std for r in recorders if r.files == clock.recorder]
     rate = f"{with_std(1e6 * clock.rate, 1e6 * clock.rate_std, '+')} ppm"

@@ -13,6 +13,7 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.catalogue.numbers import rounded, when
 from tdfscal.errors import visible
+from tdfscal.files.rig.recorders import stated_log
 from tdfscal.files.saving import in_utf8
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
@@ -50,7 +51,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
             for file in info.contents
         ],
         read_with=info.source if info.mapping else None,
-        mapping={"log": info.block(guess)} if guess else None,
+        mapping={"log": stated_log(guess)} if guess else None,
         mapping_yaml=mapping_block(info) if guess else None,
         mapping_notes=info.guess.notes,
         time_offset=offset,

@@ -1,11 +1,11 @@
 """`tdfscal info` on joints: pairs by the joints' names."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tdfscal.files.rig.recorders import log_block
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import STORE, ros, small_mcap, wrench_stamped, write
@@ -53,16 +53,20 @@ def recorded(path: Path, names: list[str], effort: str) -> tuple[Path, np.ndarra
 def test_joints_named_by_axis(tmp_path: Path, form: str, effort: str, force: str) -> None:
     names = [form.format(i=i + 1, a=a) for i in range(NCPS) for a in "xyz"]
     path, position = recorded(tmp_path / "log.mcap", names, effort)
-    mapping = describe_logs([path]).guess.mapping
-    assert mapping is not None
-    assert (mapping.supports, mapping.force[2][0]) == (("ncp1", "ncp2", "ncp3"), force)
-    assert mapping.time_source == "header"
+    guess = describe_logs([path]).guess
+    assert guess.supports == ("ncp1", "ncp2", "ncp3")
+    (mapping,) = guess.recorders
+    fields = {name: dict(mapping.support_fields(name)) for name in guess.supports}
+    assert fields["ncp3"]["force"][0] == force
+    assert mapping.time.source == "header"
     # A name that is no word stands in brackets; any name may.
     paths = [f".{j}" if j.isidentifier() else f"[{j}]" for j in names[3:6]]
-    assert mapping.position[1] == tuple(f"/joint_states.position{p}" for p in paths)
-    bracketed = [tuple(f"/joint_states.position[{j}]" for j in names[k : k + 3]) for k in (0, 3, 6)]
-    for read in (mapping, replace(mapping, position=tuple(bracketed))):
-        log = read_log([path], read, mapping.supports)
+    assert fields["ncp2"]["position"] == tuple(f"/joint_states.position{p}" for p in paths)
+    bracketed = [f"/joint_states.position[{j}]" for j in names]
+    for k, own in enumerate(fields.values()):
+        own["position"] = bracketed[3 * k : 3 * k + 3]
+    for read in (mapping, log_block(fields, time=mapping.time)):
+        log = read_log([path], read, guess.supports)
         for i in range(NCPS):
             np.testing.assert_array_equal(log.position[i].value, position[:, i])
             np.testing.assert_array_equal(log.force[i].value, np.tile(FORCE + i, (TIME.size, 1)))

@@ -8,12 +8,12 @@ import pytest
 
 from tdfscal.errors import RigError, UsageError
 from tdfscal.files.rig.reading import load_rig, parse_rig
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.records import (
     CampaignInfo,
     DeclaredUncertainty,
     Drift,
     Instrument,
-    LogMapping,
     SensorInfo,
 )
 from tests.files.sample_documents import MINIMAL, RIG
@@ -52,14 +52,16 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert (gate.contact_force, gate.contact_torque) == (5.0, 3.0)
     assert gate.contact_rpy == (0.0, 0.0, 0.1)
     assert log is not None
-    assert (log.time_field, log.time_unit, log.time_source) == ("t", "ms", "log")
+    assert (log.time.field, log.time.unit, log.time.source) == ("t", "ms", "log")
     assert (log.length_unit, log.force_unit) == ("mm", "kN")
     assert (log.force_on, log.decimal) == ("sensor", ",")
     assert log.delay is not None
-    assert (float(log.delay.value), float(log.delay.std)) == (0.002, 0.005)
+    assert (log.delay.value, log.delay.std) == (0.002, 0.005)
     assert log.temperature == ("T1", "T2", "T3")
-    assert log.position == (("X1", "Y1", "Z1"), ("/ncp2/position.point",), ("X3", "Y3", "Z3"))
-    assert log.force[1] == ("/tdfs2/wrench.wrench.force",)
+    fields = [log.support_fields(name) for name in rig.supports]
+    moves = [("X1", "Y1", "Z1"), ("/ncp2/position.point",), ("X3", "Y3", "Z3")]
+    assert [own.position for own in fields] == moves
+    assert fields[1].force == ("/tdfs2/wrench.wrench.force",)
     assert tracker is not None
     assert tracker.instrument.record() == Instrument(1e-5, 5.0, 2.0)
     assert (tracker.drawing, tracker.misalignment, tracker.length_unit) == (1e-5, 2e-4, "mm")
@@ -80,8 +82,8 @@ def test_defaults_of_the_contract() -> None:
     assert not rig.nominal_rpy.any()
     assert (rig.acceptance.angle_std, rig.acceptance.identifiable) == (5e-3, 0.05)
     assert rig.acceptance.contact_force is None
-    assert LogMapping.default(("a",)).position == (("a.x", "a.y", "a.z"),)
-    assert LogMapping.default(("a",)).force == (("a.fx", "a.fy", "a.fz"),)
+    assert LogBlock().support_fields("a").position == ("a.x", "a.y", "a.z")
+    assert LogBlock().support_fields("a").force == ("a.fx", "a.fy", "a.fz")
 
 
 @pytest.mark.parametrize("word", ["unknown", ".inf", '"unknown"', "+.inf", ".Inf"])
@@ -104,9 +106,10 @@ def test_columns_by_number_need_no_quotes() -> None:
         },
     }
     loaded = parse_rig((MINIMAL + f"log: {json.dumps(block)}\n").encode(), "rig.yaml")
-    assert loaded.log[0].time_field == "1"
-    assert loaded.log[0].position == tuple(tuple(map(str, c)) for c in columns)
-    assert loaded.log[0].force[0] == ("11", "12", "13")
+    fields = [loaded.log[0].support_fields(name) for name in "abc"]
+    assert loaded.log[0].time.field == "1"
+    assert [own.position for own in fields] == [tuple(map(str, c)) for c in columns]
+    assert fields[0].force == ("11", "12", "13")
     assert loaded.log[0].temperature == ("20",)
     with pytest.raises(RigError, match="must be text"):
         parse_rig((MINIMAL + "log: {time: {field: true}}\n").encode(), "rig.yaml")

@@ -15,16 +15,14 @@ from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
-from tdfscal.files.rig.recorders import LogBlock, SupportFields, TrackerBlock
+from tdfscal.files.rig.recorders import LogBlock, TrackerBlock
 from tdfscal.files.yaml import Document, Place, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
-    ClockPrior,
     DeclaredUncertainty,
     Drift,
-    LogMapping,
     Rig,
     SensorInfo,
     UncertainValue,
@@ -45,7 +43,7 @@ _MARK = re.compile(rf"#.*\b{CONFIRM}\b")
 class LoadedRig:
     """A rig file, resolved.
 
-    log : a mapping per recorder; none where the file has no log block. tracker : None where it
+    log : a block per recorder; none where the file has no log block. tracker : None where it
     declares no survey, or where the rig was read back from a calibration file, which does not carry
     the survey's files.
     path : where it was read. sha256 : of the rig file. document : the rig with its defaults filled
@@ -54,7 +52,7 @@ class LoadedRig:
     """
 
     rig: Rig
-    log: tuple[LogMapping, ...]
+    log: tuple[LogBlock, ...]
     tracker: TrackerBlock | None
     path: Path
     sha256: str
@@ -109,13 +107,12 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
 
 
 def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
-    names = tuple(support.name for support in file.supports)
     document = file.model_dump(mode="json", exclude_none=True) | {"sha256": sha256}
     if not isinstance(file, EmbeddedRig):
         document["stated_limits"] = sorted(file.acceptance.model_fields_set)
     return LoadedRig(
         rig=_rig(file),
-        log=tuple(_mapping(block, names) for block in file.log or ()),
+        log=file.log or (),
         tracker=file.tracker,
         path=path,
         sha256=sha256,
@@ -163,32 +160,6 @@ def _rig(file: RigFile) -> Rig:
 
 def _known(value: npt.ArrayLike, std: npt.ArrayLike) -> UncertainValue:
     return UncertainValue(np.array(value, dtype=np.float64), np.array(std, dtype=np.float64))
-
-
-#: What a mapping and a block of the file say in the same words.
-_ALIKE = ("files", "rows", "length_unit", "force_unit", "force_on", "decimal")
-
-
-def _mapping(block: LogBlock, names: tuple[str, ...]) -> LogMapping:
-    mapping = LogMapping.default(names)
-    if block.supports is not None:
-        fields = [block.supports.get(name, SupportFields()) for name in names]
-        mapping = dataclasses.replace(
-            mapping,
-            position=tuple(f.position or () for f in fields),
-            force=tuple(f.force or () for f in fields),
-            position_scale=tuple(f.position_scale for f in fields),
-            force_scale=tuple(f.force_scale for f in fields),
-        )
-    offset = block.clock.offset
-    return dataclasses.replace(
-        mapping,
-        **{name: getattr(block, name) for name in _ALIKE},
-        **{f"time_{name}": value for name, value in block.time},
-        delay=_known(block.delay.value, block.delay.std) if block.delay else None,
-        temperature=block.temperature or (),
-        clock=ClockPrior(_known(offset.value, offset.std), block.clock.rate_std),
-    )
 
 
 def _unconfirmed(document: Document) -> tuple[str, ...]:

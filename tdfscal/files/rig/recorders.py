@@ -3,7 +3,7 @@ recorder names things and what all must hold; a laser tracker's survey and where
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -32,7 +32,7 @@ from tdfscal.files.field_types import (
     whole_as_text,
 )
 from tdfscal.files.model_errors import nearest
-from tdfscal.records import CLOCK_RATE_STD, Instrument, Rows
+from tdfscal.records import CLOCK_RATE_STD, ClockPrior, Instrument, Rows
 
 Dimension = Literal["position", "force", "time"]
 
@@ -110,9 +110,15 @@ def _one_or_three(given: Any) -> Any:
     return fields
 
 
+def _alone(several: Any, written: SerializerFunctionWrapHandler) -> Any:
+    each = written(several)
+    return each[0] if len(each) == 1 else each
+
+
 Fields = Annotated[
     tuple[FieldName, ...],
     BeforeValidator(_one_or_three),
+    WrapSerializer(_alone),
     WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 3, 3), list_of(_FIELD, 1, 1)]}),
 ]
 """Three fields, or one field with members x, y, z."""
@@ -166,6 +172,10 @@ class ClockBlock(Strict):
     )
     rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
+    def record(self) -> ClockPrior:
+        """Return it as a record."""
+        return ClockPrior(self.offset.record(), self.rate_std)
+
 
 @BeforeValidator
 def _by_name(unit: Any) -> Any:
@@ -195,6 +205,16 @@ class LogBlock(Strict):
     supports: dict[Name, SupportFields] | None = key("one entry per support", None)
     clock: ClockBlock = block("against the first recorder's", ClockBlock)
 
+    def support_fields(self, support: str) -> SupportFields:
+        """Fields of a support, none where another recorder holds them.
+
+        A block that names none is of a log with `<name>.x .y .z .fx .fy .fz`.
+        """
+        if self.supports is not None:
+            return self.supports.get(support, SupportFields.model_construct())
+        x, f = (tuple(f"{support}.{what}{axis}" for axis in "xyz") for what in ("", "f"))
+        return SupportFields.model_construct(position=x, force=f)
+
     @property
     def fields(self) -> dict[tuple[str, str], tuple[str, ...]]:
         """By support and quantity, `position` or `force`: the fields that are named."""
@@ -206,17 +226,27 @@ class LogBlock(Strict):
         }
 
 
-def _alone(recorders: Any, written: SerializerFunctionWrapHandler) -> Any:
-    each = written(recorders)
-    return each[0] if len(each) == 1 else each
-
-
 LogBlocks = Annotated[
     tuple[LogBlock, ...],
     BeforeValidator(_list, json_schema_input_type=LogBlock | tuple[LogBlock, ...]),
     WrapSerializer(_alone),
 ]
 """One recorder's block, or a list of them."""
+
+
+def log_block(fields: Mapping[str, Mapping[str, Any]], **stated: Any) -> LogBlock:
+    """Return the block of a recorder, unchecked.
+
+    fields : keys of `SupportFields` by support. stated : other keys of the block.
+    """
+    supports = {name: SupportFields.model_construct(**own) for name, own in fields.items() if own}
+    return LogBlock.model_construct(**stated, supports=supports)
+
+
+def stated_log(recorders: Sequence[LogBlock]) -> Any:
+    """Return the `log` block of recorders as plain values: what is stated, and no defaults."""
+    blocks = [each.model_dump(mode="json", exclude_unset=True) for each in recorders]
+    return blocks[0] if len(blocks) == 1 else blocks
 
 
 def check_recorders(names: Sequence[str], recorders: Sequence[LogBlock]) -> None:

@@ -221,7 +221,7 @@ class Topics:
                 continue
             order, time, value = (np.concatenate(x) for x in zip(*parts, strict=True))
             # Channels of one topic take turns; logged messages need not be in order of time.
-            by_log = self._request.mapping.time_source == "log"
+            by_log = self._request.mapping.time.source == "log"
             if len(parts) > 1 or (by_log and (np.diff(time) < 0.0).any()):
                 ranks = np.argsort(time if by_log else order, kind="stable")
                 time, value = time[ranks], value[ranks]
@@ -306,7 +306,7 @@ class Topics:
             paths = self._paths(channel.topic, encoding)
         except ValueError as error:
             raise DataError(str(error), where=where) from error
-        wanted = self._request.mapping.time_source == "header"
+        wanted = self._request.mapping.time.source == "header"
         if wanted and encoding.stamped is False:
             raise DataError(
                 f"{schema.name if schema else 'its type'} has no header with a time",
@@ -330,7 +330,7 @@ class Topics:
         return decode
 
     def _recorded_time(self, messages: Messages) -> FloatArray:
-        publish = self._request.mapping.time_source == "publish"
+        publish = self._request.mapping.time.source == "publish"
         ticks = messages.publish_time() if publish else messages.log_time()
         seconds: FloatArray = ticks / 1e9
         return seconds

@@ -14,23 +14,32 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from tdfscal.records import FloatArray, Log, LogMapping
+from tdfscal.files.rig.recorders import LogBlock, LogTime, log_block
+from tdfscal.records import FloatArray, Log
 
 SUPPORTS = ("ncp1", "ncp2", "ncp3")
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
-MAPPING = LogMapping(
-    supports=SUPPORTS,
-    position=tuple((f"/{s}/position.point",) for s in SUPPORTS),
-    force=tuple((f"/{s}/wrench.wrench.force",) for s in SUPPORTS),
-    time_source="header",
-)
-LOG_TIME = LogMapping(SUPPORTS, MAPPING.position, MAPPING.force)
-JSON_MAPPING = LogMapping(
-    supports=SUPPORTS,
-    position=tuple((f"/{s}/position.point",) for s in SUPPORTS),
-    force=tuple((f"/{s}/wrench.force",) for s in SUPPORTS),
-)
+
+def block_of(
+    supports: Sequence[str],
+    position: Sequence[Sequence[str]],
+    force: Sequence[Sequence[str]],
+    **stated: Any,
+) -> LogBlock:
+    """The block of a recorder; position, force : fields of each support."""
+    each = zip(supports, position, force, strict=True)
+    return log_block({s: {"position": p, "force": f} for s, p, f in each}, **stated)
+
+
+def altered(recorder: LogBlock, **changes: Any) -> LogBlock:
+    return recorder.model_copy(update=changes)
+
+
+_POSITION = [(f"/{s}/position.point",) for s in SUPPORTS]
+LOG_TIME = block_of(SUPPORTS, _POSITION, [(f"/{s}/wrench.wrench.force",) for s in SUPPORTS])
+MAPPING = altered(LOG_TIME, time=LogTime(source="header"))
+JSON_MAPPING = block_of(SUPPORTS, _POSITION, [(f"/{s}/wrench.force",) for s in SUPPORTS])
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,29 @@
 """Clocks, several files, postures: what holds for every format."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import input_file
 from tdfscal.logs import iter_log, read_log
-from tdfscal.records import Log, LogMapping
-from tests.files.logs.log_making import LOG_TIME, SUPPORTS, make_truth, mcap_bytes, write
+from tdfscal.records import Log
+from tests.files.logs.log_making import (
+    LOG_TIME,
+    SUPPORTS,
+    altered,
+    block_of,
+    make_truth,
+    mcap_bytes,
+    write,
+)
 from tests.words import in_words
 
 ONE = ("a",)
-DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
-POSTURES = replace(DEFAULT, rows="postures")
+DEFAULT = block_of(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
+POSTURES = altered(DEFAULT, rows="postures")
 
 
 def csv(tmp_path: Path, times: list[float] | np.ndarray, name: str = "log.csv") -> Path:
@@ -24,7 +32,7 @@ def csv(tmp_path: Path, times: list[float] | np.ndarray, name: str = "log.csv") 
     return write(tmp_path / name, ("\n".join(lines) + "\n").encode())
 
 
-def read(paths: list[Path], mapping: LogMapping = DEFAULT) -> Log:
+def read(paths: list[Path], mapping: LogBlock = DEFAULT) -> Log:
     return read_log(paths, mapping, ONE)
 
 

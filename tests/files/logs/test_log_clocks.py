@@ -3,11 +3,17 @@
 from pathlib import Path
 
 from tdfscal.logs import read_log
-from tdfscal.records import LogMapping
-from tests.files.logs.log_making import point_stamped, ros, small_mcap, wrench_stamped, write
+from tests.files.logs.log_making import (
+    block_of,
+    point_stamped,
+    ros,
+    small_mcap,
+    wrench_stamped,
+    write,
+)
 from tests.words import in_words
 
-ONE = LogMapping(("a",), (("/p.point",),), (("/f.wrench.force",),))
+ONE = block_of(("a",), (("/p.point",),), (("/f.wrench.force",),))
 
 
 CHANNELS = {

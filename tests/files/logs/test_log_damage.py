@@ -8,7 +8,6 @@ import re
 import struct
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +20,17 @@ from rosbags.rosbag2 import StoragePlugin
 
 from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, places
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.records import Log, LogMapping
+from tdfscal.records import Log
 from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
     Truth,
+    altered,
     assert_holds,
+    block_of,
     make_truth,
     mcap_bytes,
     rosbag2,
@@ -39,7 +41,7 @@ from tests.files.logs.test_log_bag_kinds import ros1_bag
 
 ONE = ("a",)
 Packed = Writer.CompressionFormat
-DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
+DEFAULT = block_of(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
 
 
 def cut_at(log: Log) -> int:
@@ -116,7 +118,7 @@ def bag_bytes(truth: Truth, packed: Packed | None = None, chunk: int = 1 << 20) 
         return ros1_bag(Path(folder, "log.bag"), packed, truth, chunk).read_bytes()
 
 
-FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogMapping | None, bool]] = {
+FORMATS: dict[str, tuple[Callable[[Truth], bytes], LogBlock | None, bool]] = {
     "log.csv": (text_bytes, None, True),
     "log.csv.gz": (lambda truth: gzip.compress(text_bytes(truth)), None, True),
     "log.csv.zst": (lambda truth: zstandard.compress(text_bytes(truth)), None, True),
@@ -198,12 +200,12 @@ def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Pa
     path, text = tmp_path / "log.csv", head + "\n".join(rows)
     for cut in range(1, len(rows[-1])):
         path.write_text(text[:-cut])
-        log = read_log([path], replace(DEFAULT, rows="postures"), ONE)
+        log = read_log([path], altered(DEFAULT, rows="postures"), ONE)
         assert len(log.force[0].time) == 4
         assert [finding.code for finding in log.findings] == ["log-truncated"]
     for end in ("", "\n"):
         path.write_text(text + end)
-        assert len(read_log([path], replace(DEFAULT, rows="postures"), ONE).force[0].time) == 5
+        assert len(read_log([path], altered(DEFAULT, rows="postures"), ONE).force[0].time) == 5
 
 
 def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:

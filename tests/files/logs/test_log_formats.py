@@ -15,14 +15,15 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 
+from tdfscal.files.rig.recorders import LogBlock, LogTime
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     JSON_MAPPING,
     MAPPING,
     SUPPORTS,
     Truth,
+    altered,
     assert_holds,
     make_truth,
     mcap_bytes,
@@ -43,7 +44,7 @@ class Form:
 
     suffix: str
     write: Writing
-    mapping: LogMapping | None = None
+    mapping: LogBlock | None = None
     integrity: str = "unverified"
 
 
@@ -82,7 +83,7 @@ def parquet(**how: Any) -> Form:
     return Form(".parquet", write)
 
 
-def mcap(integrity: str = "verified", mapping: LogMapping = MAPPING, **how: Any) -> Form:
+def mcap(integrity: str = "verified", mapping: LogBlock = MAPPING, **how: Any) -> Form:
     def write(path: Path, truth: Truth) -> None:
         path.write_bytes(mcap_bytes(truth, **how))
 
@@ -93,7 +94,7 @@ def sqlite(version: Any, source: Any) -> Form:
     def write(path: Path, truth: Truth) -> None:
         rosbag2(path, truth, StoragePlugin.SQLITE3, version)
 
-    return Form("", write, replace(MAPPING, time_source=source))
+    return Form("", write, altered(MAPPING, time=LogTime(source=source)))
 
 
 def bag(compressed: bool) -> Form:
@@ -183,6 +184,6 @@ def test_every_form_reads_to_the_same_and_is_described(tmp_path: Path, form: For
         assert given.sha256 == hashlib.sha256(content).hexdigest()
     info = describe_logs([path])
     assert info.mapping is not None
-    assert info.mapping.supports == SUPPORTS
+    assert info.guess.supports == SUPPORTS
     seen = [signal.count for signal in info.signals]
     assert seen == 3 * [truth.time.size] + 3 * [truth.force_time.size]

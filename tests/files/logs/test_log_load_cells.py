@@ -1,6 +1,5 @@
 """Logs of sensors that lack axes: read without the fields, refused with the line to write."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.rig.recorders import log_block
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.logs import read_log
 from tdfscal.records import BoolArray, Log
@@ -67,22 +67,24 @@ def test_messages_with_nan(tmp_path: Path) -> None:
     path = write(tmp_path / "log.mcap", mcap_bytes(truth))
     said = r"not finite \(/ncp3/wrench.wrench.force.y.*write `axes: \[x, z\]` for ncp3"
     with pytest.raises(DataError, match=said):
-        read_log([path], LOG_TIME, LOG_TIME.supports)
+        read_log([path], LOG_TIME, SUPPORTS[:3])
     truth.force[2][:-1, 1] = 1.0  # one message alone
     write(path, mcap_bytes(truth))
     with pytest.raises(DataError, match=r"not finite \(/ncp3/wrench.wrench.force.y") as refused:
-        read_log([path], LOG_TIME, LOG_TIME.supports)
+        read_log([path], LOG_TIME, SUPPORTS[:3])
     assert "axes" not in str(refused.value)
 
 
 def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
     folder = folders["mcap"]
     (mapping,) = load_rig(folder / "rig.yaml").log
-    force = (*mapping.force[:2], ("none", "none", f"{mapping.force[2][0]}.z"), ("none",))
+    fields = {name: dict(mapping.support_fields(name)) for name in SUPPORTS}
+    fields["ncp4"]["force"] = ("none",)
+    whole = log_block(fields, time=mapping.time)
+    fields["ncp3"]["force"] = ("none", "none", f"{fields['ncp3']['force'][0]}.z")
     path = folder / "log.mcap"
-    log = read_log([path], replace(mapping, force=force), SUPPORTS, axes=AXES)
+    log = read_log([path], log_block(fields, time=mapping.time), SUPPORTS, axes=AXES)
     assert_lacks(log, read(path, folder))
-    whole = replace(mapping, force=(*mapping.force[:3], ("none",)))
     with pytest.raises(DataError, match=r"write `axes: \[\]` for ncp4 in rig.yaml"):
         read_log([path], whole, SUPPORTS)
 

@@ -1,7 +1,6 @@
 """MCAP logs: every shape of the container, every layout of a message, against other readers."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +9,17 @@ import pytest
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import LogBlock, LogTime
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.buffer import Path as MessagePath
 from tdfscal.logs.messages.cdr import Gatherer
 from tdfscal.logs.messages.mcap import messages_of
 from tdfscal.logs.messages.topics import definitions
-from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     STORE,
     SUPPORTS,
+    altered,
+    block_of,
     definition,
     make_truth,
     mcap_bytes,
@@ -39,8 +40,8 @@ STAMPED = {
 }
 
 
-def one_support(position: str, force: str) -> LogMapping:
-    return LogMapping(("a",), ((position,),), ((force,),))
+def one_support(position: str, force: str) -> LogBlock:
+    return block_of(("a",), ((position,),), ((force,),))
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_time_sources(tmp_path: Path) -> None:
         ("log", (2.0, 3.0)),
         ("publish", (1.999999995, 2.999999995)),
     ):
-        log = read_log([path], replace(mapping, time_source=source), ("a",))  # type: ignore[arg-type]
+        log = read_log([path], altered(mapping, time=LogTime(source=source)), ("a",))  # type: ignore[arg-type]
         assert (log.position[0].time[0], log.force[0].time[0]) == times
 
 
@@ -129,7 +130,7 @@ def test_messages_logged_out_of_order_are_sorted_by_log_time(tmp_path: Path) -> 
         (one_support("/p.point.x", "/f.wrench.force"), "no field x in .point.x; it has no fields"),
         (one_support("/p.point", "/w.force"), "no header with a time.*source: log"),
         (
-            LogMapping(
+            block_of(
                 ("a",),
                 (("/p.point.x", "/p.point.y", "/f.wrench.force.x"),),
                 (("/f.wrench.force",),),
@@ -138,7 +139,7 @@ def test_messages_logged_out_of_order_are_sorted_by_log_time(tmp_path: Path) -> 
         ),
     ],
 )
-def test_wrong_paths_are_named(tmp_path: Path, mapping: LogMapping, match: str) -> None:
+def test_wrong_paths_are_named(tmp_path: Path, mapping: LogBlock, match: str) -> None:
     channels = STAMPED | {"/w": ros("geometry_msgs/msg/Wrench")}
     vector = STORE.types["geometry_msgs/msg/Vector3"]
     kind = "geometry_msgs/msg/Wrench"
@@ -150,7 +151,7 @@ def test_wrong_paths_are_named(tmp_path: Path, mapping: LogMapping, match: str) 
     ]
     path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
     with pytest.raises(DataError, match=match):
-        read_log([path], replace(mapping, time_source="header"), ("a",))
+        read_log([path], altered(mapping, time=LogTime(source="header")), ("a",))
 
 
 @pytest.mark.parametrize(
@@ -177,7 +178,7 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
         ("/f", 2_000_000_000, data),
     ]
     path = write(tmp_path / "log.mcap", small_mcap(STAMPED, messages))
-    mapping = replace(one_support("/p.point", "/f.wrench.force"), time_source="header")
+    mapping = altered(one_support("/p.point", "/f.wrench.force"), time=LogTime(source="header"))
     which = "(a message of /f|the message of /f logged at 2 s)"
     with pytest.raises(DataError, match=f"{which} cannot be read.*({match})"):
         read_log([path], mapping, ("a",))

@@ -1,6 +1,5 @@
 """Parquet logs."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import LogBlock, LogTime
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.records import Log, LogMapping
+from tdfscal.records import Log
+from tests.files.logs.log_making import altered, block_of
 
 ONE = ("a",)
-STRUCT = LogMapping(ONE, (("p",),), (("f",),))
+STRUCT = block_of(ONE, (("p",),), (("f",),))
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
 
 
@@ -26,7 +27,7 @@ def plain(**changes: Any) -> dict[str, Any]:
     return columns | changes
 
 
-def read(tmp_path: Path, columns: dict[str, Any], mapping: LogMapping | None = None) -> Log:
+def read(tmp_path: Path, columns: dict[str, Any], mapping: LogBlock | None = None) -> Log:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(columns), path)
     return read_log([path], mapping, ONE)
@@ -103,7 +104,9 @@ def test_times_know_their_unit(tmp_path: Path, unit: str, kind: str) -> None:
 def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
     vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
     columns = {"time": [10, 20], "p": vectors, "f": vectors}
-    mapping = replace(STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time_unit="ms")
+    mapping = altered(
+        STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time=LogTime(unit="ms")
+    )
     log = read(tmp_path, columns, mapping)
     values = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
     np.testing.assert_allclose(log.position[0].value, values * 1e-6, rtol=3e-16)

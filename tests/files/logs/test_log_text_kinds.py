@@ -1,7 +1,6 @@
 """Text logs by writers other than ours: spaces, no header, remarks, dates with times as clocks."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -10,22 +9,22 @@ import pandas as pd
 import pytest
 
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import LogBlock, LogTime
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.records import LogMapping
-from tests.files.logs.log_making import SUPPORTS, make_truth, table
+from tests.files.logs.log_making import SUPPORTS, altered, block_of, make_truth, table
 
 FRAME = table(make_truth(50)).assign(time=np.arange(50) * 0.02)
 NAMES = list(FRAME.columns)
-NUMBERS = LogMapping(
+NUMBERS = block_of(
     SUPPORTS,
     tuple(tuple(str(2 + 6 * i + k) for k in range(3)) for i in range(3)),
     tuple(tuple(str(5 + 6 * i + k) for k in range(3)) for i in range(3)),
-    time_field="1",
+    time=LogTime(field="1"),
 )
 
 
-def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> None:
+def assert_same(path: Path, mapping: LogBlock | None, start: float = 0.0) -> None:
     log = read_log([path], mapping, SUPPORTS)
     for i, name in enumerate(SUPPORTS):
         expected = FRAME[[f"{name}.{axis}" for axis in "xyz"]].to_numpy()
@@ -45,7 +44,7 @@ def test_columns_without_a_header(tmp_path: Path, delimiter: str, preamble: str)
     fields = describe_logs([path]).contents[0].streams[0].fields
     assert [f.name for f in fields] == [str(k + 1) for k in range(19)]
     with pytest.raises(DataError, match=r"no column 20"):
-        read_log([path], replace(NUMBERS, time_field="20"), SUPPORTS)
+        read_log([path], altered(NUMBERS, time=LogTime(field="20")), SUPPORTS)
 
 
 def stamps(write: Callable[[datetime], str]) -> list[str]:
@@ -77,7 +76,7 @@ def test_dates_are_clocks(tmp_path: Path, write: Callable[[datetime], str], ahea
     assert_same(tmp_path / "log.parquet", None, BEGIN + ahead)
     info = describe_logs([path])
     assert info.mapping is not None
-    assert info.mapping.time_field == "time"
+    assert info.mapping.time.field == "time"
     assert not info.problems
 
 
@@ -139,4 +138,4 @@ def test_streams_take_turns(tmp_path: Path, block: int, monkeypatch: pytest.Monk
             np.testing.assert_allclose(series.time, FRAME["time"] + late, rtol=0, atol=1e-12)
     guess = describe_logs([tmp_path / "log.csv"]).guess
     assert guess.mapping is not None
-    assert guess.mapping.supports == SUPPORTS
+    assert guess.supports == SUPPORTS
