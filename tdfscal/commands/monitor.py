@@ -23,7 +23,6 @@ from tdfscal.commands.result import (
     sources_of,
 )
 from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
-from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.pooling import pool
 from tdfscal.errors import RejectedError, UsageError
@@ -31,17 +30,17 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, rejecting
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.logs import is_log
-from tdfscal.records import Rig
 from tdfscal.reporting.history import (
-    chart_rule,
+    History,
+    Source,
     day,
     finding,
     history_document,
     history_report,
 )
-from tdfscal.reporting.layout import LISTED, Drawing, Report, utc
+from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.reporting.traceability import (
     Making,
     calibration_fact,
@@ -50,28 +49,10 @@ from tdfscal.reporting.traceability import (
     report_digest,
 )
 
-#: What a check was: as pages say it, and as plain JSON values.
-Source = tuple[tuple[str, str], dict[str, Any]]
-
 
 @record(eq=False)
-class MonitorResult(CommandResult):
-    """A rig's history.
-
-    findings : what its reader must know; those that reject name campaigns that were not judged.
-    checks : what each was, in the order of time. making : of what all was made.
-    """
-
-    rig: Rig
-    life: Life
-    findings: tuple[Finding, ...]
-    checks: tuple[Source, ...]
-    making: Making
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Steps and creep, each with the check that raised it."""
-        return self.life.alarms
+class MonitorResult(CommandResult, History):
+    """A rig's history."""
 
     @property
     def exit_status(self) -> int:
@@ -80,27 +61,11 @@ class MonitorResult(CommandResult):
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, what was not judged, alarms, state, angles."""
-        checks = (fact for fact, _ in self.checks)
-        origin = self.making.section(*checks, *chart_rule(self.life), page_only=False)
-        certificates = self.rig.certificates
-        report = history_report(self.life, self.alarms, self.findings, drawings, certificates)
-        rest = [found for found in self.findings if not found.rejects]
-        return replace(
-            report,
-            title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
-            warnings=tuple(map(told, rest)),
-            sections=(*report.sections, origin),
-            created=utc(self.making.created),
-        )
+        return history_report(self, drawings)
 
     def document(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
-        unjudged = bool(rejecting(self.findings))
-        content = history_document(self.life, self.alarms, unjudged=unjudged)
-        said = {"rig": self.rig.name, **self.making.document(), **content}
-        for check, (_, source) in zip(said["checks"], self.checks, strict=True):
-            check |= source
-        return said
+        return history_document(self)
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""

@@ -14,11 +14,13 @@ from tdfscal.catalogue.numbers import count, rounded
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, Value, rejecting
+from tdfscal.frozen import record
+from tdfscal.records import Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import date_of
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
-from tdfscal.reporting.traceability import FIXED
+from tdfscal.reporting.traceability import FIXED, Making
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTERVAL
 
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
@@ -28,6 +30,9 @@ _SLIP = "sensor-slipped"
 _SAID = 0.05
 #: Scatter, as a multiple of what is stated, that is not worth a word.
 _AS_STATED = 1.05
+
+#: What a check was: as pages say it, and as plain JSON values.
+Source = tuple[tuple[str, str], dict[str, Any]]
 
 _CODES = {"load": "alarm-load", "step": "alarm-step", "creep": "alarm-creep"}
 
@@ -60,38 +65,56 @@ def finding(life: Life, alarm: Alarm) -> Finding:
     return Finding(code, subject, alarm.size, "rad", alarm.p_value, values=values, rejects=True)
 
 
-def history_report(
-    life: Life,
-    alarms: tuple[Alarm, ...],
-    findings: Sequence[Finding] = (),
-    drawings: tuple[Drawing, ...] = (),
-    certificates: Sequence[tuple[str, str]] = (),
-) -> Report:
-    """Lay out a history; alarms : those that count, of all in `life`.
+@record(eq=False)
+class History:
+    """A rig's history.
 
-    findings : those that reject are of campaigns that take no part, though the result wants them,
-    and are said first. certificates : day on which a sensor's own ends, and its support.
+    findings : what its reader must know; those that reject are of campaigns that take no part,
+    though the result wants them, and are said first. checks : what each was, in the order of time.
+    making : of what all was made.
     """
-    unjudged = rejecting(findings)
-    lost = [found for found in findings if found.code in _NO_PART]
+
+    rig: Rig
+    life: Life
+    findings: tuple[Finding, ...]
+    checks: tuple[Source, ...]
+    making: Making
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Steps and creep, each with the check that raised it."""
+        return self.life.alarms
+
+    @property
+    def verdict(self) -> str:
+        """In a word; where nothing is known of a campaign, that there is no alarm is too much."""
+        unjudged = rejecting(self.findings)
+        return "alarm" if self.alarms else "not all judged" if unjudged else "no alarm"
+
+
+def history_report(h: History, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out verdict, what was not judged, alarms, state, angles."""
+    life, alarms, unjudged = h.life, h.alarms, rejecting(h.findings)
+    lost = [found for found in h.findings if found.code in _NO_PART]
     raised = [finding(life, alarm) for alarm in alarms]
     slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
     # The slip's own cure says it.
     cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
     due = _due(life, alarms, slipped=slipped)
-    if certificates:
-        ends, name = min(certificates)
+    if h.rig.certificates:
+        ends, name = min(h.rig.certificates)
         tense = "ended" if ends < f"{datetime.now(UTC):%Y-%m-%d}" else "ends"
         due += f"; the certificate of {name}'s sensor {tense} on {ends}"
     facts = Facts(tuple(_facts(life, alarms, len(lost), due)))
-    verdict = _verdict(alarms, unjudged=bool(unjudged))
+    verdict = h.verdict
     if slipped and not alarms:
         verdict = "slip"
     elif lost and not alarms and not unjudged:
         verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
-    by_file = any(found.code == "checks-undated" for found in findings)
+    by_file = any(found.code == "checks-undated" for found in h.findings)
+    checks = (fact for fact, _ in h.checks)
     return Report(
-        title=f"History of {count(len(life.names), 'check')}",
+        title=f"{h.rig.name}: history of {count(len(life.names), 'check')}",
         subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement"
         + (", where nothing says it by the file's date" if by_file else ""),
         verdict=verdict.upper(),
@@ -103,12 +126,15 @@ def history_report(
             Section("State", (facts,)),
             *layout.illustrated(drawings, {}),
             Section("Angles now", (_angles(life),)),
+            h.making.section(*checks, *_chart_rule(life), page_only=False),
         ),
+        warnings=tuple(told(found) for found in h.findings if not found.rejects),
         advice=tuple(begun(text, ".") for text in dict.fromkeys(cures)),
+        created=layout.utc(h.making.created),
     )
 
 
-def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
+def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
     """What the chart asks, how often it errs, and which step it sees."""
     *shorter, longest = map(str, WINDOWS)
     rule = (
@@ -128,11 +154,6 @@ def chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"{', '.join(sizes)}"
     )
     return ("Decision rule", rule), ("Smallest step that is seen", step)
-
-
-def _verdict(alarms: tuple[Alarm, ...], *, unjudged: bool) -> str:
-    """Where nothing is known of a campaign, that there is no alarm would say too much."""
-    return "alarm" if alarms else "not all judged" if unjudged else "no alarm"
 
 
 def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterator[tuple[str, str]]:
@@ -194,19 +215,18 @@ def _angles(life: Life) -> Table:
     return Table(caption, ("sensor", "angle", "now"), rows, left=2)
 
 
-def history_document(
-    life: Life, alarms: tuple[Alarm, ...], *, unjudged: bool = False
-) -> dict[str, Any]:
+def history_document(h: History) -> dict[str, Any]:
     """Plain JSON values: SI units, rad, dates in ISO 8601."""
-    due = life.due
-    when = (life.month[-1],) * 2 if _turned(alarms) else (due.month, due.earliest)
+    life, due = h.life, h.life.due
+    when = (life.month[-1],) * 2 if _turned(h.alarms) else (due.month, due.earliest)
     dates = [None if month is None else day(month) for month in when]
     return layout.document(
-        life,
-        "supports false_alarms_per_year=rate birge",
-        verdict=_verdict(alarms, unjudged=unjudged),
-        checks=[_check(life, k) for k in range(len(life.names))],
-        alarms=[_alarm(life, alarm) for alarm in alarms],
+        h,
+        "rig=rig.name verdict supports=life.supports false_alarms_per_year=life.rate "
+        "birge=life.birge",
+        **h.making.document(),
+        checks=[_check(life, k) | source for k, (_, source) in enumerate(h.checks)],
+        alarms=[_alarm(life, alarm) for alarm in h.alarms],
         walk={
             "declared": life.declared,
             "estimate": None if life.walk is None else life.walk.value,
