@@ -32,15 +32,8 @@ from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record
 from tdfscal.logs import is_log
-from tdfscal.reporting.history import (
-    History,
-    Source,
-    day,
-    finding,
-    history_document,
-    history_report,
-)
-from tdfscal.reporting.layout import LISTED, Drawing, Report
+from tdfscal.reporting.history import History, Source, day, finding
+from tdfscal.reporting.layout import LISTED, Drawing
 from tdfscal.reporting.traceability import (
     Making,
     calibration_fact,
@@ -51,21 +44,13 @@ from tdfscal.reporting.traceability import (
 
 
 @record(eq=False)
-class MonitorResult(CommandResult, History):
+class MonitorResult(History, CommandResult):
     """A rig's history."""
 
     @property
     def exit_status(self) -> int:
         """1 on an alarm, or where a campaign that matters could not be judged."""
         return 1 if self.alarms or rejecting(self.findings) else 0
-
-    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
-        """Lay out verdict, what was not judged, alarms, state, angles."""
-        return history_report(self, drawings)
-
-    def document(self) -> dict[str, Any]:
-        """Return checks, alarms, walk and the next calibration as plain JSON values."""
-        return history_document(self)
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""

@@ -91,47 +91,74 @@ class History:
         unjudged = rejecting(self.findings)
         return "alarm" if self.alarms else "not all judged" if unjudged else "no alarm"
 
+    def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
+        """Lay out verdict, what was not judged, alarms, state, angles."""
+        life, alarms, unjudged = self.life, self.alarms, rejecting(self.findings)
+        lost = [found for found in self.findings if found.code in _NO_PART]
+        raised = [finding(life, alarm) for alarm in alarms]
+        slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
+        # The slip's own cure says it.
+        cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
+        due = _due(life, alarms, slipped=slipped)
+        if self.rig.certificates:
+            ends, name = min(self.rig.certificates)
+            tense = "ended" if ends < f"{datetime.now(UTC):%Y-%m-%d}" else "ends"
+            due += f"; the certificate of {name}'s sensor {tense} on {ends}"
+        facts = Facts(tuple(_facts(life, alarms, len(lost), due)))
+        verdict = self.verdict
+        if slipped and not alarms:
+            verdict = "slip"
+        elif lost and not alarms and not unjudged:
+            verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
+        by_file = any(found.code == "checks-undated" for found in self.findings)
+        checks = (fact for fact, _ in self.checks)
+        return Report(
+            title=f"{self.rig.name}: history of {count(len(life.names), 'check')}",
+            subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement"
+            + (", where nothing says it by the file's date" if by_file else ""),
+            verdict=verdict.upper(),
+            accepted=not alarms and not unjudged,
+            provisional=bool(lost),
+            reasons=(*map(told, unjudged), *map(sentence, raised)),
+            summary=(facts,),
+            sections=(
+                Section("State", (facts,)),
+                *layout.illustrated(drawings, {}),
+                Section("Angles now", (_angles(life),)),
+                self.making.section(*checks, *_chart_rule(life), page_only=False),
+            ),
+            warnings=tuple(told(found) for found in self.findings if not found.rejects),
+            advice=tuple(begun(text, ".") for text in dict.fromkeys(cures)),
+            created=layout.utc(self.making.created),
+        )
 
-def history_report(h: History, drawings: tuple[Drawing, ...] = ()) -> Report:
-    """Lay out verdict, what was not judged, alarms, state, angles."""
-    life, alarms, unjudged = h.life, h.alarms, rejecting(h.findings)
-    lost = [found for found in h.findings if found.code in _NO_PART]
-    raised = [finding(life, alarm) for alarm in alarms]
-    slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
-    # The slip's own cure says it.
-    cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
-    due = _due(life, alarms, slipped=slipped)
-    if h.rig.certificates:
-        ends, name = min(h.rig.certificates)
-        tense = "ended" if ends < f"{datetime.now(UTC):%Y-%m-%d}" else "ends"
-        due += f"; the certificate of {name}'s sensor {tense} on {ends}"
-    facts = Facts(tuple(_facts(life, alarms, len(lost), due)))
-    verdict = h.verdict
-    if slipped and not alarms:
-        verdict = "slip"
-    elif lost and not alarms and not unjudged:
-        verdict = f"no alarm; {len(lost)} of {len(life.names) + len(lost)} checks left out"
-    by_file = any(found.code == "checks-undated" for found in h.findings)
-    checks = (fact for fact, _ in h.checks)
-    return Report(
-        title=f"{h.rig.name}: history of {count(len(life.names), 'check')}",
-        subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement"
-        + (", where nothing says it by the file's date" if by_file else ""),
-        verdict=verdict.upper(),
-        accepted=not alarms and not unjudged,
-        provisional=bool(lost),
-        reasons=(*map(told, unjudged), *map(sentence, raised)),
-        summary=(facts,),
-        sections=(
-            Section("State", (facts,)),
-            *layout.illustrated(drawings, {}),
-            Section("Angles now", (_angles(life),)),
-            h.making.section(*checks, *_chart_rule(life), page_only=False),
-        ),
-        warnings=tuple(told(found) for found in h.findings if not found.rejects),
-        advice=tuple(begun(text, ".") for text in dict.fromkeys(cures)),
-        created=layout.utc(h.making.created),
-    )
+    def document(self) -> dict[str, Any]:
+        """Plain JSON values: SI units, rad, dates in ISO 8601."""
+        life, due = self.life, self.life.due
+        when = (life.month[-1],) * 2 if _turned(self.alarms) else (due.month, due.earliest)
+        dates = [None if month is None else day(month) for month in when]
+        return layout.document(
+            self,
+            "rig=rig.name verdict supports=life.supports false_alarms_per_year=life.rate "
+            "birge=life.birge",
+            **self.making.document(),
+            checks=[_check(life, k) | source for k, (_, source) in enumerate(self.checks)],
+            alarms=[_alarm(life, alarm) for alarm in self.alarms],
+            walk={
+                "declared": life.declared,
+                "estimate": None if life.walk is None else life.walk.value,
+                "interval": None if life.walk is None else [life.walk.low, life.walk.high],
+                "unit": "rad/√month",
+            },
+            next_calibration=layout.document(
+                due, "turn_std=now limit",
+                date=dates[0], earliest=dates[1], support=life.supports[due.sensor],
+            ),
+            detectable_step={
+                "power": DETECTION_POWER,
+                "supports": layout.each_named(life.supports, rpy=life.detectable),
+            },
+        )  # fmt: skip
 
 
 def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
@@ -213,35 +240,6 @@ def _angles(life: Life) -> Table:
     rows += tuple((name, "undetermined", "") for name, seen in names if not seen)
     caption = f"By all checks together, mrad, k = {COVERAGE_FACTOR:g}"
     return Table(caption, ("sensor", "angle", "now"), rows, left=2)
-
-
-def history_document(h: History) -> dict[str, Any]:
-    """Plain JSON values: SI units, rad, dates in ISO 8601."""
-    life, due = h.life, h.life.due
-    when = (life.month[-1],) * 2 if _turned(h.alarms) else (due.month, due.earliest)
-    dates = [None if month is None else day(month) for month in when]
-    return layout.document(
-        h,
-        "rig=rig.name verdict supports=life.supports false_alarms_per_year=life.rate "
-        "birge=life.birge",
-        **h.making.document(),
-        checks=[_check(life, k) | source for k, (_, source) in enumerate(h.checks)],
-        alarms=[_alarm(life, alarm) for alarm in h.alarms],
-        walk={
-            "declared": life.declared,
-            "estimate": None if life.walk is None else life.walk.value,
-            "interval": None if life.walk is None else [life.walk.low, life.walk.high],
-            "unit": "rad/√month",
-        },
-        next_calibration=layout.document(
-            due, "turn_std=now limit",
-            date=dates[0], earliest=dates[1], support=life.supports[due.sensor],
-        ),
-        detectable_step={
-            "power": DETECTION_POWER,
-            "supports": layout.each_named(life.supports, rpy=life.detectable),
-        },
-    )  # fmt: skip
 
 
 def _check(life: Life, k: int) -> dict[str, Any]:
