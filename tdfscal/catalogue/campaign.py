@@ -148,6 +148,9 @@ frame-not-square warns
 CAMPAIGN: dict[str, Entry] = entries("""
 angle-uncertain rejects
   {angle} of {subject} has a standard uncertainty of {size}, above the limit of {limit:rad}
+linear-apart rejects
+  the linear angles lie {number:.2g} times as far from the likeliest as their uncertainty explains
+  -> use the default estimator
 residuals-large rejects
   the residuals are {number:.2g} times what the stated uncertainties explain, above the limit of
   {limit:.2g}

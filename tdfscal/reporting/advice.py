@@ -223,7 +223,7 @@ def _of_the_misfit(c: Calibration) -> Iterator[str]:
             "`uncertainty.force_noise`, gain or crosstalk (`uncertainty.force_sensitivity`), NCPs "
             "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
-    yield from (found.cure or "" for found in c.found("methods-disagree"))
+    yield from (found.cure or "" for found in c.found("methods-disagree", "linear-apart"))
     if c.method != "self" and c.tracker is not None and c.tracker.birge > limit:
         yield (
             "look at the tracker's residuals: a moved instrument, a loose target, or understated "
@@ -243,6 +243,8 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
     weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
     if few := c.found("postures-few"):
         yield f"{few[0].cure}: {weakest}"
+    elif c.estimator == "linear":
+        yield f"use the default estimator: {weakest}"
     elif c.method == "tracker":
         yield f"measure more targets, farther apart, or from nearer: {weakest}"
     elif c.fit is None or not c.fit.postures:

@@ -66,42 +66,52 @@ def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
     return rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
 
 
-def linear_rotations(data: LinearData) -> FloatArray:
+def linear_rotations(data: LinearData, weight: FloatArray | None = None) -> FloatArray:
     """Rotations (..., n, 3, 3) by the paper's method (theory, section 3).
 
     Moment equations only, least squares for 9n unknowns, each block projected on SO(3). Needs 9
-    postures for three sensors; biased by noise in the readings, and ill-conditioned.
+    postures for three sensors; biased by noise in the readings, and ill-conditioned. weight : (K,),
+    0 for a posture that is left out.
     """
     rows, right = moment_rows(data)
+    if weight is not None:
+        used = np.repeat(weight > 0, 3)
+        rows, right = rows[..., used, :], right[..., used]
     Q, R = np.linalg.qr(rows)
     vec = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ right[..., None])
     return so3.project(vec.reshape(*rows.shape[:-2], -1, 3, 3))
 
 
-def fit_linear(rig: Rig, observed: Postures) -> Fit:
+def fit_linear(rig: Rig, observed: Postures, weight: FloatArray) -> Fit:
     """Estimate from the moment equations about the LCS origin; nothing but rotations is fitted.
+
+    weight : (K,), 0 for a posture that is left out.
 
     Raises
     ------
     DataError
         Fewer postures than the 9n unknowns need, three equations each.
     """
-    need = 3 * rig.n
-    if len(observed) < need:
+    need, used = 3 * rig.n, int(np.count_nonzero(weight))
+    if used < need:
         values: dict[str, Value] = {"need": need, "sensors": rig.n}
-        raise DataError(Finding("linear-postures-few", size=len(observed), values=values))
-    rotation = linear_rotations(linear_data(rig, observed))
-    state = replace(nominal(rig), rotation=rotation)
-    return at_state(rig, observed, state, np.ones(len(observed)))
+        raise DataError(Finding("linear-postures-few", size=used, values=values))
+    rotation = linear_rotations(linear_data(rig, observed), weight)
+    return at_state(rig, observed, replace(nominal(rig), rotation=rotation), weight)
 
 
 def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertainty:
-    """Covariance of the linear estimate: all inputs perturbed, solved again `trials` times."""
+    """Covariance of the linear estimate: all inputs perturbed, solved again `trials` times.
+
+    About the estimate, for noise in the regressors pulls every solution to the same side.
+    """
     rig, base = fit.rig, fit.state.rotation
     sizes = [min(_CHUNK, trials - start) for start in range(0, trials, _CHUNK)]
-    found = np.concatenate([linear_rotations(_perturbed(fit, rng, size)) for size in sizes])
+    found = np.concatenate(
+        [linear_rotations(_perturbed(fit, rng, size), fit.weight) for size in sizes]
+    )
     turns = so3.log(found @ np.swapaxes(base, 1, 2)).reshape(trials, -1)
-    covariance = np.cov(turns, rowvar=False)
+    covariance = turns.T @ turns / trials
     rpy_covariance = so3.rpy_covariance(base, covariance)
     std = prior_std(rig)
     std[: 3 * rig.n] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import loosened
 from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import (
@@ -66,6 +68,8 @@ def self_calibrate(
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
+    What is wrong with log or rig file is asked of the likeliest angles in either case.
+
     max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without; None
     for `MAX_TRIALS` with up to `MOST_SIMULATED` sensors, none with more.
     progress : told the name of each long stage.
@@ -79,12 +83,11 @@ def self_calibrate(
     NotConvergedError
         The iteration does not settle.
     """
+    if estimator == "linear":
+        likeliest = partial(self_calibrate, rig, dwells, rng=rng, max_trials=0, progress=progress)
+        return _linear(rig, likeliest, rng, max_trials or LINEAR_TRIALS)
     usable = usable_postures(rig, dwells)
-    robust, told = (
-        _likeliest_rotations(rig, usable)
-        if estimator == "ml"
-        else _linear(rig, usable, rng, max_trials or LINEAR_TRIALS)
-    )
+    robust, told = _likeliest_rotations(rig, usable)
     known = told.known
     result, stats = known.fit, known.quality
     seen = verdict(rig, result.state, result.postures, known.uncertainty.covariance)
@@ -94,7 +97,7 @@ def self_calibrate(
     _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust.rivals)
     doubts = misplaced_hinges(known)
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
-    if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
+    if not any(doubt.harmful for doubt in doubts):
         placed, known = doubts, holding(known, doubts)  # till it is mended
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
         doubts = _doubts(told, many_rejected=many)
@@ -105,7 +108,7 @@ def self_calibrate(
         doubts = (*placed, *_with_change(doubts, told))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
-    if estimator == "ml" and max_trials != 0 and not unasked:
+    if max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(known, rng, max_trials or MAX_TRIALS, seen.determined)
     calibration = SelfCalibration(
@@ -119,12 +122,14 @@ def self_calibrate(
         monte_carlo=trials,
         rejected=rejected,
     )
-    found = (
-        *calibration.gate(used=len(dwells) - len(rejected), rejected=len(rejected)),
-        *caveats(calibration, unasked=unasked),
-        *exceeded_ranges(rig, dwells, result.state),
-    )
-    return replace(calibration, findings=found)
+    return _judged(calibration, *caveats(calibration, unasked=unasked))
+
+
+def _judged(of: SelfCalibration, *notes: Finding) -> SelfCalibration:
+    """The same with what the gate says, notes beside that, and ranges that were exceeded."""
+    gate = of.gate(used=len(of.dwells) - len(of.rejected), rejected=len(of.rejected))
+    ranges = exceeded_ranges(of.rig, of.dwells, of.fit.state)
+    return replace(of, findings=(*gate, *notes, *ranges))
 
 
 def _check(seen: Undetermined, usable: Usable, near: tuple[Rival, ...]) -> None:
@@ -228,15 +233,28 @@ def _with_earlier(rig: Rig, observed: Postures, robust: RobustFit) -> RobustFit:
 
 
 def _linear(
-    rig: Rig, usable: Usable, rng: np.random.Generator, trials: int
-) -> tuple[RobustFit, _Told]:
-    """The paper's method, which would miss a component of a force that is not measured."""
+    rig: Rig, likeliest: Callable[[], SelfCalibration], rng: np.random.Generator, trials: int
+) -> SelfCalibration:
+    """The paper's angles, of the postures that the likeliest ones leave, which judge the data.
+
+    The residuals of the paper's angles hold the method's own errors. What it takes as stated
+    and is not moves its angles from the likeliest, farther than its trials explain.
+    """
     for i, j in np.argwhere(~rig.axes)[:1]:
         missing = Finding("linear-axis-missing", (rig.supports[i],), values={"axis": "xyz"[j]})
         raise RigError(missing)
-    result = fit_linear(rig, usable.postures)
+    own = likeliest()
+    result = fit_linear(rig, own.fit.postures, own.fit.weight)
     spread = evaluate_linear(result, rng, trials)
-    return RobustFit(result), _Told(replace(estimate(result), uncertainty=spread), usable)
+    known = replace(estimate(result), quality=own.quality, uncertainty=spread)
+    linear = replace(own, estimator="linear", estimate=known)
+    turn = so3.log(result.state.rotation @ np.swapaxes(own.fit.state.rotation, 1, 2)).ravel()
+    apart = float(turn @ np.linalg.solve(spread.covariance, turn))
+    notes = caveats(linear, unasked=False)
+    if chi2_sf(apart, len(turn)) < MISFIT:
+        size = np.sqrt(apart / len(turn))
+        notes = (Finding("linear-apart", size=float(size), rejects=True), *notes)
+    return _judged(linear, *notes)
 
 
 def _doubts(told: _Told, *, many_rejected: bool) -> tuple[Suspicion, ...]:
