@@ -1,8 +1,7 @@
-"""`init`, then `calibrate`: one campaign as six recorders write it."""
+"""`init`, then `calibrate`: one campaign as three recorders write it."""
 
 import csv
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from mcap.writer import Writer as McapWriter
-from rosbags.typesys import Stores, get_typestore
 
 import tdfscal
 from tests.cli.running import Cli
-from tests.files.logs.log_making import definition, point_stamped, wrench_stamped
 from tests.words import in_words
 
-BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-ROS1 = get_typestore(Stores.ROS1_NOETIC)
 NCPS = (1, 2, 3)
-KINDS = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
 
 
 @pytest.fixture(scope="module")
@@ -88,40 +81,8 @@ def commanded_too(frame: pd.DataFrame, folder: Path) -> Path:
     return path
 
 
-def messages(frame: pd.DataFrame) -> list[tuple[int, str, str, list[float]]]:
-    """(ns, topic, kind, x y z) in SI."""
-    found = []
-    for row in frame.to_dict("records"):
-        ns = round((BEGIN.timestamp() + row["time"]) * 1e6) * 1000
-        for i in NCPS:
-            point = [row[f"NCP{i}_Pos{a}"] * 1e-3 for a in "XYZ"]
-            force = [row[f"TDFS{i}_F{a}"] for a in "xyz"]
-            found.append((ns, f"/ncp{i}/position", KINDS[0], point))
-            found.append((ns, f"/tdfs{i}/wrench", KINDS[1], force))
-    return found
-
-
-def cdr(ns: int, kind: str, xyz: list[float]) -> bytes:
-    return (point_stamped if kind == KINDS[0] else wrench_stamped)(ns / 1e9, xyz)
-
-
-def rosbag2_mcap(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "recording.mcap"
-    with path.open("wb") as file:
-        writer = McapWriter(file)
-        writer.start(profile="ros2")
-        schemas = {k: writer.register_schema(k, "ros2msg", definition(k)) for k in KINDS}
-        channels: dict[str, int] = {}
-        for ns, topic, kind, xyz in messages(frame):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
-            writer.add_message(channels[topic], ns, cdr(ns, kind, xyz), ns)
-        writer.finish()  # type: ignore[no-untyped-call]
-    return path
-
-
 RECORDERS: list[Callable[[pd.DataFrame, Path], Path]] = [
-    german_excel, rtde, commanded_too, rosbag2_mcap,
+    german_excel, rtde, commanded_too,
 ]  # fmt: skip
 
 

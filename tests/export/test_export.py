@@ -30,7 +30,6 @@ from tests.reporting.samples import (
     with_load_cell,
     without_parameters,
 )
-from tests.words import found
 
 PLAIN = sample().calibration
 CONVENTION = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
@@ -182,26 +181,6 @@ def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> 
     assert str(content["content_sha256"]) not in said
 
 
-def test_a_certificate_that_ended_since_the_calibration_is_told(tmp_path: Path, cli: Cli) -> None:
-    rig = PLAIN.rig.model_dump(mode="json", exclude_none=True)
-    rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-31"}
-    before = {"begin": "2019-05-01T08:00:00Z", "end": "2019-05-01T09:00:00Z", "source": "log"}
-    path = saved(changed(PLAIN, rig=rig, measured=before), tmp_path, "c.json")
-    assert "support_2's sensor ended on 2020-01-31" in cli("export", path, "--to", "csv").err
-
-
-@pytest.mark.parametrize("to", sorted(FORMATS))
-def test_a_rejected_calibration_stays_at_home(to: str, tmp_path: Path, cli: Cli) -> None:
-    c = changed(PLAIN, status="rejected", findings=(found("too few postures", "rejects"),))
-    path, out = saved(c, tmp_path, "c.yaml"), tmp_path / "out"
-    out.write_text("as it was", encoding="utf-8")
-    done = cli("export", path, "--to", to, "-o", out, ends=1)
-    assert "--allow-rejected" in done.err
-    assert out.read_text(encoding="utf-8") == "as it was"
-    done = cli("export", path, "--to", to, "-o", out, "--allow-rejected", ends=0)
-    assert "rejected" in out.read_text(encoding="utf-8").lower()
-
-
 def test_a_provisional_calibration_says_how_many_lines_are_open(tmp_path: Path, cli: Cli) -> None:
     """The first two of them, and where all stand."""
     lines = tuple(f"terminal.part{k} (line {k})" for k in range(20))
@@ -213,17 +192,12 @@ def test_a_provisional_calibration_says_how_many_lines_are_open(tmp_path: Path, 
     assert "`findings`" in done.err
 
 
-@pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x'])
+@pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x', "support_1_tdfs"])
 def test_names_of_frames_are_checked(name: str) -> None:
+    """And no sensor is its own parent."""
     for write in (urdf, ros):
-        with pytest.raises(UsageError, match="no name of a frame"):
+        with pytest.raises(UsageError, match="frame of a sensor" if "tdfs" in name else "no name"):
             write(PLAIN, name)
-
-
-def test_no_sensor_is_its_own_parent() -> None:
-    for write in (urdf, ros):
-        with pytest.raises(UsageError, match="frame of a sensor"):
-            write(PLAIN, "support_1_tdfs")
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))

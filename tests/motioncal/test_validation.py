@@ -11,7 +11,7 @@ import pytest
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.motioncal.estimator import fit_moving
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
-from tdfscal.motioncal.streams import slow_streams
+from tdfscal.motioncal.streams import Slow, slow_streams
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.reporting.changes import changes
@@ -31,6 +31,14 @@ MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3)
 def before() -> tuple[MovingCampaign, MotionCalibration]:
     campaign, slow, _ = played(MINUTE, 11)
     return campaign, calibrate_moving(campaign.rig, slow, DELAY)
+
+
+def recorded_later(duration: float = 30.0, seed: int = 13) -> Slow:
+    """A later motion of the machine as it was."""
+    campaign, _ = before()
+    options = replace(MINUTE, duration=duration, inertia=campaign.inertia)
+    later = simulate_moving(campaign.rig, options, np.random.default_rng(seed), campaign.truth)
+    return slow_streams([later.log], campaign.rig.capacity)
 
 
 def validated(
@@ -67,24 +75,17 @@ def test_an_unchanged_rig_is_still_valid() -> None:
     ],
 )
 def test_readings_of_another_name_or_sign_are_no_noise(matrix: FloatArray, exchange: str) -> None:
-    campaign, result = before()
-    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
-    rng = np.random.default_rng(13)
-    later = simulate_moving(campaign.rig, options, rng, campaign.truth)
-    slow = slow_streams([later.log], campaign.rig.capacity)
+    slow = recorded_later()
     force = slow.force.copy()
     force[:, 1] = force[:, 1] @ matrix.T
     with pytest.raises(DataError) as caught:
-        validate_moving(result.calibrated, replace(slow, force=force), DELAY)
+        validate_moving(before()[1].calibrated, replace(slow, force=force), DELAY)
     assert caught.value.finding is not None
     assert caught.value.finding.values["exchange"] == exchange
 
 
 def test_whole_supports_exchanged_are_named_at_once_in_motion() -> None:
-    campaign, result = before()
-    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
-    later = simulate_moving(campaign.rig, options, np.random.default_rng(13), campaign.truth)
-    slow = slow_streams([later.log], campaign.rig.capacity)
+    (campaign, result), slow = before(), recorded_later()
     order = [1, 0, 2]
     slow = replace(slow, force=slow.force[:, order], position=slow.position[:, order])
     for judge in (
@@ -100,11 +101,7 @@ def test_whole_supports_exchanged_are_named_at_once_in_motion() -> None:
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
 def test_a_sensor_that_turns_on_the_way_is_told_with_its_time_and_turn(share: float) -> None:
     """Of the whole log it would be a part of the turn, or no change at all."""
-    campaign, result = before()
-    rng = np.random.default_rng(12)
-    options = replace(MINUTE, inertia=campaign.inertia)
-    later = simulate_moving(campaign.rig, options, rng, campaign.truth)
-    slow = slow_streams([later.log], campaign.rig.capacity)
+    (campaign, result), slow = before(), recorded_later(MINUTE.duration, 12)
     turn, first = np.array([3e-3, 0.0, 0.0]), int(share * len(slow.time))
     force = slow.force.copy()
     force[first:, 1] = force[first:, 1] @ so3.exp(turn).T
@@ -122,10 +119,7 @@ def test_a_sensor_that_turns_on_the_way_is_told_with_its_time_and_turn(share: fl
 def test_a_change_on_the_way_whose_fit_does_not_settle_is_no_verdict(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    campaign, result = before()
-    options = replace(MINUTE, duration=30.0, inertia=campaign.inertia)
-    later = simulate_moving(campaign.rig, options, np.random.default_rng(12), campaign.truth)
-    slow = slow_streams([later.log], campaign.rig.capacity)
+    slow = recorded_later()
     slow.force[len(slow.time) // 2 :, 1] += 5.0
 
     def unsettled(*given: Any) -> Any:
@@ -133,7 +127,7 @@ def test_a_change_on_the_way_whose_fit_does_not_settle_is_no_verdict(
 
     monkeypatch.setattr(in_motion, "fit_moving", unsettled)
     with pytest.raises(NotConvergedError):
-        validate_moving(result.calibrated, slow, DELAY)
+        validate_moving(before()[1].calibrated, slow, DELAY)
 
 
 def turned(truth: Truth) -> Truth:

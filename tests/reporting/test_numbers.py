@@ -5,17 +5,14 @@ from collections.abc import Callable
 
 import pytest
 
-import tdfscal
-from tdfscal.catalogue.numbers import p_text, rounded, typeset, with_std
+from tdfscal.catalogue.numbers import p_text, typeset, with_std
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render as as_page
 from tdfscal.reporting.layout import Report
 from tdfscal.reporting.several import Several, several_report
-from tdfscal.reporting.summaries import wrench_report
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.traceability import Making
 from tdfscal.reporting.validation import validation_report
-from tests.cli.running import SAMPLES
 from tests.reporting.samples import sample, surveyed, with_load_cell
 from tests.reporting.test_figures import KINDS, words
 from tests.reporting.test_page import read
@@ -62,17 +59,6 @@ def test_so_do_figures(kind: str) -> None:
     shown = [said for _, drawn, _ in words(kind).values() for said, _ in drawn]
     check(" \n ".join(shown), "-")
     assert any("−" in said for said in shown)
-
-
-def test_large_contacts_have_no_exponent(request: pytest.FixtureRequest) -> None:
-    """A wrench over a log whose readings are a thousand times the sample's."""
-    applied = tdfscal.apply(request.getfixturevalue("sample"), SAMPLES / "parquet")
-    summary = dict(applied.summary)
-    for name in ("rms", "std", "rms_uncalibrated", "largest"):
-        summary[name] = {part: 1e3 * value for part, value in summary[name].items()}
-    said = as_text(wrench_report(summary))
-    check(said, "−")
-    assert rounded(summary["largest"]["force"], 3) in said
 
 
 def test_values_and_uncertainties_end_at_the_same_place() -> None:

@@ -128,30 +128,3 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, cli: Cli) -> None:
     same = several([("a", mine), ("b", of(FEBRUARY, "R-1"))])
     assert same.verdict == "COMPATIBLE"
     assert several([("a", mine), ("b", other)]).verdict == "NOT COMPARABLE"
-
-
-@pytest.fixture
-def files(tmp_path: Path) -> list[Path]:
-    named = {"a.yaml": JANUARY, "b.json": FEBRUARY, "c.yaml": MARCH}
-    return [saved(c, tmp_path, name) for name, c in named.items()]
-
-
-def test_compare(files: list[Path], cli: Cli) -> None:
-    done = cli("compare", files[1], files[0])
-    assert (done.status, done.err) == (0, "")
-    assert done.out.startswith("Test rig: COMPATIBLE\n")
-    assert "Metrologically compatible:" in done.out
-    document = cli.json("compare", files[2], files[0])
-    assert document.pop("verified") is False
-    (document,) = document["comparisons"]
-    assert document["verified"] is False
-    assert document["of"] == str(files[2])
-    assert document["difference_rpy"][1][2] == pytest.approx(1.5e-3, rel=1e-12)
-    (turned,) = cli.json("compare", files[0], files[2])["comparisons"]
-    assert (turned["of"], turned["difference_rpy"]) == (str(files[2]), document["difference_rpy"])
-    assert document["dof"] == 9
-    assert document["sensor_p_value"] < document["p_limit"] == 0.005
-    said = " ".join(done.out.split())
-    assert "Compatible where neither is below 0.005." in said
-    three = cli.json("compare", *files)
-    assert [c["verified"] for c in three["comparisons"]] == [True, False]

@@ -3,19 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.findings import Finding
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render
 from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
-from tdfscal.simulation import Options, reference_rig, simulate_campaign, simulate_dwells
-from tests.cli.running import Cli
+from tdfscal.simulation import Options, simulate_dwells
 from tests.reporting.samples import rig_of
 from tests.reporting.test_page import read
 from tests.selfcal.campaigns import fitted
@@ -66,23 +62,3 @@ def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
     assert "turn about X and turn about Y of every sensor to ±" in why
     assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG -o plan.csv")
     assert "tdfscal plan RIG -o plan.csv" in read(page).words  # as code
-
-
-def test_turns_that_are_known_do_not_hide_that_the_mounting_is_not() -> None:
-    alike = Finding("mountings-alike", size=0.1, values={"mountings": "ncp1 at … or …"})
-    error = NotIdentifiableError(alike, evidence=attempt().seen)
-    first = undetermined_drawings(replace(attempt(), error=error))[0]
-    assert first.reading.startswith("Which of two mountings it is, the log leaves undetermined.")
-
-
-def test_calibrate_writes_a_page(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    options = replace(FLOATING, rows="postures", postures=8)
-    campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(1))
-    write_campaign(campaign, tmp_path / "c", format="csv")
-    (tmp_path / "kept.yaml").write_text("kept")
-    seen = cli("calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--json", ends=4)
-    assert "p.html shows what is weak" in seen.err
-    assert {p.name for p in tmp_path.iterdir()} == {"c", "kept.yaml", "p.html"}
-    assert (tmp_path / "kept.yaml").read_text() == "kept"
-    assert "NOT IDENTIFIABLE" in (tmp_path / "p.html").read_text(encoding="utf-8")

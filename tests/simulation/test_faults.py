@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 from tdfscal.simulation import (
     SCENARIOS,
@@ -124,8 +123,3 @@ def test_every_scenario_is_the_same_machine_with_one_fault(name: str) -> None:
     # A positioner's frame that is turned shows in its own positions alone.
     seen = places if name == "turned-frame" else readings
     assert np.any(seen(plain.campaign) != seen(faulty.campaign))
-
-
-def test_a_scenario_that_does_not_exist() -> None:
-    with pytest.raises(UsageError, match="nearest one is 'contact'"):
-        run(reference_rig(), "contakt", Options(), np.random.default_rng(0))

@@ -135,31 +135,6 @@ def edited(path: Path, change: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda d: d["terminal"]["mass"].update(value=510.0), "mass is 510 kg instead of 500"),
-        (lambda d: d["supports"][0]["hinge"].__setitem__(0, 0.61), "hinge of ncp1"),
-        (lambda d: d["gravity"].update(magnitude=9.7), "gravity"),
-        (lambda d: d["supports"][1].update(nominal_rpy=[0, 0, 1.0]), "nominal mounting of ncp2"),
-        (lambda d: d["supports"][2]["zero"].update(value=[9, 0, 0]), "zero of ncp3"),
-    ],
-)
-def test_other_rigs(places: Places, cli: Cli, tmp_path: Path, change: Any, said: str) -> None:
-    folder = tmp_path / "held"
-    shutil.copytree(places.held, folder)
-    edited(folder / "rig.yaml", change)
-    target = tmp_path / "w.csv"
-    for arguments in (
-        ("validate", places.calibration, folder),
-        ("apply", places.calibration, folder, "-o", target),
-    ):
-        seen = cli(*arguments, ends=2)
-        assert said in seen.err
-        assert len(seen.err.strip().splitlines()) == 1
-    assert not target.exists()
-
-
 def test_no_common_instant_is_refused(places: Places, cli: Cli, tmp_path: Path) -> None:
     log = places.campaign.log
     middle = (log.force[0].time[0] + log.force[0].time[-1]) / 2

@@ -1,7 +1,6 @@
 """A log that contradicts its rig is refused by `apply`; what may be contact is only said."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,67 +8,25 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal.commands.calibrate import calibrate
+import tdfscal
 from tdfscal.errors import DataError
-from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.logs import write_wrenches
 from tdfscal.wrench.contact_wrench import Wrenches
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import SAMPLES
 
 
-@pytest.fixture(scope="module")
-def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    target = tmp_path_factory.mktemp("inspection") / "cal.yaml"
-    save_calibration(calibrate([SAMPLES / "csv"], trials=0), target)
-    return target
-
-
-def declared(**values: str) -> Callable[[Path], object]:
-    """A rig file whose log block declares something else."""
-
-    def edit(folder: Path) -> None:
-        document = yaml.safe_load((folder / "rig.yaml").read_text())
-        document["log"].update(values)
-        (folder / "rig.yaml").write_text(yaml.safe_dump(document))
-
-    return edit
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    folder = tmp_path / "campaign"
-    shutil.copytree(SAMPLES / "csv", folder)
-    return folder
-
-
-@pytest.mark.parametrize(
-    ("fault", "said"),
-    [
-        (declared(length_unit="m"), "in mm where m is declared"),
-        (declared(force_on="sensor"), "set log.force_on"),
-    ],
-)
-def test_apply_refuses_what_calibrate_refuses(
-    calibration: Path,
-    campaign: Path,
-    tmp_path: Path,
-    cli: Cli,
-    recwarn: pytest.WarningsRecorder,
-    fault: Callable[[Path], object],
-    said: str,
+def test_a_log_that_contradicts_its_rig_is_refused(
+    sample: tdfscal.Calibration, tmp_path: Path
 ) -> None:
-    fault(campaign)
+    """Lengths in mm that are declared to be in m."""
+    folder = Path(shutil.copytree(SAMPLES / "csv", tmp_path / "campaign"))
+    document = yaml.safe_load((folder / "rig.yaml").read_text())
+    document["log"]["length_unit"] = "m"
+    (folder / "rig.yaml").write_text(yaml.safe_dump(document))
     older = tmp_path / "older.csv"
     older.write_text("older")
-    for line in (
-        ("apply", calibration, campaign, "-o", older, "-q"),
-        ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q"),
-    ):
-        seen = cli(*line, ends=3)
-        assert said.lower() in seen.err.lower()
-        assert seen.err.count("\n") == 1
-    assert not recwarn.list
-    assert [p.name for p in tmp_path.iterdir() if p.is_file()] == ["older.csv"]
+    with pytest.raises(DataError, match="in mm where m is declared"):
+        tdfscal.apply(sample, folder, output=older)
     assert older.read_text() == "older"
 
 

@@ -12,7 +12,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.records import Dwells
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.simulation import Faults, ZeroShift
-from tdfscal.validation.residual_wrench import validate
+from tdfscal.validation.residual_wrench import AS_STATED, KnownNoise, validate
 from tests.words import in_words
 
 from .held_out import HELD, RIG, USED, part, simulated, turned, world
@@ -62,3 +62,12 @@ def test_no_dwell_and_no_noise_are_refused() -> None:
     v = validate(world(TRIALS).given[0], silent, rig=quiet, noise=0.2)
     assert v.holds
     assert "residuals of the calibration" in in_words(v.findings)[0]
+
+
+def test_a_level_from_residuals_widens_the_tail_as_few_of_them_do() -> None:
+    rng, dof, freedom = np.random.default_rng(1), 30, 12
+    ratio = rng.chisquare(freedom, 200_000) / (rng.chisquare(dof, 200_000) / dof)
+    known = KnownNoise(1.5, dof)
+    for edge in (20.0, 30.0):
+        assert known.chi2_sf(edge, freedom) == pytest.approx(np.mean(ratio > edge), rel=0.1)
+        assert AS_STATED.chi2_sf(edge, freedom) < known.chi2_sf(edge, freedom)
