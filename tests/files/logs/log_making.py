@@ -14,32 +14,22 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from tdfscal.files.rig.recorders import LogBlock, LogTime, log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.records import FloatArray, Log
 
 SUPPORTS = ("ncp1", "ncp2", "ncp3")
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
-def block_of(
-    supports: Sequence[str],
-    position: Sequence[Sequence[str]],
-    force: Sequence[Sequence[str]],
-    **stated: Any,
-) -> LogBlock:
-    """The block of a recorder; position, force : fields of each support."""
-    each = zip(supports, position, force, strict=True)
-    return log_block({s: {"position": p, "force": f} for s, p, f in each}, **stated)
+def topics(force: str, **stated: Any) -> LogBlock:
+    """Each support's position and force in topics of its own; force : the path in its message."""
+    paths = {s: {"position": f"/{s}/position.point", "force": f"/{s}/{force}"} for s in SUPPORTS}
+    return LogBlock.model_validate({"supports": paths} | stated)
 
 
-def altered(recorder: LogBlock, **changes: Any) -> LogBlock:
-    return recorder.model_copy(update=changes)
-
-
-_POSITION = [(f"/{s}/position.point",) for s in SUPPORTS]
-LOG_TIME = block_of(SUPPORTS, _POSITION, [(f"/{s}/wrench.wrench.force",) for s in SUPPORTS])
-MAPPING = altered(LOG_TIME, time=LogTime(source="header"))
-JSON_MAPPING = block_of(SUPPORTS, _POSITION, [(f"/{s}/wrench.force",) for s in SUPPORTS])
+LOG_TIME = topics("wrench.wrench.force")
+MAPPING = topics("wrench.wrench.force", time={"source": "header"})
+JSON_MAPPING = topics("wrench.force")
 
 
 @dataclass(frozen=True)
@@ -194,11 +184,11 @@ def rosbag2(
     if compressed:
         bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with bag:
-        topics: dict[str, Any] = {}
+        known: dict[str, Any] = {}
         for t, topic, kind, data in events(truth):
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], round(t * 1e6) * 1000, data)
+            if topic not in known:
+                known[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(known[topic], round(t * 1e6) * 1000, data)
     return folder
 
 

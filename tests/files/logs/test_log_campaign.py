@@ -13,8 +13,6 @@ from tdfscal.records import Log
 from tests.files.logs.log_making import (
     LOG_TIME,
     SUPPORTS,
-    altered,
-    block_of,
     make_truth,
     mcap_bytes,
     write,
@@ -22,8 +20,8 @@ from tests.files.logs.log_making import (
 from tests.words import in_words
 
 ONE = ("a",)
-DEFAULT = block_of(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
-POSTURES = altered(DEFAULT, rows="postures")
+DEFAULT = LogBlock()
+POSTURES = LogBlock(rows="postures")
 
 
 def csv(tmp_path: Path, times: list[float] | np.ndarray, name: str = "log.csv") -> Path:

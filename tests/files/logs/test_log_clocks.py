@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tests.files.logs.log_making import (
-    block_of,
     point_stamped,
     ros,
     small_mcap,
@@ -13,7 +13,8 @@ from tests.files.logs.log_making import (
 )
 from tests.words import in_words
 
-ONE = block_of(("a",), (("/p.point",),), (("/f.wrench.force",),))
+FIELDS = {"position": "/p.point", "force": "/f.wrench.force"}
+ONE = LogBlock.model_validate({"supports": {"a": FIELDS}})
 
 
 CHANNELS = {

@@ -28,9 +28,7 @@ from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
     Truth,
-    altered,
     assert_holds,
-    block_of,
     make_truth,
     mcap_bytes,
     rosbag2,
@@ -41,7 +39,6 @@ from tests.files.logs.test_log_bag_kinds import ros1_bag
 
 ONE = ("a",)
 Packed = Writer.CompressionFormat
-DEFAULT = block_of(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
 
 
 def cut_at(log: Log) -> int:
@@ -200,12 +197,12 @@ def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Pa
     path, text = tmp_path / "log.csv", head + "\n".join(rows)
     for cut in range(1, len(rows[-1])):
         path.write_text(text[:-cut])
-        log = read_log([path], altered(DEFAULT, rows="postures"), ONE)
+        log = read_log([path], LogBlock(rows="postures"), ONE)
         assert len(log.force[0].time) == 4
         assert [finding.code for finding in log.findings] == ["log-truncated"]
     for end in ("", "\n"):
         path.write_text(text + end)
-        assert len(read_log([path], altered(DEFAULT, rows="postures"), ONE).force[0].time) == 5
+        assert len(read_log([path], LogBlock(rows="postures"), ONE).force[0].time) == 5
 
 
 def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 
-from tdfscal.files.rig.recorders import LogBlock, LogTime
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import (
@@ -23,12 +23,12 @@ from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
     Truth,
-    altered,
     assert_holds,
     make_truth,
     mcap_bytes,
     rosbag2,
     table,
+    topics,
 )
 from tests.files.logs.test_log_bag_kinds import ros1_bag, without_definitions
 
@@ -94,7 +94,7 @@ def sqlite(version: Any, source: Any) -> Form:
     def write(path: Path, truth: Truth) -> None:
         rosbag2(path, truth, StoragePlugin.SQLITE3, version)
 
-    return Form("", write, altered(MAPPING, time=LogTime(source=source)))
+    return Form("", write, topics("wrench.wrench.force", time={"source": source}))
 
 
 def bag(compressed: bool) -> Form:

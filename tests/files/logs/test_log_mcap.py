@@ -9,7 +9,7 @@ import pytest
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import DataError
-from tdfscal.files.rig.recorders import LogBlock, LogTime
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.messages.buffer import Path as MessagePath
 from tdfscal.logs.messages.cdr import Gatherer
@@ -18,8 +18,6 @@ from tdfscal.logs.messages.topics import definitions
 from tests.files.logs.log_making import (
     STORE,
     SUPPORTS,
-    altered,
-    block_of,
     definition,
     make_truth,
     mcap_bytes,
@@ -40,8 +38,9 @@ STAMPED = {
 }
 
 
-def one_support(position: str, force: str) -> LogBlock:
-    return block_of(("a",), ((position,),), ((force,),))
+def one_support(position: str | list[str], force: str, source: str = "log") -> LogBlock:
+    fields = {"position": position, "force": force}
+    return LogBlock.model_validate({"time": {"source": source}, "supports": {"a": fields}})
 
 
 @pytest.mark.parametrize(
@@ -99,13 +98,12 @@ def test_time_sources(tmp_path: Path) -> None:
         ("/f", 3_000_000_000, wrench_stamped(1.5, [4.0, 5.0, 6.0])),
     ]
     path = write(tmp_path / "log.mcap", small_mcap(STAMPED, messages))
-    mapping = one_support("/p.point", "/f.wrench.force")
     for source, times in (
         ("header", (1.25, 1.5)),
         ("log", (2.0, 3.0)),
         ("publish", (1.999999995, 2.999999995)),
     ):
-        log = read_log([path], altered(mapping, time=LogTime(source=source)), ("a",))  # type: ignore[arg-type]
+        log = read_log([path], one_support("/p.point", "/f.wrench.force", source), ("a",))
         assert (log.position[0].time[0], log.force[0].time[0]) == times
 
 
@@ -121,25 +119,24 @@ def test_messages_logged_out_of_order_are_sorted_by_log_time(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("mapping", "match"),
+    ("position", "force", "match"),
     [
-        (one_support("/q.point", "/f.wrench.force"), r"no topic for /q\.point; .*/f"),
-        (one_support("/p.pint", "/f.wrench.force"), "no field pint .*it has header, point"),
-        (one_support("/p.header", "/f.wrench.force"), "no field x in .header; it has stamp"),
-        (one_support("/p", "/f.wrench.force"), "no field x in .*; it has header, point"),
-        (one_support("/p.point.x", "/f.wrench.force"), "no field x in .point.x; it has no fields"),
-        (one_support("/p.point", "/w.force"), "no header with a time.*source: log"),
+        ("/q.point", "/f.wrench.force", r"no topic for /q\.point; .*/f"),
+        ("/p.pint", "/f.wrench.force", "no field pint .*it has header, point"),
+        ("/p.header", "/f.wrench.force", "no field x in .header; it has stamp"),
+        ("/p", "/f.wrench.force", "no field x in .*; it has header, point"),
+        ("/p.point.x", "/f.wrench.force", "no field x in .point.x; it has no fields"),
+        ("/p.point", "/w.force", "no header with a time.*source: log"),
         (
-            block_of(
-                ("a",),
-                (("/p.point.x", "/p.point.y", "/f.wrench.force.x"),),
-                (("/f.wrench.force",),),
-            ),
+            ["/p.point.x", "/p.point.y", "/f.wrench.force.x"],
+            "/f.wrench.force",
             "spread over the topics /f, /p",
         ),
     ],
 )
-def test_wrong_paths_are_named(tmp_path: Path, mapping: LogBlock, match: str) -> None:
+def test_wrong_paths_are_named(
+    tmp_path: Path, position: str | list[str], force: str, match: str
+) -> None:
     channels = STAMPED | {"/w": ros("geometry_msgs/msg/Wrench")}
     vector = STORE.types["geometry_msgs/msg/Vector3"]
     kind = "geometry_msgs/msg/Wrench"
@@ -151,7 +148,7 @@ def test_wrong_paths_are_named(tmp_path: Path, mapping: LogBlock, match: str) ->
     ]
     path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
     with pytest.raises(DataError, match=match):
-        read_log([path], altered(mapping, time=LogTime(source="header")), ("a",))
+        read_log([path], one_support(position, force, "header"), ("a",))
 
 
 @pytest.mark.parametrize(
@@ -178,7 +175,7 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
         ("/f", 2_000_000_000, data),
     ]
     path = write(tmp_path / "log.mcap", small_mcap(STAMPED, messages))
-    mapping = altered(one_support("/p.point", "/f.wrench.force"), time=LogTime(source="header"))
+    mapping = one_support("/p.point", "/f.wrench.force", "header")
     which = "(a message of /f|the message of /f logged at 2 s)"
     with pytest.raises(DataError, match=f"{which} cannot be read.*({match})"):
         read_log([path], mapping, ("a",))

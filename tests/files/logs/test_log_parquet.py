@@ -10,14 +10,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.files.rig.recorders import LogBlock, LogTime
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log
-from tests.files.logs.log_making import altered, block_of
 
 ONE = ("a",)
-STRUCT = block_of(ONE, (("p",),), (("f",),))
+FIELDS = {"supports": {"a": {"position": "p", "force": "f"}}}
+STRUCT = LogBlock.model_validate(FIELDS)
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
 
 
@@ -104,9 +104,8 @@ def test_times_know_their_unit(tmp_path: Path, unit: str, kind: str) -> None:
 def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
     vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
     columns = {"time": [10, 20], "p": vectors, "f": vectors}
-    mapping = altered(
-        STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time=LogTime(unit="ms")
-    )
+    units = {"length_unit": "um", "force_unit": "kN", "time": {"unit": "ms"}}
+    mapping = LogBlock.model_validate(FIELDS | units | {"force_on": "sensor"})
     log = read(tmp_path, columns, mapping)
     values = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
     np.testing.assert_allclose(log.position[0].value, values * 1e-6, rtol=3e-16)

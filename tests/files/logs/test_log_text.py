@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.csv as pa_csv
@@ -9,14 +10,23 @@ import pyarrow.parquet as pq
 import pytest
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.files.rig.recorders import LogBlock, LogTime, log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log
-from tests.files.logs.log_making import altered, block_of, write
+from tests.files.logs.log_making import write
 
 ONE = ("a",)
-MAPPING = block_of(ONE, (("X", "Y", "Z"),), (("FX", "FY", "FZ"),), time=LogTime(field="t"))
+
+
+def mapping(*force: str, **stated: Any) -> LogBlock:
+    """Of a support whose fields are those of the header; stated : scales, and keys of the block."""
+    fields = {"position": ["X", "Y", "Z"], "force": force or ("FX", "FY", "FZ")}
+    fields |= {key: stated.pop(key) for key in ("position_scale", "force_scale") if key in stated}
+    return LogBlock.model_validate({"time": {"field": "t"}, "supports": {"a": fields}} | stated)
+
+
+MAPPING = mapping()
 HEADER = "t,X,Y,Z,FX,FY,FZ"
 ROWS = ("0,1,2,3,4,5,6", "0.1,1.5,2.5,3.5,4.5,5.5,6.5")
 
@@ -25,9 +35,9 @@ def text(*lines: str) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def read(tmp_path: Path, content: bytes, mapping: LogBlock | None = MAPPING) -> Log:
+def read(tmp_path: Path, content: bytes, block: LogBlock | None = MAPPING) -> Log:
     path = write(tmp_path / "log.csv", content)
-    return read_log([path], mapping, ONE)
+    return read_log([path], block, ONE)
 
 
 def assert_plain(log: Log, length: float = 1.0, force: float = 1.0) -> None:
@@ -90,47 +100,36 @@ def test_a_wider_table_below_hides_no_row(tmp_path: Path) -> None:
 
 def test_decimal_comma_only_where_declared(tmp_path: Path) -> None:
     content = text(HEADER, *ROWS).replace(b",", b";").replace(b".", b",")
-    assert_plain(read(tmp_path, content, altered(MAPPING, decimal=",")))
+    assert_plain(read(tmp_path, content, mapping(decimal=",")))
     with pytest.raises(DataError, match=r"line 3, column t: '0,1' is not a finite.*decimal: \","):
         read(tmp_path, content)
     with pytest.raises(DataError, match=r"line 3, column t: '0.1'.*take it out"):
-        read(tmp_path, text(HEADER, *ROWS).replace(b",", b";"), altered(MAPPING, decimal=","))
+        read(tmp_path, text(HEADER, *ROWS).replace(b",", b";"), mapping(decimal=","))
 
 
 def test_units_and_sign(tmp_path: Path) -> None:
-    mapping = altered(
-        MAPPING,
-        length_unit="mm",
-        force_unit="kN",
-        time=LogTime(field="t", unit="ms"),
-        force_on="sensor",
-    )
-    log = read(tmp_path, text(HEADER, *ROWS).replace(b"\n0.1", b"\n100"), mapping)
-    assert_plain(log, 1e-3, -1e3)
+    units = {"length_unit": "mm", "force_unit": "kN", "time": {"field": "t", "unit": "ms"}}
+    in_ms = text(HEADER, *ROWS).replace(b"\n0.1", b"\n100")
+    assert_plain(read(tmp_path, in_ms, mapping(**units, force_on="sensor")), 1e-3, -1e3)
 
 
 def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
-    content = text("t,a.x [mm],a.y [mm],a.z [mm],a.fx,a.fy,a.fz", *ROWS)
-    mapping = block_of(
-        ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),), time=LogTime(field="t")
-    )
-    with pytest.raises(DataError, match=r"column 'a.x \[mm\]' is in mm, the mapping says m"):
-        read(tmp_path, content, mapping)
-    assert_plain(read(tmp_path, content, altered(mapping, length_unit="mm")), 1e-3)
-    # Without a log block nothing contradicts what the file says.
-    assert_plain(read(tmp_path, content.replace(b"t,", b"time,", 1), None), 1e-3)
-    in_mm = altered(mapping, length_unit="mm")
-    pounds = content.replace(b"a.fx", b"a.fx [lbf]")
+    content = text("t,X [mm],Y [mm],Z [mm],FX,FY,FZ", *ROWS)
+    with pytest.raises(DataError, match=r"column 'X \[mm\]' is in mm, the mapping says m"):
+        read(tmp_path, content)
+    assert_plain(read(tmp_path, content, mapping(length_unit="mm")), 1e-3)
+    pounds = content.replace(b"FX", b"FX [lbf]")
     with pytest.raises(DataError, match="is in lbf, the mapping says N") as refused:
-        read(tmp_path, pounds, in_mm)
+        read(tmp_path, pounds, mapping(length_unit="mm"))
     # The line that it names reads it: 1 lbf is 0.45359237 kg of 9.80665 m/s².
     scale = float(re.findall(r"`force_scale: ([\d.]+)`", str(refused.value))[0])
     assert scale == pytest.approx(0.45359237 * 9.80665, rel=1e-12)
-    scaled = dict(in_mm.support_fields("a")) | {"force_scale": (scale,) * 3}
-    log = read(tmp_path, pounds, log_block({"a": scaled}, time=in_mm.time, length_unit="mm"))
-    assert_plain(log, 1e-3, scale)
+    assert_plain(read(tmp_path, pounds, mapping(length_unit="mm", force_scale=scale)), 1e-3, scale)
+    # Without a log block nothing contradicts what the file says.
+    content = text("time,a.x [mm],a.y [mm],a.z [mm],a.fx,a.fy,a.fz", *ROWS)
+    assert_plain(read(tmp_path, content, None), 1e-3)
     with pytest.raises(DataError, match="different units"):
-        read(tmp_path, content.replace(b"t,", b"time,", 1).replace(b"a.x [mm]", b"a.x [m]"), None)
+        read(tmp_path, content.replace(b"a.x [mm]", b"a.x [m]"), None)
 
 
 @pytest.mark.parametrize(
@@ -219,16 +218,13 @@ def test_odd_tables_are_refused(tmp_path: Path, content: bytes, match: str) -> N
 
 def test_a_scale_takes_the_place_of_a_unit(tmp_path: Path) -> None:
     """Raw counts and mV: m and N per unit of the log, one for all axes or one of each."""
-    fields = {"position": ("X", "Y", "Z"), "force": ("FX", "FY", "FZ")}
-    scales = {"position_scale": (2e-6, 2e-6, 2e-6), "force_scale": (0.5, -1.0, 2.0)}
-    in_mv = scales | fields | {"force": ("FX [mV]", "FY [mV]", "FZ [mV]")}
+    scales = {"position_scale": 2e-6, "force_scale": [0.5, -1.0, 2.0]}
     content = text("t,X,Y,Z,FX [mV],FY [mV],FZ [mV]", *ROWS)
     for on, sign in (("terminal", 1.0), ("sensor", -1.0)):
-        mapping = log_block({"a": scales | fields}, time=LogTime(field="t"), force_on=on)
-        log = read(tmp_path, content, mapping)
+        log = read(tmp_path, content, mapping(**scales, force_on=on))
         np.testing.assert_allclose(log.position[0].value[0], np.array([1, 2, 3]) * 2e-6)
         np.testing.assert_allclose(log.force[0].value[0], sign * np.array([2.0, -5.0, 12.0]))
     pq.write_table(pa_csv.read_csv(tmp_path / "log.csv"), tmp_path / "log.parquet")
-    mapping = log_block({"a": in_mv}, time=LogTime(field="t"))
-    log = read_log([tmp_path / "log.parquet"], mapping, ONE)
+    named = mapping("FX [mV]", "FY [mV]", "FZ [mV]", **scales)
+    log = read_log([tmp_path / "log.parquet"], named, ONE)
     np.testing.assert_allclose(log.force[0].value[1], [2.25, -5.5, 13.0])

@@ -9,19 +9,19 @@ import pandas as pd
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.files.rig.recorders import LogBlock, LogTime
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
-from tests.files.logs.log_making import SUPPORTS, altered, block_of, make_truth, table
+from tests.files.logs.log_making import SUPPORTS, make_truth, table
 
 FRAME = table(make_truth(50)).assign(time=np.arange(50) * 0.02)
 NAMES = list(FRAME.columns)
-NUMBERS = block_of(
-    SUPPORTS,
-    tuple(tuple(str(2 + 6 * i + k) for k in range(3)) for i in range(3)),
-    tuple(tuple(str(5 + 6 * i + k) for k in range(3)) for i in range(3)),
-    time=LogTime(field="1"),
-)
+
+
+def columns(time: int) -> LogBlock:
+    each = zip(SUPPORTS, (2, 8, 14), strict=True)
+    fields = {s: {"position": [k, k + 1, k + 2], "force": [k + 3, k + 4, k + 5]} for s, k in each}
+    return LogBlock.model_validate({"time": {"field": time}, "supports": fields})
 
 
 def assert_same(path: Path, mapping: LogBlock | None, start: float = 0.0) -> None:
@@ -40,11 +40,11 @@ def test_columns_without_a_header(tmp_path: Path, delimiter: str, preamble: str)
     path = tmp_path / "log.dat"
     np.savetxt(path, FRAME.to_numpy(), delimiter=delimiter)
     path.write_text(preamble + path.read_text())
-    assert_same(path, NUMBERS)
+    assert_same(path, columns(time=1))
     fields = describe_logs([path]).contents[0].streams[0].fields
     assert [f.name for f in fields] == [str(k + 1) for k in range(19)]
     with pytest.raises(DataError, match=r"no column 20"):
-        read_log([path], altered(NUMBERS, time=LogTime(field="20")), SUPPORTS)
+        read_log([path], columns(time=20), SUPPORTS)
 
 
 def stamps(write: Callable[[datetime], str]) -> list[str]:
