@@ -47,6 +47,8 @@ from tdfscal.reporting.traceability import (
 class MonitorResult(History, CommandResult):
     """A rig's history."""
 
+    __repr__ = CommandResult.__repr__
+
     @property
     def exit_status(self) -> int:
         """1 on an alarm, or where a campaign that matters could not be judged."""
